@@ -1,0 +1,167 @@
+"""Measurements: everything a navigator ever sees, as small frozen values.
+
+A measurement has a stamp (integer nanoseconds, time of validity), a source (the topic it came on, without a leading slash), SI
+values in NED/FRD and a covariance.  Live nodes, bags and simulations make the same values, so a driver, a simulator and a
+recording are the same thing to everything downstream.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+UNKNOWN_VARIANCE = 1.0e6
+"""Variance at or above which a component counts as not measured (e.g. sideslip without a vane)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measurement:
+    """Common head of every measurement: stamp (ns) and source (topic name)."""
+
+    stamp_ns: int
+    source: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuBlock(Measurement):
+    """One or many consecutive inertial samples; ``stamp_ns`` is the stamp of the last.
+
+    Sample k holds the mean specific force and mean angular rate over the interval that ends at ``stamps_ns[k]``.
+
+    Attributes
+    ----------
+    stamps_ns : ndarray of int64, shape (n,)
+    specific_force_b : ndarray, shape (n, 3)
+        m/s^2, FRD.
+    angular_rate_b : ndarray, shape (n, 3)
+        rad/s, FRD, relative to inertial space.
+    """
+
+    stamps_ns: np.ndarray
+    specific_force_b: np.ndarray
+    angular_rate_b: np.ndarray
+
+    @classmethod
+    def of(cls, source: str, stamps_ns: np.ndarray, specific_force_b: np.ndarray, angular_rate_b: np.ndarray) -> "ImuBlock":
+        """Build a block from columns; the head stamp is the last of ``stamps_ns``."""
+        return cls(int(stamps_ns[-1]), source, stamps_ns, specific_force_b, angular_rate_b)
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attitude(Measurement):
+    """Attitude from an AHRS, ours or a foreign one.
+
+    ``q_nb`` (4,) Hamilton, scalar first, FRD to true NED; ``cov_att`` (3, 3) of the small rotation resolved in n, rad^2;
+    ``angular_rate_b`` (3,) rad/s and ``specific_force_b`` (3,) m/s^2 as the AHRS passes them on.
+    """
+
+    q_nb: np.ndarray
+    cov_att: np.ndarray
+    angular_rate_b: np.ndarray
+    specific_force_b: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MagneticField(Measurement):
+    """Magnetic field ``field_b`` (3,) tesla, FRD, calibrated or not as the source says; ``cov_b`` (3, 3) T^2."""
+
+    field_b: np.ndarray
+    cov_b: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GpsPosition(Measurement):
+    """Position fix: ``lat``, ``lon`` rad, ``height`` m above the ellipsoid, ``cov_n`` (3, 3) m^2 in NED."""
+
+    lat: float
+    lon: float
+    height: float
+    cov_n: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GpsVelocity(Measurement):
+    """Velocity over ground ``vel_n`` (3,) m/s, NED; ``cov_n`` (3, 3)."""
+
+    vel_n: np.ndarray
+    cov_n: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pressure(Measurement):
+    """Static or dynamic pressure, Pa; which one is the source's name; ``variance`` Pa^2."""
+
+    pressure_pa: float
+    variance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AirTemperature(Measurement):
+    """Outside (static) air temperature, kelvin; ``variance`` K^2."""
+
+    temperature_k: float
+    variance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AirVelocity(Measurement):
+    """Air-relative velocity ``vel_b`` (3,) m/s, FRD: x forward, y from sideslip, z from incidence.
+
+    A component whose variance in ``cov_b`` (3, 3) reaches :data:`UNKNOWN_VARIANCE` is not measured.
+    """
+
+    vel_b: np.ndarray
+    cov_b: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SlantRange(Measurement):
+    """One DME reply: slant range ``range_m`` metres to the station named ``station``; ``variance`` m^2."""
+
+    station: str
+    range_m: float
+    variance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NavSolution(Measurement):
+    """The state a navigator reports; ``source`` is the navigator's name.
+
+    What a navigator does not estimate is None, never NaN (an AHRS has no position; a dead reckoner may lack wind).
+
+    Attributes
+    ----------
+    lat, lon, height : float or None
+        Rad, rad, m above the ellipsoid.
+    vel_n : ndarray (3,) or None
+        m/s, NED.
+    q_nb : ndarray (4,) or None
+    angular_rate_b, specific_force_b : ndarray (3,)
+        Bias-corrected, FRD.
+    cov_pos, cov_vel, cov_att : ndarray (3, 3) or None
+        NED, m^2, (m/s)^2, rad^2.
+    wind_n : ndarray (2,) or None
+        North, east components of the air mass's velocity.
+    cov_wind : ndarray (2, 2) or None
+    mode : str
+        One lower-case word, the navigator's mode.
+    states : dict of str to (float, float)
+        Further named scalars with their sigma, units in the names (``gyro_bias_x_radps``).
+    """
+
+    lat: float | None = None
+    lon: float | None = None
+    height: float | None = None
+    vel_n: np.ndarray | None = None
+    q_nb: np.ndarray | None = None
+    angular_rate_b: np.ndarray | None = None
+    specific_force_b: np.ndarray | None = None
+    cov_pos: np.ndarray | None = None
+    cov_vel: np.ndarray | None = None
+    cov_att: np.ndarray | None = None
+    wind_n: np.ndarray | None = None
+    cov_wind: np.ndarray | None = None
+    mode: str = ""
+    states: dict | None = None

@@ -1,0 +1,203 @@
+"""Settings: frozen dataclasses whose fields carry unit, range and meaning.
+
+One declaration serves the YAML files, the ROS parameters, the documentation and the settings hash of a replay.  Groups are
+nested dataclasses.  Unknown names are refused with the nearest known one, values out of range with the range.
+"""
+
+import dataclasses
+import difflib
+import hashlib
+import json
+import math
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeVar
+
+S = TypeVar("S")
+
+
+class SettingsError(ValueError):
+    """A setting that cannot be used; the message is one sentence that says what to do."""
+
+
+def setting(
+    default: Any,
+    description: str,
+    *,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple = (),
+    live: bool = False,
+) -> Any:
+    """Declare one setting of a frozen dataclass.
+
+    Parameters
+    ----------
+    default : bool, int, float, str or list of these
+        Default value; its type is the type of the setting.
+    description : str
+        One sentence, without the unit.
+    unit : str
+        Unit as a reader would write it, e.g. ``m/s``; empty for none.
+    minimum, maximum : float, optional
+        Inclusive range of a number, or of every element of a list.
+    choices : tuple, optional
+        Allowed values of a string.
+    live : bool
+        True when a running node may change it; False means it takes a restart.
+    """
+    meta = {"description": description, "unit": unit, "minimum": minimum, "maximum": maximum, "choices": choices, "live": live}
+    if isinstance(default, list | dict):
+        return dataclasses.field(default_factory=lambda: type(default)(default), metadata=meta)
+    return dataclasses.field(default=default, metadata=meta)
+
+
+def group(cls: type[S]) -> S:
+    """Declare a group of settings (a nested settings dataclass with its defaults)."""
+    return dataclasses.field(default_factory=cls)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Declared:
+    """One declared setting, as :func:`declared` lists it."""
+
+    name: str
+    default: Any
+    description: str
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    choices: tuple
+    live: bool
+
+
+def declared(cls: type, prefix: str = "") -> Iterator[Declared]:
+    """List every setting of a settings dataclass with its dotted name (``gate.probability``), groups flattened."""
+    defaults = cls()
+    for field in dataclasses.fields(cls):
+        value = getattr(defaults, field.name)
+        if dataclasses.is_dataclass(value):
+            yield from declared(type(value), f"{prefix}{field.name}.")
+        elif "description" in field.metadata:
+            yield Declared(f"{prefix}{field.name}", value, **field.metadata)
+
+
+def from_mapping(cls: type[S], values: Mapping[str, Any], where: str = "settings") -> S:
+    """Build a settings object from nested or dotted names, refusing what it does not know.
+
+    Parameters
+    ----------
+    cls : type
+        Settings dataclass.
+    values : mapping
+        Names (nested mappings or dotted) to values; missing names keep their defaults.
+    where : str
+        What to call the source in an error, usually the file name.
+
+    Raises
+    ------
+    SettingsError
+        For an unknown name (the nearest known name is given), a wrong type, or a value out of range.
+    """
+    if not isinstance(values, Mapping):
+        raise SettingsError(f"{where}: expected names and values, got {type(values).__name__}.")
+    known = {d.name: d for d in declared(cls)}
+    flat = dict(_flatten(values, known))
+    for name in flat:
+        if name not in known:
+            raise SettingsError(f"{where}: unknown setting '{name}'{nearest(name, known)}.")
+    return _build(cls, {n: checked(known[n], v, where) for n, v in flat.items()}, "")
+
+
+def to_mapping(settings: Any) -> dict[str, Any]:
+    """Flatten a settings object to dotted names and plain values."""
+    flat: dict[str, Any] = {}
+    for entry in declared(type(settings)):
+        value = settings
+        for part in entry.name.split("."):
+            value = getattr(value, part)
+        flat[entry.name] = value
+    return flat
+
+
+def settings_hash(*settings: Any) -> str:
+    """First 16 hex digits of the SHA-256 of all values: the identity of a configuration."""
+    text = json.dumps([to_mapping(s) for s in settings], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def nearest(name: str, known: Any) -> str:
+    """Return ``, did you mean 'x'?`` or the list of what exists, to end a refusal with."""
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    if not close:  # a right leaf in the wrong group is the commonest slip after a typo
+        close = [k for k in known if k.split(".")[-1] == name.split(".")[-1]][:1]
+    return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(sorted(known))}"
+
+
+def checked(entry: Declared, value: Any, where: str = "settings") -> Any:
+    """Return ``value`` converted to the declared type; raise SettingsError when it does not fit."""
+    label = f"{where}: '{entry.name}'"
+    if isinstance(entry.default, list):
+        if not isinstance(value, list | tuple):
+            raise SettingsError(f"{label} must be a list, got {value!r}.")
+        sample = entry.default[0] if entry.default else (value[0] if value else 0.0)
+        if isinstance(sample, int) and not isinstance(sample, bool) and any(isinstance(v, float) for v in value):
+            sample = 0.0
+        return [_scalar(entry, sample, v, label) for v in value]
+    return _scalar(entry, entry.default, value, label)
+
+
+def _scalar(entry: Declared, sample: Any, value: Any, label: str) -> Any:
+    if isinstance(sample, bool):
+        if not isinstance(value, bool):
+            raise SettingsError(f"{label} must be true or false, got {value!r}.")
+        return value
+    if isinstance(sample, str):
+        if not isinstance(value, str):
+            raise SettingsError(f"{label} must be text, got {value!r}.")
+        if entry.choices and value not in entry.choices:
+            raise SettingsError(f"{label} must be one of {', '.join(entry.choices)}, got '{value}'.")
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SettingsError(f"{label} must be a number{_unit(entry)}, got {value!r}.")
+    if isinstance(sample, int) and value != int(value):
+        raise SettingsError(f"{label} must be a whole number, got {value!r}.")
+    if not math.isfinite(value):
+        raise SettingsError(f"{label} must be finite, got {value!r}.")
+    low, high = entry.minimum, entry.maximum
+    if (low is not None and value < low) or (high is not None and value > high):
+        limits = " and ".join(f"{w} {x:g}" for w, x in (("at least", low), ("at most", high)) if x is not None)
+        raise SettingsError(f"{label} must be {limits}{_unit(entry)}, got {value:g}.")
+    return type(sample)(value)
+
+
+def _unit(entry: Declared) -> str:
+    return f" {entry.unit}" if entry.unit else ""
+
+
+def _flatten(values: Mapping[str, Any], known: Mapping[str, Declared], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in values.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, Mapping) and name not in known:
+            yield from _flatten(value, known, name + ".")
+        else:
+            yield name, value
+
+
+def _build(cls: type[S], flat: dict[str, Any], prefix: str) -> S:
+    hints = typing.get_type_hints(cls)
+    arguments = {}
+    for field in dataclasses.fields(cls):
+        kind = hints[field.name]
+        if dataclasses.is_dataclass(kind) and not isinstance(kind, types.GenericAlias):
+            arguments[field.name] = _build(kind, flat, f"{prefix}{field.name}.")
+        elif prefix + field.name in flat:
+            arguments[field.name] = flat[prefix + field.name]
+    try:
+        return cls(**arguments)
+    except SettingsError:
+        raise
+    except (TypeError, ValueError) as error:
+        raise SettingsError(f"{cls.__name__}: {error}") from error
