@@ -1,0 +1,1 @@
+"""The Kalman machinery every navigator shares; numpy and compiled kernels only."""

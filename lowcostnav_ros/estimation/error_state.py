@@ -1,0 +1,127 @@
+"""Error states as chosen lists of blocks.
+
+A block owns a slice of the error state, its dynamics (random constant, random walk or first-order Gauss-Markov) and its noise.
+A navigator is a chosen list: 15, 27 or 29 states are three lists, not three filters.  What a state *does* to the core (an
+accelerometer bias turns velocity, a wind moves position) is its ``kind``; the compiled dynamics of a navigator read the kinds,
+so blocks come and go without new code.
+"""
+
+import enum
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+
+class Kind(enum.IntEnum):
+    """What a state acts on; the compiled dynamics switch on these numbers."""
+
+    CORE = 0
+    ACCEL_BIAS = 1
+    GYRO_BIAS = 2
+    ACCEL_SCALE = 3
+    GYRO_SCALE = 4
+    WIND = 5
+    AIRSPEED_SCALE = 6
+    AIRSPEED_BIAS = 7
+    HEADING_BIAS = 8
+    FREE = 9  # acts only through measurements: baro bias, range bias, position bias, receiver clock
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One block of an error state.
+
+    Attributes
+    ----------
+    name : str
+        How the rest of the code finds it (``layout["gyro_bias"]``).
+    labels : tuple of str
+        One name per state, with unit: ``gyro_bias_x_radps``.
+    kind : Kind
+    sigma0 : tuple of float
+        Initial sigma per state.
+    tau_s : float
+        Correlation time; ``inf`` for a random constant or random walk.
+    psd : tuple of float
+        Driving noise per state, unit^2/s; a Gauss-Markov state of sigma s has 2 s^2 / tau.
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    kind: Kind
+    sigma0: tuple[float, ...]
+    tau_s: float = np.inf
+    psd: tuple[float, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return len(self.labels)
+
+
+def gauss_markov(name: str, labels: Iterable[str], kind: Kind, sigma: float, tau_s: float, sigma0: float | None = None) -> Block:
+    """Block of first-order Gauss-Markov states with steady sigma and correlation time (G11: q = 2 sigma^2 / tau).
+
+    ``sigma0`` is the sigma at the start where it differs from the steady one (a turn-on bias on top of a drift).
+    """
+    names = tuple(labels)
+    first = sigma if sigma0 is None else sigma0
+    return Block(name, names, kind, (first,) * len(names), tau_s, (2.0 * sigma * sigma / tau_s,) * len(names))
+
+
+def random_walk(name: str, labels: Iterable[str], kind: Kind, sigma0: float, density: float = 0.0) -> Block:
+    """Block of random walks growing by ``density`` (unit per square root of second); density 0 is a random constant."""
+    names = tuple(labels)
+    return Block(name, names, kind, (sigma0,) * len(names), np.inf, (density * density,) * len(names))
+
+
+class Layout:
+    """The chosen list of blocks with the arrays the compiled dynamics read.
+
+    Attributes
+    ----------
+    size : int
+    kind, axis : ndarray of int64, shape (n,)
+        Kind of each state and its index inside its block.
+    rate : ndarray, shape (n,)
+        Decay rate 1/tau, 0 for constants and walks.
+    psd : ndarray, shape (n,)
+        Driving noise.
+    labels : tuple of str
+    """
+
+    def __init__(self, blocks: Iterable[Block]) -> None:
+        self.blocks = tuple(blocks)
+        self._slices: dict[str, slice] = {}
+        start = 0
+        for block in self.blocks:
+            if block.name in self._slices:
+                raise ValueError(f"Two blocks are called '{block.name}'.")
+            self._slices[block.name] = slice(start, start + block.size)
+            start += block.size
+        self.size = start
+        self.labels = tuple(label for b in self.blocks for label in b.labels)
+        self.kind = np.array([int(b.kind) for b in self.blocks for _ in b.labels], dtype=np.int64)
+        self.axis = np.array([i for b in self.blocks for i in range(b.size)], dtype=np.int64)
+        self.rate = np.array([1.0 / b.tau_s for b in self.blocks for _ in b.labels])
+        self.psd = np.array([q for b in self.blocks for q in (b.psd or (0.0,) * b.size)])
+        self.sigma0 = np.array([s for b in self.blocks for s in b.sigma0])
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._slices
+
+    def __getitem__(self, name: str) -> slice:
+        return self._slices[name]
+
+    def initial_covariance(self) -> np.ndarray:
+        """Diagonal covariance from the blocks' initial sigmas, shape (n, n)."""
+        return np.diag(self.sigma0**2)
+
+    def mask(self, *free: str) -> np.ndarray:
+        """1.0 for the states of the named blocks, 0.0 for all others: which states an update may move."""
+        mask = np.zeros(self.size)
+        for name in free:
+            if name in self._slices:
+                mask[self._slices[name]] = 1.0
+        return mask

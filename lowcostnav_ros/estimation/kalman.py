@@ -1,0 +1,224 @@
+"""Kalman algebra: a short module that knows no physics.
+
+Discretisation (Van Loan, or the second-order series and trapezoid that suit short steps), covariance prediction, sequential
+scalar measurement updates in Joseph form, gating by probability, a guard on the covariance, and the steady-state gain.
+The error state is zero before every update, so an update returns the correction to inject and the new covariance.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.stats import chi2
+
+from lowcostnav_ros.kernels import kernel
+
+
+@lru_cache(maxsize=256)
+def gate_threshold(probability: float, dof: int) -> float:
+    """Chi-square value that a true innovation stays below with ``probability``, for ``dof`` degrees of freedom."""
+    return float(chi2.ppf(probability, dof))
+
+
+def van_loan(F: np.ndarray, GQG: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Exact transition and process noise of a linear time-invariant model over one step.
+
+    Parameters
+    ----------
+    F : ndarray, shape (n, n)
+        Continuous dynamics.
+    GQG : ndarray, shape (n, n)
+        Power spectral density of the driving noise, already mapped to the states (G Q G').
+    dt : float
+        Step, s.
+
+    Returns
+    -------
+    Phi, Qd : ndarray, shape (n, n)
+
+    References
+    ----------
+    Van Loan, "Computing integrals involving the matrix exponential", IEEE TAC 23 (1978).
+    """
+    n = F.shape[0]
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[:n, n:], block[n:, n:] = -F, GQG, F.T
+    e = expm(block * dt)
+    Phi = e[n:, n:].T
+    Qd = Phi @ e[:n, n:]
+    return Phi, 0.5 * (Qd + Qd.T)
+
+
+@kernel
+def transition(F, dt):
+    """Second-order transition matrix I + F dt + (F dt)^2 / 2 for a step short against the dynamics."""
+    A = F * dt
+    Phi = A + 0.5 * (A @ A)
+    for i in range(F.shape[0]):
+        Phi[i, i] += 1.0
+    return Phi
+
+
+@kernel
+def predict_covariance(P, Phi, GQG, dt):
+    """Carry P over one step in place: P = Phi P Phi' + (Phi GQG Phi' + GQG) dt / 2, kept symmetric.
+
+    The trapezoid keeps the noise positive semidefinite, which the form (Phi GQG + GQG Phi') dt / 2 does not.
+    """
+    n = P.shape[0]
+    half = GQG * (0.5 * dt)
+    moved = Phi @ (P + half) @ Phi.T
+    for i in range(n):
+        for j in range(i + 1):
+            value = 0.5 * (moved[i, j] + moved[j, i]) + half[i, j]
+            P[i, j] = value
+            P[j, i] = value
+
+
+@kernel
+def innovation_covariance(P, H, R):
+    """S = H P H' + R, symmetric by construction."""
+    S = H @ P @ H.T + R
+    return 0.5 * (S + S.T)
+
+
+@kernel
+def normalised_innovation_squared(y, S):
+    """y' S^-1 y by solving, without an inverse."""
+    return float(np.dot(y, np.linalg.solve(S, y)))
+
+
+@kernel
+def whiten(y, H, R):
+    """Scale y and H so that the measurement noise becomes the identity (R = L L', solve by forward substitution)."""
+    L = np.linalg.cholesky(R)
+    m = y.shape[0]
+    yw = y.copy()
+    Hw = H.copy()
+    for i in range(m):
+        for k in range(i):
+            yw[i] -= L[i, k] * yw[k]
+            for j in range(H.shape[1]):
+                Hw[i, j] -= L[i, k] * Hw[k, j]
+        yw[i] /= L[i, i]
+        for j in range(H.shape[1]):
+            Hw[i, j] /= L[i, i]
+    return yw, Hw
+
+
+@kernel
+def scalar_update(dx, P, y, h, r, free):
+    """Fuse one scalar measurement in place, Joseph form, with a gain that may be held off some states.
+
+    Parameters
+    ----------
+    dx : ndarray, shape (n,)
+        Correction gathered so far; ``y`` is the innovation before it.
+    P : ndarray, shape (n, n)
+        Covariance, updated in place, kept symmetric.
+    y, r : float
+        Innovation (measured minus predicted) and its noise variance.
+    h : ndarray, shape (n,)
+        Measurement row.
+    free : ndarray, shape (n,)
+        1 where the state may move, 0 where it is only considered (Schmidt).
+
+    Returns
+    -------
+    float
+        Innovation variance h P h' + r.
+    """
+    n = dx.shape[0]
+    Ph = P @ h
+    s = r
+    for i in range(n):
+        s += h[i] * Ph[i]
+    residual = y
+    for i in range(n):
+        residual -= h[i] * dx[i]
+    gain = Ph / s * free
+    for i in range(n):
+        dx[i] += gain[i] * residual
+    # Joseph form (I-Kh)P(I-Kh)' + K r K' = P - K (Ph)' - (Ph) K' + K s K', valid for any gain
+    for i in range(n):
+        for j in range(i + 1):
+            value = P[i, j] - gain[i] * Ph[j] - Ph[i] * gain[j] + gain[i] * s * gain[j]
+            P[i, j] = value
+            P[j, i] = value
+    return s
+
+
+@kernel
+def update(P, y, H, R, free):
+    """Fuse a vector measurement as whitened scalars; P changes in place, the correction (n,) is returned."""
+    dx = np.zeros(P.shape[0])
+    yw, Hw = whiten(y, H, R)
+    for i in range(yw.shape[0]):
+        scalar_update(dx, P, yw[i], Hw[i], 1.0, free)
+    return dx
+
+
+@kernel
+def guard_covariance(P, variance_floor, variance_ceiling):
+    """Keep every variance inside its bounds and every correlation below one, in place; return how often it had to act.
+
+    Numerical insurance for outages and long runs, not a tuning device: a healthy filter returns 0.
+    """
+    n = P.shape[0]
+    acted = 0
+    for i in range(n):
+        if not P[i, i] >= variance_floor[i]:  # also true for NaN
+            acted += 1
+            for j in range(n):
+                if not np.isfinite(P[i, j]):
+                    P[i, j] = 0.0
+                    P[j, i] = 0.0
+            P[i, i] = variance_floor[i]
+        elif P[i, i] > variance_ceiling[i]:
+            acted += 1
+            scale = np.sqrt(variance_ceiling[i] / P[i, i])
+            for j in range(n):
+                P[i, j] *= scale
+                P[j, i] *= scale
+    for i in range(n):
+        for j in range(i):
+            bound = np.sqrt(P[i, i] * P[j, j])
+            if abs(P[i, j]) > bound:
+                acted += 1
+                P[i, j] = bound * np.sign(P[i, j])
+                P[j, i] = P[i, j]
+    return acted
+
+
+def reset_block(P: np.ndarray, rows: slice, covariance: np.ndarray) -> None:
+    """Forget what is known of one block, in place: its covariance is replaced, its correlations with the rest removed."""
+    P[rows, :] = 0.0
+    P[:, rows] = 0.0
+    P[rows, rows] = covariance
+
+
+def steady_state_gain(Phi: np.ndarray, Qd: np.ndarray, H: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Constant gain of a time-invariant filter, by the discrete algebraic Riccati equation.
+
+    Returns
+    -------
+    K : ndarray, shape (n, m)
+        Gain on the innovation.
+    P : ndarray, shape (n, n)
+        Covariance just after an update.
+
+    Raises
+    ------
+    ValueError
+        When the model is not detectable and no steady state exists.
+    """
+    from scipy.linalg import solve_discrete_are
+
+    try:
+        prior = solve_discrete_are(Phi.T, H.T, Qd, R)
+    except np.linalg.LinAlgError as error:
+        raise ValueError("No steady-state gain: a state is neither measured nor decaying.") from error
+    S = H @ prior @ H.T + R
+    K = np.linalg.solve(S, H @ prior).T
+    I_KH = np.eye(len(Phi)) - K @ H
+    return K, I_KH @ prior @ I_KH.T + K @ R @ K.T
