@@ -1,0 +1,33 @@
+# make demo | make test: all a bare machine needs is python3 (3.11 to 3.13) with venv, make and gcc.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: demo test lint unit venv clean
+
+demo: venv ## fly a whole mission and write the page
+	$(BIN)/lowcostnav demo
+
+test: lint unit ## everything that must hold before a commit
+
+lint: venv
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports
+
+unit: venv
+	$(BIN)/python -m pytest -q -n 2
+
+venv: $(STAMP)
+
+# The stamp makes a second run free; it is redone when the pinned versions or the package metadata change.
+$(STAMP): requirements.txt requirements-test.txt setup.py setup.cfg pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(0 if (3, 11) <= sys.version_info[:2] <= (3, 13) else "Python 3.11, 3.12 or 3.13 is needed: make PYTHON=python3.12")'
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { echo "python3 -m venv failed: install python3-venv"; exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-test.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e . --config-settings editable_mode=compat
+	@touch $@
+
+clean: ## remove what was built, keep the virtual environment
+	rm -rf build install log dist out *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
