@@ -1,0 +1,171 @@
+"""The fusion horizon: hands measurements over in stamp order, a fixed lag behind the newest, whatever order they came in.
+
+The fused solution thereby depends on the set of measurements alone.  Inertial samples may arrive one by one or in blocks of any
+cut; an aid that falls inside a sample's interval gets that sample split at its stamp, so it is fused at its own time.
+"""
+
+import heapq
+from collections.abc import Iterator
+
+import numpy as np
+
+from lowcostnav_ros.measurements import ImuBlock, Measurement, SlantRange
+
+TIME_JUMP_NS = 10_000_000_000
+"""A stamp this far from the newest is not lateness: it is a bad stamp, or a restarted clock when it persists."""
+
+JUMP_VOTES = 3
+"""So many stamps in a row must agree before the time base is believed to have jumped."""
+
+MAX_WAITING = 20_000
+"""Aids held while inertial data is silent; beyond it the oldest go, counted."""
+
+TIME_JUMPED = "time jumped"
+
+
+class FusionHorizon:
+    """Order measurements by stamp, inertial samples first at equal stamps, then by source name.
+
+    Parameters
+    ----------
+    lag_ns : int
+        How far the horizon stays behind the newest stamp; covers transport delays and declared sensor latencies.
+    inertial : str or None
+        Source of the :class:`ImuBlock` stream that carries the state; nothing is handed over beyond its newest sample.
+    """
+
+    def __init__(self, lag_ns: int, inertial: str | None = None) -> None:
+        self.lag_ns = int(lag_ns)
+        self.inertial = inertial
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything held and every stamp seen."""
+        self.newest_ns: int | None = None
+        self.passed_ns: int | None = None
+        self._waiting: list = []
+        self._keys: set = set()
+        self._sequence = 0
+        self._imu: ImuBlock | None = None
+        self._imu_newest_ns: int | None = None
+        self._suspect_ns = 0
+        self._votes = 0
+
+    def push(self, measurement: Measurement) -> str:
+        """Take one measurement in.
+
+        Returns
+        -------
+        str
+            Empty when accepted; else the reason: ``late``, ``duplicate stamp``, ``stamp implausible``, ``no inertial data``, or
+            :data:`TIME_JUMPED` when the time base moved for good and the caller must reset and push again.
+        """
+        stamp = measurement.stamp_ns
+        reason = self._implausible(stamp)
+        if reason:
+            return reason
+        if isinstance(measurement, ImuBlock):
+            return self._push_imu(measurement)
+        if self.passed_ns is not None and stamp <= self.passed_ns:
+            return "late"
+        key = (stamp, measurement.source, measurement.station if isinstance(measurement, SlantRange) else "")
+        if key in self._keys:
+            return "duplicate stamp"
+        self._keys.add(key)
+        self._sequence += 1
+        heapq.heappush(self._waiting, (stamp, measurement.source, key[2], self._sequence, measurement))
+        self._advance_newest(stamp)
+        if len(self._waiting) > MAX_WAITING:
+            self._pop()
+            return "no inertial data"
+        return ""
+
+    def take(self) -> Iterator[Measurement]:
+        """Yield what the horizon has passed since the last call, in order."""
+        limit = self._limit_ns()
+        if limit is None:
+            return
+        while self._waiting and self._waiting[0][0] <= limit:
+            stamp = self._waiting[0][0]
+            if self.inertial is not None:
+                yield from self._inertial_until(stamp, split=True)
+            yield self._pop()
+        if self.inertial is not None:
+            yield from self._inertial_until(limit, split=False)
+        if self.passed_ns is None or limit > self.passed_ns:
+            self.passed_ns = limit
+
+    def ahead(self) -> tuple[ImuBlock | None, list[Measurement]]:
+        """What is held beyond the horizon: inertial samples and the other measurements in order, for the output predictor."""
+        return self._imu, [entry[-1] for entry in sorted(self._waiting, key=lambda e: e[:4])]
+
+    def _limit_ns(self) -> int | None:
+        if self.newest_ns is None:
+            return None
+        limit = self.newest_ns - self.lag_ns
+        if self.inertial is None:
+            return limit
+        return None if self._imu_newest_ns is None else min(limit, self._imu_newest_ns)
+
+    def _implausible(self, stamp: int) -> str:
+        if self.newest_ns is None or abs(stamp - self.newest_ns) <= TIME_JUMP_NS:
+            self._votes = 0
+            return ""
+        agrees = self._votes and abs(stamp - self._suspect_ns) <= TIME_JUMP_NS
+        self._votes = self._votes + 1 if agrees else 1
+        self._suspect_ns = stamp
+        return TIME_JUMPED if self._votes >= JUMP_VOTES else "stamp implausible"
+
+    def _advance_newest(self, stamp: int) -> None:
+        if self.newest_ns is None or stamp > self.newest_ns:
+            self.newest_ns = stamp
+
+    def _pop(self) -> Measurement:
+        stamp, source, station, _, measurement = heapq.heappop(self._waiting)
+        self._keys.discard((stamp, source, station))
+        return measurement
+
+    def _push_imu(self, block: ImuBlock) -> str:
+        held, floor = self._imu, self.passed_ns
+        if floor is not None and block.stamps_ns[0] <= floor:
+            keep = block.stamps_ns > floor
+            if not keep.any():
+                return "late"
+            block = ImuBlock.of(block.source, block.stamps_ns[keep], block.specific_force_b[keep], block.angular_rate_b[keep])
+        if held is None:
+            self._imu = block
+        elif block.stamps_ns[0] > held.stamp_ns:
+            self._imu = _joined(held, block)
+        else:
+            merged = _joined(held, block)
+            stamps, first = np.unique(merged.stamps_ns, return_index=True)
+            self._imu = ImuBlock.of(block.source, stamps, merged.specific_force_b[first], merged.angular_rate_b[first])
+            if len(stamps) == len(held):
+                return "duplicate stamp"
+        self._imu_newest_ns = self._imu.stamp_ns
+        self._advance_newest(block.stamp_ns)
+        return ""
+
+    def _inertial_until(self, stamp: int, *, split: bool) -> Iterator[ImuBlock]:
+        held = self._imu
+        if held is None:
+            return
+        stamps = held.stamps_ns
+        n = int(np.searchsorted(stamps, stamp, side="right"))
+        if n:
+            yield ImuBlock.of(held.source, stamps[:n], held.specific_force_b[:n], held.angular_rate_b[:n])
+        if split and n < len(stamps) and (n == 0 or stamps[n - 1] < stamp):
+            yield ImuBlock.of(held.source, np.array([stamp]), held.specific_force_b[n : n + 1], held.angular_rate_b[n : n + 1])
+        if n == len(stamps):
+            self._imu = None
+        elif n:
+            self._imu = ImuBlock.of(held.source, stamps[n:], held.specific_force_b[n:], held.angular_rate_b[n:])
+
+
+def _joined(a: ImuBlock, b: ImuBlock) -> ImuBlock:
+    return ImuBlock.of(
+        b.source,
+        np.concatenate((a.stamps_ns, b.stamps_ns)),
+        np.concatenate((a.specific_force_b, b.specific_force_b)),
+        np.concatenate((a.angular_rate_b, b.angular_rate_b)),
+    )

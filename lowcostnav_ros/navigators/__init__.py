@@ -1,0 +1,1 @@
+"""Navigators: each a chosen list of state blocks and aids behind one verb, ``feed``."""
