@@ -211,11 +211,12 @@ def slerp(q0, q1, u):
 
 
 @kernel
-def euler_jacobian_n(pitch, heading):
+def euler_jacobian_n(roll, pitch, heading):
     """Derivative of (roll, pitch, heading) by the attitude error ``phi_n``, shape (3, 3).
 
     Rows are roll, pitch, heading; with ``C_true = (I + [phi_n x]) C_est`` the true angles are the estimated ones plus this
-    matrix times ``phi_n``.  It does not depend on roll and is singular with the nose straight up or down.
+    matrix times ``phi_n``.  Singular with the nose straight up or down.  Nothing depends on ``roll``; it is an argument so
+    that the three angles of :func:`quat_to_euler` pass straight in.
     """
     ch, sh = math.cos(heading), math.sin(heading)
     tan_pitch, sec_pitch = math.tan(pitch), 1.0 / math.cos(pitch)
@@ -223,7 +224,7 @@ def euler_jacobian_n(pitch, heading):
 
 
 @kernel
-def heading_jacobian_n(pitch, heading):
+def heading_jacobian_n(roll, pitch, heading):
     """Derivative of heading by ``phi_n``, shape (3,): the last row of :func:`euler_jacobian_n`."""
     tan_pitch = math.tan(pitch)
     return np.array([math.cos(heading) * tan_pitch, math.sin(heading) * tan_pitch, 1.0])
