@@ -19,7 +19,7 @@ OK, WARN, ERROR = 0, 1, 2
 class HorizonSettings:
     """The fusion horizon and the outputs."""
 
-    lag_s: float = setting(0.05, "Fusion stays this far behind the newest stamp, to outlast transport.", unit="s", minimum=0.0, maximum=10.0)
+    lag_s: float = setting(0.05, "Fusion stays this far behind the newest stamp to outlast transport.", unit="s", minimum=0.0, maximum=10.0)
     output_period_s: float = setting(0.1, "Spacing of the fused solutions.", unit="s", minimum=0.005, maximum=10.0)
 
 
