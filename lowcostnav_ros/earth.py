@@ -118,7 +118,7 @@ def dcm_ne(lat, lon):
 def displace(lat, lon, height, d_n):
     """Move a point by a small NED displacement ``d_n`` (3,), m, along the local radii; returns (lat, lon, height).
 
-    Exact to first order in ``d_n`` over the earth's radius (1 cm at 300 m, 45 deg); the exact inverse of :func:`difference_n`.
+    First order in ``d_n`` over the radius of the earth (1 cm at 300 m and 45 deg); the exact inverse of :func:`difference_n`.
     """
     meridian, normal = radii(lat)
     across = (normal + height) * max(math.cos(lat), _MIN_COS_LAT)
