@@ -1,0 +1,283 @@
+"""Recordings: write them, check them, and read them as the ordered stream of measurements that a live navigator would have seen."""
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.rosbag2.errors import ReaderError, WriterError
+
+from lowcostnav_ros.measurements import ImuBlock, Measurement
+from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages.decode import Decoder, Rejected
+from lowcostnav_ros.messages.store import STORE, full_type
+from lowcostnav_ros.settings import nearest
+
+_STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
+_NEVER = QosTime(0, 0)
+_NOT_A_BAG = "is not a recording: expected a bag directory with metadata.yaml, or an .mcap or .db3 file"
+
+
+class BagError(ValueError):
+    """A recording that cannot be used; the message is one sentence that says what to do."""
+
+
+class BagWriter:
+    """Write a recording; a context manager that closes the bag even when its body fails, so that what was recorded is kept.
+
+    Parameters
+    ----------
+    path : str or Path
+        Directory to create; it must not exist.
+    storage : str
+        ``mcap`` or ``sqlite3``.
+
+    Raises
+    ------
+    BagError
+        When the path exists or the storage is unknown.
+    """
+
+    def __init__(self, path: str | Path, storage: str = "mcap") -> None:
+        if storage not in _STORAGES:
+            raise BagError(f"Storage '{storage}' is unknown; use mcap or sqlite3.")
+        self.path = Path(path)
+        self.counts: dict[str, int] = {}
+        self._connections: dict[str, object] = {}
+        try:
+            self._writer = Writer(self.path, version=9, storage_plugin=_STORAGES[storage])
+            self._writer.open()
+        except WriterError:
+            raise BagError(f"{path} exists already; choose another name or remove it first.") from None
+        except OSError as error:
+            raise BagError(f"Cannot create {path}: {error.strerror}.") from error
+
+    def __enter__(self) -> "BagWriter":
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        self.close()
+
+    def write(self, topic: str, msgtype: str, stamp_ns: int, cdr: bytes) -> None:
+        """Append one message: topic with or without leading slash, receive stamp in ns, CDR bytes."""
+        connection = self._connections.get(topic)
+        if connection is None:
+            connection = self._connections[topic] = self._connect("/" + topics.source_of(topic), full_type(msgtype))
+            self.counts[topics.source_of(topic)] = 0
+        self._writer.write(connection, stamp_ns, cdr)
+        self.counts[topics.source_of(topic)] += 1
+
+    def close(self) -> None:
+        """Write index and metadata; harmless when closed already."""
+        if self._writer.storage is not None:
+            self._writer.close()
+
+    def _connect(self, topic: str, msgtype: str) -> object:
+        latched = topic.endswith("/origin")  # so that `ros2 bag play` gives it to late joiners as the live node did
+        qos = Qos(
+            QosHistory.KEEP_LAST,
+            1 if latched else 10,
+            QosReliability.RELIABLE,
+            QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+            _NEVER,
+            _NEVER,
+            QosLiveliness.AUTOMATIC,
+            _NEVER,
+            False,
+        )
+        return self._writer.add_connection(topic, msgtype, typestore=STORE, offered_qos_profiles=[qos])
+
+
+class BagReader:
+    """Read a recording of either storage, as bytes or as measurements; a context manager.
+
+    Attributes
+    ----------
+    path : Path
+    types : dict of source to message type
+    counts : dict of source to number of messages
+    start_ns, end_ns : int
+        First and last receive stamp.
+    decoder : Decoder
+        Counts what :meth:`measurements` accepted and rejected, and why.
+
+    Raises
+    ------
+    BagError
+        For a missing path, something that is not a bag, an empty or a truncated one.
+    """
+
+    def __init__(self, path: str | Path, decoder: Decoder | None = None) -> None:
+        self.path = Path(path)
+        self.decoder = decoder or Decoder()
+        self._reader = _opened(self.path)
+        self.types = {topics.source_of(c.topic): c.msgtype for c in self._reader.connections}
+        self.counts: dict[str, int] = dict.fromkeys(self.types, 0)
+        for connection in self._reader.connections:
+            self.counts[topics.source_of(connection.topic)] += connection.msgcount
+        if self._reader.message_count == 0:
+            self.close()
+            raise BagError(f"{path} holds no messages; check that the recorder was running while the sensors were.")
+        self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
+
+    def __enter__(self) -> "BagReader":
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the files; harmless when closed already."""
+        if self._reader.is_open:
+            self._reader.close()
+
+    @property
+    def duration_s(self) -> float:
+        """Time from first to last message, s."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+    def require(self, sources: Iterable[str]) -> None:
+        """Refuse sources the recording lacks or holds with another type than :func:`topics.spec` says.
+
+        Raises
+        ------
+        BagError
+            Naming the topic, the nearest one that exists, and the types.
+        """
+        for source in map(topics.source_of, sources):
+            if source not in self.types:
+                raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
+            expected = topics.spec(source).msgtype
+            if self.types[source] != expected:
+                raise BagError(f"{self.path}: topic '{source}' is of type {self.types[source]}, expected {expected}.")
+
+    def stream(self, sources: Iterable[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+        """Yield (source, receive stamp ns, CDR bytes) in recorded order, memory flat; all topics where ``sources`` is None.
+
+        Raises
+        ------
+        BagError
+            For a missing topic, or when the recording breaks off.
+        """
+        wanted = None if sources is None else {topics.source_of(s) for s in sources}
+        for source in wanted or ():
+            if source not in self.types:
+                raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
+        connections = [c for c in self._reader.connections if wanted is None or topics.source_of(c.topic) in wanted]
+        names = {c.id: topics.source_of(c.topic) for c in connections}
+        try:
+            if connections:
+                for connection, stamp_ns, raw in self._reader.messages(connections):
+                    yield names[connection.id], stamp_ns, raw
+        except GeneratorExit:
+            raise
+        except Exception as error:  # the storage layers raise errors of many types on damaged files
+            raise BagError(f"{self.path} is damaged ({error}); recover it with the tool of its storage, or record again.") from error
+
+    def measurements(self, sources: Iterable[str] | None = None, chunk_s: float = 1.0) -> Iterator[Measurement]:
+        """Yield decoded measurements in recorded order.
+
+        Inertial messages that follow one another with nothing else of ``sources`` between them come as one :class:`ImuBlock`; they are
+        decoded in columns, a chunk at a time.  What cannot be used is counted in ``decoder.rejected``.
+
+        Parameters
+        ----------
+        sources : iterable of str, optional
+            Topics to read; all that have a decoder where None.
+        chunk_s : float
+            Seconds of recording decoded together; bounds memory, changes no value.
+        """
+        names = self.decodable() if sources is None else [topics.source_of(s) for s in sources]
+        self.require(names)
+        chunk: list[tuple[str, int, bytes]] = []
+        for record in self.stream(names):
+            if chunk and record[1] - chunk[0][1] >= chunk_s * 1e9:
+                yield from self._decoded(chunk)
+                chunk = []
+            chunk.append(record)
+        yield from self._decoded(chunk)
+
+    def decodable(self) -> list[str]:
+        """List the sources of this recording that are measurements, with the type they ought to have."""
+        return [s for s in self.types if _msgtype_of(s) == self.types[s] and s not in ("clock", "diagnostics")]
+
+    def identity(self) -> str:
+        """Return the SHA-256 over topic, receive stamp and bytes of every message in order: the same for either storage."""
+        digest = hashlib.sha256()
+        for source, stamp_ns, raw in self.stream():
+            digest.update(f"{source} {stamp_ns} {len(raw)} ".encode())
+            digest.update(raw)
+        return digest.hexdigest()
+
+    def _decoded(self, chunk: list[tuple[str, int, bytes]]) -> Iterator[Measurement]:
+        inertial = _RunsOfSamples(chunk, self.types, self.decoder)
+        for k, (source, _stamp_ns, raw) in enumerate(chunk):
+            if source in inertial.sources:
+                inertial.add(source, k)
+                continue
+            result = self.decoder.decode(source, self.types[source], raw)
+            if not isinstance(result, Rejected):
+                yield from inertial.take()
+                yield result
+        yield from inertial.take()
+
+
+class _RunsOfSamples:
+    """Inertial samples of one chunk, decoded in columns at first use and handed out in runs."""
+
+    def __init__(self, chunk: list[tuple[str, int, bytes]], types: dict[str, str], decoder: Decoder) -> None:
+        self.sources = {s for s, _, _ in chunk if types[s] == topics.IMU and s.endswith("data_raw")}
+        self._columns = {s: _Columns(s, chunk, decoder) for s in self.sources}
+        self._open: dict[str, list[int]] = {}
+
+    def add(self, source: str, record: int) -> None:
+        """Append the sample of a record to the open run of its source."""
+        row = self._columns[source].row_of.get(record)
+        if row is None:
+            return
+        run = self._open.setdefault(source, [row, row])
+        run[1] = row + 1
+
+    def take(self) -> Iterator[ImuBlock]:
+        """Yield the open runs and close them."""
+        for source, (first, last) in self._open.items():
+            block = self._columns[source].block
+            rows = slice(first, last)
+            yield ImuBlock.of(source, block.stamps_ns[rows], block.specific_force_b[rows], block.angular_rate_b[rows])
+        self._open.clear()
+
+
+class _Columns:
+    """The decoded block of one inertial source and the row of each usable record."""
+
+    def __init__(self, source: str, chunk: list[tuple[str, int, bytes]], decoder: Decoder) -> None:
+        records = [k for k, record in enumerate(chunk) if record[0] == source]
+        self.block, good = decoder.decode_imu_block([chunk[k][2] for k in records], source)
+        self.row_of = dict(zip(np.array(records)[good].tolist(), range(int(good.sum())), strict=True))
+
+
+def _msgtype_of(source: str) -> str | None:
+    try:
+        return topics.spec(source).msgtype
+    except ValueError:
+        return None
+
+
+def _opened(path: Path) -> Reader:
+    if not path.exists():
+        raise BagError(f"{path} does not exist; check the path of the recording.")
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        raise BagError(f"{path} {_NOT_A_BAG}.")
+    try:
+        reader = Reader(path)
+        reader.open()
+    except ReaderError as error:
+        text = str(error).rstrip(".")
+        if "Unrecognized storage" in text or "File magic is invalid" in text:
+            raise BagError(f"{path} {_NOT_A_BAG}.") from error
+        raise BagError(f"{path} cannot be read, it is truncated or was not closed ({text}); recover it or record again.") from error
+    except Exception as error:  # the storage layers raise errors of many types on damaged files
+        raise BagError(f"{path} cannot be read, it is damaged ({type(error).__name__}: {error}); record again.") from error
+    return reader

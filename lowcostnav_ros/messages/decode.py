@@ -1,0 +1,185 @@
+"""CDR bytes to measurements: what cannot be used comes back as a :class:`Rejected` with a reason, never as an exception or a NaN.
+
+Live nodes hand over the bytes of raw subscriptions, a replay the bytes of a bag; both get the same measurement to the last bit.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+
+from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.measurements import ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.messages import checks, imu_columns, topics
+from lowcostnav_ros.messages import decode_sensors as sensor
+from lowcostnav_ros.messages.decode_navigation import origin_from_fix, solution_from_fix, solution_from_odometry, solution_from_wind
+from lowcostnav_ros.messages.rules import DecodeRules, Refusal, Rejected
+from lowcostnav_ros.messages.store import from_cdr, full_type
+
+__all__ = ["RULES", "DecodeRules", "Decoder", "Rejected", "decode", "decode_imu", "decode_imu_block"]
+
+RULES = DecodeRules()
+"""Rules used where none are given."""
+
+Notes = Counter[str]
+
+
+def decode(
+    source: str, msgtype: str, raw: bytes | memoryview, rules: DecodeRules = RULES, notes: Notes | None = None
+) -> Measurement | Rejected:
+    """Turn the bytes of one message into a measurement.
+
+    Parameters
+    ----------
+    source : str
+        Topic name, with or without a leading slash; says what the message means (``gps/vel`` or ``air/velocity``).
+    msgtype : str
+        ``sensor_msgs/msg/Imu`` or ``sensor_msgs/Imu``.
+    raw : bytes-like
+        CDR, either byte order.
+    rules : DecodeRules
+        Frames, plausible ranges and default variances.
+    notes : Counter, optional
+        Counts, by phrase, what was assumed (``gps/fix: covariance unknown, default used``).
+
+    Returns
+    -------
+    Measurement or Rejected
+    """
+    source = topics.source_of(source)
+    msgtype = full_type(msgtype)
+    if msgtype == topics.IMU and source.endswith("data_raw"):
+        return decode_imu(raw, source, rules)
+    last = source.rpartition("/")[2]
+    handler = _BY_NAME.get(source) or _BY_LAST.get(last)
+    if handler is None:
+        return Rejected(source, "unknown topic")
+    if handler[0] != msgtype:
+        return Rejected(source, "wrong message type", f"{msgtype}, expected {handler[0]}")
+    return _guarded(source, raw, handler, rules, Counter() if notes is None else notes)
+
+
+def decode_imu(raw: bytes | memoryview, source: str = "imu/data_raw", rules: DecodeRules = RULES) -> ImuBlock | Rejected:
+    """Turn one ``imu/data_raw`` message into a block of one sample; the orientation is not looked at."""
+    block = imu_columns.one(raw, source, rules)
+    return block if block is not None else decode_imu_checked(raw, source, rules)
+
+
+def decode_imu_checked(raw: bytes | memoryview, source: str, rules: DecodeRules = RULES) -> ImuBlock | Rejected:
+    """Turn one ``imu/data_raw`` message into a block of one sample the careful way, which names what is wrong."""
+    return _guarded(source, raw, (topics.IMU, sensor.imu_raw), rules, Counter())
+
+
+def decode_imu_block(
+    raws: list[bytes], source: str = "imu/data_raw", rules: DecodeRules = RULES
+) -> tuple[ImuBlock | None, list[Rejected]]:
+    """Turn consecutive ``imu/data_raw`` messages into one block of columns.
+
+    Returns
+    -------
+    block : ImuBlock or None
+        The usable samples in the order given, bit-equal to decoding one by one; None where there is none.
+    rejected : list of Rejected
+    """
+    block, rejected, _good = _imu_rows(raws, source, rules)
+    return block, rejected
+
+
+def _imu_rows(raws: list[bytes], source: str, rules: DecodeRules) -> tuple[ImuBlock | None, list[Rejected], np.ndarray]:
+    stamps, force, rate, good = imu_columns.many(raws, source, rules)
+    rejected = []
+    for row in np.flatnonzero(~good):
+        result = decode_imu_checked(raws[row], source, rules)
+        if isinstance(result, Rejected):
+            rejected.append(result)
+        else:
+            stamps[row], force[row], rate[row], good[row] = result.stamp_ns, result.specific_force_b[0], result.angular_rate_b[0], True
+    if not good.any():
+        return None, rejected, good
+    if rejected:
+        stamps, force, rate = stamps[good], force[good], rate[good]
+    return ImuBlock.of(source, stamps, force, rate), rejected, good
+
+
+class Decoder:
+    """A decoder that counts: accepted and rejected by source, assumptions by phrase; learns map origins as they pass.
+
+    Attributes
+    ----------
+    accepted : Counter of source
+    rejected : Counter of (source, reason)
+    notes : Counter of phrase
+    """
+
+    def __init__(self, rules: DecodeRules | None = None) -> None:
+        self.rules = rules or DecodeRules()
+        self.accepted: Counter[str] = Counter()
+        self.rejected: Counter[tuple[str, str]] = Counter()
+        self.notes: Notes = Counter()
+
+    def decode(self, source: str, msgtype: str, raw: bytes | memoryview) -> Measurement | Rejected:
+        """Decode one message as :func:`decode` does, and count it."""
+        result = decode(source, msgtype, raw, self.rules, self.notes)
+        source = topics.source_of(source)
+        if source.endswith("/origin") and isinstance(result, NavSolution):
+            self.rules.origins[source.rpartition("/")[0]] = LocalFrame(result.lat, result.lon, result.height)
+        self.count(result, source)
+        return result
+
+    def decode_imu_block(self, raws: list[bytes], source: str) -> tuple[ImuBlock | None, np.ndarray]:
+        """Decode consecutive inertial messages in columns, count them, and say which were usable.
+
+        Returns
+        -------
+        block : ImuBlock or None
+        good : ndarray of bool, shape (len(raws),)
+        """
+        block, rejected, good = _imu_rows(raws, source, self.rules)
+        self.accepted[source] += int(good.sum())
+        for one in rejected:
+            self.count(one, source)
+        return block, good
+
+    def count(self, result: Measurement | Rejected, source: str) -> None:
+        """Book one result."""
+        if isinstance(result, Rejected):
+            self.rejected[source, result.reason] += 1
+        else:
+            self.accepted[source] += 1
+
+
+def _guarded(source: str, raw: bytes | memoryview, handler: tuple, rules: DecodeRules, notes: Notes) -> Measurement | Rejected:
+    stamp_ns = 0
+    try:
+        message = from_cdr(raw, handler[0])
+    except Exception as error:  # noqa: BLE001 - whatever a malformed buffer provokes in the parser is one and the same reason
+        return Rejected(source, "malformed message", str(error)[:120])
+    try:
+        stamp_ns = checks.stamp_ns(message.header)
+        return handler[1](message, stamp_ns, source, rules, notes)
+    except Refusal as refusal:
+        return Rejected(source, refusal.reason, refusal.detail, stamp_ns)
+
+
+_BY_NAME: dict[str, tuple[str, Callable]] = {
+    "imu/data": (topics.IMU, sensor.attitude_from_imu),
+    "imu/data_fused": (topics.IMU, sensor.attitude_from_imu),
+    "truth/imu": (topics.IMU, sensor.attitude_from_imu),
+    "imu/mag": (topics.MAGNETIC_FIELD, sensor.magnetic),
+    "gps/fix": (topics.NAV_SAT_FIX, sensor.gps_fix),
+    "gps/vel": (topics.TWIST, sensor.gps_velocity),
+    "air/velocity": (topics.TWIST, sensor.air_velocity),
+    "air/static_pressure": (topics.FLUID_PRESSURE, sensor.pressure),
+    "air/dynamic_pressure": (topics.FLUID_PRESSURE, sensor.pressure),
+    "air/temperature": (topics.TEMPERATURE, sensor.temperature),
+    "dme/range": (topics.RANGE, sensor.dme_range),
+}
+
+_BY_LAST: dict[str, tuple[str, Callable]] = {
+    "odometry": (topics.ODOMETRY, solution_from_odometry),
+    "odometry_fused": (topics.ODOMETRY, solution_from_odometry),
+    "fix": (topics.NAV_SAT_FIX, solution_from_fix),
+    "origin": (topics.NAV_SAT_FIX, origin_from_fix),
+    "wind": (topics.TWIST, solution_from_wind),
+    "wind_fused": (topics.TWIST, solution_from_wind),
+}

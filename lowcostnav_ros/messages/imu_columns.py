@@ -1,0 +1,113 @@
+"""The fast way through ``imu/data_raw``: the fixed CDR layout read by offset, one message or many at a time.
+
+Little-endian CDR of sensor_msgs/Imu: 4 bytes of encapsulation, then sec (int32), nanosec (uint32), length of frame_id with its zero
+(uint32), the text, padding to 8, and 37 doubles: orientation 4, covariance 9, angular rate 3, covariance 9, acceleration 3,
+covariance 9.  Only messages that are clean at first sight pass; all others go through the careful decoder, which names what is wrong.
+"""
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+
+from lowcostnav_ros.measurements import ImuBlock
+from lowcostnav_ros.messages.checks import ABSURD
+from lowcostnav_ros.messages.rules import DecodeRules
+
+_HEAD = struct.Struct("<iII")
+_RATE_TO_END = struct.Struct("<24d")
+_DOUBLES = 37
+_RATE, _RATE_COV, _FORCE, _FORCE_COV = slice(13, 16), slice(16, 25), slice(25, 28), slice(28, 37)
+_DIAGONAL, _OFF_DIAGONAL = [0, 4, 8], [1, 2, 3, 5, 6, 7]
+_ZERO = (0.0,) * 9
+_TO_FRD = np.array([1.0, -1.0, -1.0])
+
+
+def one(raw: bytes | memoryview, source: str, rules: DecodeRules) -> ImuBlock | None:
+    """Return a block of one sample, or None where the message needs the careful decoder."""
+    size = len(raw)
+    if size < 16 or raw[0] != 0 or raw[1] != 1:
+        return None
+    sec, nanosec, frame_size = _HEAD.unpack_from(raw, 4)
+    start = _doubles_start(frame_size)
+    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raw, frame_size, source, rules):
+        return None
+    v = _RATE_TO_END.unpack_from(raw, start + 8 * _RATE.start)
+    most_rate, most_force = rules.max_angular_rate, rules.max_specific_force
+    rate, force = v[0:3], v[12:15]
+    if not (all(-most_rate <= x <= most_rate for x in rate) and all(-most_force <= x <= most_force for x in force)):
+        return None
+    if not (_plain(v[3:12]) and _plain(v[15:24]) and sec >= 0 and nanosec < 1_000_000_000):
+        return None
+    stamp = sec * 1_000_000_000 + nanosec
+    if stamp == 0:
+        return None
+    f, w = np.array(((force[0], -force[1], -force[2]),)), np.array(((rate[0], -rate[1], -rate[2]),))
+    return ImuBlock(stamp, source, np.array((stamp,)), f, w)
+
+
+def many(raws: Sequence[bytes], source: str, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return (stamps_ns, specific force FRD, angular rate FRD, good) for all messages; rows that are not good hold zeros."""
+    n = len(raws)
+    stamps, force, rate, good = np.zeros(n, np.int64), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, bool)
+    sizes = {len(raw) for raw in raws}
+    for size in sizes:  # one size, save where messages with frame ids of different length are mixed
+        same = [raw for raw in raws if len(raw) == size] if len(sizes) > 1 else raws
+        columns = _columns(same, size, source, rules)
+        if columns is None:
+            continue
+        if len(sizes) == 1:
+            return columns
+        rows = [k for k, raw in enumerate(raws) if len(raw) == size]
+        stamps[rows], force[rows], rate[rows], good[rows] = columns
+    return stamps, force, rate, good
+
+
+def _columns(raws: Sequence[bytes], size: int, source: str, rules: DecodeRules) -> tuple | None:
+    if size < 16 + 8 * _DOUBLES:
+        return None
+    table = np.frombuffer(b"".join(raws), np.uint8).reshape(len(raws), size)
+    frame_size = _HEAD.unpack_from(raws[0], 4)[2]
+    start = _doubles_start(frame_size)
+    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raws[0], frame_size, source, rules):
+        return None
+    sec_nanosec = np.ascontiguousarray(table[:, 4:12])
+    sec = sec_nanosec.view("<i4")[:, 0].astype(np.int64)
+    nanosec = sec_nanosec.view("<u4")[:, 1].astype(np.int64)
+    v = np.ascontiguousarray(table[:, start : start + 8 * _DOUBLES]).view("<f8")
+    good = (table[:, 0] == 0) & (table[:, 1] == 1) & (table[:, 12 : 16 + frame_size] == table[0, 12 : 16 + frame_size]).all(axis=1)
+    good &= (sec >= 0) & (nanosec < 1_000_000_000) & ((sec > 0) | (nanosec > 0))
+    good &= (np.abs(v[:, _RATE]) <= rules.max_angular_rate).all(axis=1) & (np.abs(v[:, _FORCE]) <= rules.max_specific_force).all(axis=1)
+    good &= _plain_rows(v[:, _RATE_COV]) & _plain_rows(v[:, _FORCE_COV])
+    return sec * 1_000_000_000 + nanosec, v[:, _FORCE] * _TO_FRD, v[:, _RATE] * _TO_FRD, good
+
+
+def _doubles_start(frame_size: int) -> int:
+    return 4 + ((12 + frame_size + 7) & -8)  # alignment counts from behind the encapsulation
+
+
+def _frame_is_known(raw: bytes | memoryview, frame_size: int, source: str, rules: DecodeRules) -> bool:
+    expected = rules.frames.get(source) or rules.frames.get("imu/data_raw")
+    if not expected or not 1 < frame_size < 200:
+        return False
+    name = bytes(raw[16 : 15 + frame_size])
+    if raw[15 + frame_size] != 0 or not name.isascii():
+        return False
+    return name.decode().rpartition("/")[2] in expected
+
+
+def _plain(cov: tuple[float, ...]) -> bool:
+    """Say whether a covariance is all zeros or a sound diagonal."""
+    if cov == _ZERO:
+        return True
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = cov
+    sound = 0.0 < xx < ABSURD and 0.0 < yy < ABSURD and 0.0 < zz < ABSURD
+    return sound and xy == xz == yx == yz == zx == zy == 0.0
+
+
+def _plain_rows(cov: np.ndarray) -> np.ndarray:
+    first = _plain(tuple(cov[0].tolist()))
+    same = (cov == cov[0]).all(axis=1)
+    if first and same.all():  # senders nearly always repeat one covariance
+        return same
+    return np.array([_plain(tuple(row)) for row in cov.tolist()])
