@@ -18,7 +18,7 @@ from lowcostnav_ros.rotation import eulers_to_quat, quat_multiply, wrap
 from lowcostnav_ros.settings import SettingsError
 from lowcostnav_ros.trajectory import manoeuvres as m
 from lowcostnav_ros.trajectory.missions import mission_lines
-from lowcostnav_ros.trajectory.profile import STEEPEST, plateau, plateau_integral, plateau_length, smooth_step
+from lowcostnav_ros.trajectory.profile import STEEPEST, plateau, plateau_integral, plateau_length, smooth_step, smooth_step_integral
 from lowcostnav_ros.trajectory.trajectory import Trajectory, integrate_position, pieces_of_motion
 from lowcostnav_ros.trajectory.truth_settings import TruthSettings
 from lowcostnav_ros.trajectory.wind import Wind
@@ -30,16 +30,21 @@ VERTICAL_ACCELERATION = 1.0
 STEEPEST_CLIMB = 0.5
 """Sine of the largest flight path angle a mission may ask for."""
 _PLAN_STEP_S = 0.25
+_CORRECT_EVERY_S = 40.0  # between heading corrections on the way to a point
 
 
 @dataclass(frozen=True)
 class Primitive:
-    """One smooth piece of motion: all rates zero at both ends."""
+    """One smooth piece of motion.
+
+    Turn rate is zero at both ends and reaches ``turn_rate`` (rad/s, right positive) within ``entry_s``; climb rate changes by
+    ``climb_change`` m/s within ``entry_s`` and stays; airspeed changes by ``airspeed_change`` m/s over the whole length.
+    """
 
     length_s: float
     entry_s: float = 1.0
     turn_rate: float = 0.0
-    climb_rate: float = 0.0
+    climb_change: float = 0.0
     airspeed_change: float = 0.0
 
 
@@ -48,22 +53,22 @@ class _Columns:
 
     def __init__(self, heading: float, height: float, airspeed: float) -> None:
         self.rows: list[tuple[float, ...]] = []
-        self.end_s, self.heading, self.height, self.airspeed = 0.0, heading, height, airspeed
+        self.end_s, self.heading, self.height, self.airspeed, self.climb = 0.0, heading, height, airspeed, 0.0
         self._table: np.ndarray | None = None
 
     def append(self, p: Primitive) -> None:
-        row = (self.end_s, self.heading, self.height, self.airspeed)
-        self.rows.append((*row, p.length_s, p.entry_s, p.turn_rate, p.climb_rate, p.airspeed_change))
-        plateau_s = p.length_s - p.entry_s
+        row = (self.end_s, self.heading, self.height, self.airspeed, self.climb)
+        self.rows.append((*row, p.length_s, p.entry_s, p.turn_rate, p.climb_change, p.airspeed_change))
         self.end_s += p.length_s
-        self.heading += p.turn_rate * plateau_s
-        self.height += p.climb_rate * plateau_s
+        self.heading += p.turn_rate * (p.length_s - p.entry_s)
+        self.height += self.climb * p.length_s + p.climb_change * (p.length_s - 0.5 * p.entry_s)
         self.airspeed += p.airspeed_change
+        self.climb += p.climb_change
         self._table = None
 
     def table(self) -> np.ndarray:
         if self._table is None:  # a last row holds the final state for ever
-            rest = (self.end_s, self.heading, self.height, self.airspeed, 1.0, 0.5, 0.0, 0.0, 0.0)
+            rest = (self.end_s, self.heading, self.height, self.airspeed, self.climb, 1.0, 0.5, 0.0, 0.0, 0.0)
             self._table = np.array([*self.rows, rest]).T
         return self._table
 
@@ -91,17 +96,17 @@ class SegmentMotion:
     def at(self, t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Velocity over ground (n, 3), ``q_nb`` (n, 4) and wind (n, 3) at ``t_s`` seconds."""
         table = self.columns.table()
-        begin, heading, height, airspeed, length, entry, turn, climb, change = table[:, self._row(t_s, table[0])]
+        begin, heading, height, airspeed, climb, length, entry, turn, climb_change, faster = table[:, self._row(t_s, table[0])]
         t = t_s - begin
-        level = plateau(t, length, entry)
-        gained = plateau_integral(t, length, entry)
-        speed = airspeed + change * smooth_step(t / length)
-        heading = heading + turn * gained
-        sine = climb * level / speed
-        wind = self.wind.at(t_s, height + climb * gained)
+        speed = airspeed + faster * smooth_step(t / length)
+        heading = heading + turn * plateau_integral(t, length, entry)
+        height = height + climb * t + climb_change * entry * smooth_step_integral(t / entry)
+        up = climb + climb_change * smooth_step(t / entry)
+        sine = up / speed
         level_speed = speed * np.sqrt(1.0 - sine * sine)
-        air = np.column_stack((level_speed * np.cos(heading), level_speed * np.sin(heading), -climb * level))
-        bank = np.arctan2(speed * turn * level, STANDARD_GRAVITY)
+        wind = self.wind.at(t_s, height)
+        air = np.column_stack((level_speed * np.cos(heading), level_speed * np.sin(heading), -up))
+        bank = np.arctan2(speed * turn * plateau(t, length, entry), STANDARD_GRAVITY)
         airflow = eulers_to_quat(np.column_stack((bank, np.arcsin(sine), heading)))
         return air + wind, _rotate_all(airflow, self._incidence), wind
 
@@ -165,18 +170,19 @@ def _straight(motion: SegmentMotion, s: m.Straight) -> None:
 
 
 def _turn(motion: SegmentMotion, s: m.Turn) -> None:
-    _turn_by(motion, math.radians(s.by_deg), s.bank_deg, s.climb_mps)
+    _climb_at(motion, s.climb_mps)
+    _turn_by(motion, math.radians(s.by_deg), s.bank_deg)
+    _climb_at(motion, 0.0)
 
 
-def _turn_by(motion: SegmentMotion, angle: float, bank_deg: float, climb_mps: float = 0.0) -> None:
+def _turn_by(motion: SegmentMotion, angle: float, bank_deg: float) -> None:
     if abs(angle) < 1e-6:
         return
     bank = math.radians(bank_deg)
     rate = STANDARD_GRAVITY * math.tan(bank) / motion.columns.airspeed
     entry = max(1.0, STEEPEST * bank / ROLL_RATE)
     length, exact = plateau_length(angle, rate, entry)
-    _check_climb(climb_mps, motion.columns.airspeed)
-    motion.fly(Primitive(length, entry, turn_rate=exact, climb_rate=climb_mps))
+    motion.fly(Primitive(length, entry, turn_rate=exact))
 
 
 def _heading(motion: SegmentMotion, s: m.Heading) -> None:
@@ -195,15 +201,26 @@ def _climb_to(motion: SegmentMotion, height: float, rate_mps: float) -> None:
     gain = height - motion.columns.height
     if abs(gain) < 1e-6:
         return
-    _check_climb(rate_mps, motion.columns.airspeed)
-    entry = max(1.0, STEEPEST * rate_mps / VERTICAL_ACCELERATION)
+    entry = _climb_entry(rate_mps)
     length, exact = plateau_length(gain, rate_mps, entry)
-    motion.fly(Primitive(length, entry, climb_rate=exact))
+    _climb_at(motion, exact, entry)
+    if length > 2.0 * entry:
+        motion.fly(Primitive(length - 2.0 * entry))
+    _climb_at(motion, 0.0, entry)
 
 
-def _check_climb(rate_mps: float, airspeed: float) -> None:
-    if abs(rate_mps) > STEEPEST_CLIMB * airspeed:
-        raise SettingsError(f"{rate_mps:g} m/s is too steep at {airspeed:g} m/s airspeed; ask for {STEEPEST_CLIMB * airspeed:g} at most.")
+def _climb_at(motion: SegmentMotion, rate_mps: float, entry_s: float | None = None) -> None:
+    """Change the climb rate to ``rate_mps`` smoothly; what follows is flown at that rate."""
+    change, steepest = rate_mps - motion.columns.climb, STEEPEST_CLIMB * motion.columns.airspeed
+    if abs(rate_mps) > steepest:
+        raise SettingsError(f"{rate_mps:g} m/s is too steep at this airspeed; ask for {steepest:g} m/s at most.")
+    if change:
+        entry = entry_s or _climb_entry(change)
+        motion.fly(Primitive(entry, entry, climb_change=change))
+
+
+def _climb_entry(change_mps: float) -> float:
+    return max(1.0, STEEPEST * abs(change_mps) / VERTICAL_ACCELERATION)
 
 
 def _speed(motion: SegmentMotion, s: m.Speed) -> None:
@@ -229,9 +246,16 @@ def _hold(motion: SegmentMotion, s: m.Hold) -> None:
 
 
 def _goto(motion: SegmentMotion, s: m.Goto) -> None:
-    distance = _aim(motion, s.lat_deg, s.lon_deg, s.bank_deg)
-    if distance > s.within_m:
-        motion.fly(Primitive(distance / _ground_speed(motion)))
+    _fly_toward(motion, s, s.within_m)
+
+
+def _fly_toward(motion: SegmentMotion, s: m.Goto | m.Approach, stop_m: float) -> None:
+    """Fly to ``stop_m`` metres before a point, correcting the heading every so often as the wind changes."""
+    while (distance := _aim(motion, s.lat_deg, s.lon_deg, s.bank_deg)) > stop_m:
+        to_go = (distance - stop_m) / _ground_speed(motion)
+        motion.fly(Primitive(min(to_go, _CORRECT_EVERY_S)))
+        if to_go <= _CORRECT_EVERY_S:
+            return
 
 
 def _aim(motion: SegmentMotion, lat_deg: float, lon_deg: float, bank_deg: float) -> float:
@@ -264,21 +288,21 @@ def _orbit(motion: SegmentMotion, s: m.Orbit) -> None:
     bank_deg = math.degrees(math.atan2(motion.columns.airspeed**2, STANDARD_GRAVITY * s.radius_m))
     north, east, _ = _to_point(motion, s.lat_deg, s.lon_deg)
     if math.hypot(north, east) > 3.0 * s.radius_m:
-        motion.fly(Primitive(max(1.0, (_aim(motion, s.lat_deg, s.lon_deg, 20.0) - s.radius_m) / _ground_speed(motion))))
+        _fly_toward(motion, m.Goto(s.lat_deg, s.lon_deg), s.radius_m)
     _turn_by(motion, math.radians(360.0 * s.laps) * (1.0 if s.side == "right" else -1.0), bank_deg)
 
 
 def _approach(motion: SegmentMotion, s: m.Approach) -> None:
-    distance = _aim(motion, s.lat_deg, s.lon_deg, s.bank_deg)
-    slope, ground = math.tan(math.radians(s.glide_deg)), _ground_speed(motion)
+    distance, slope = _aim(motion, s.lat_deg, s.lon_deg, s.bank_deg), math.tan(math.radians(s.glide_deg))
     above = motion.columns.height - s.height_m
     if above <= s.end_above_m:
         raise SettingsError(f"the approach begins only {above:.0f} m above the threshold; begin higher or lower end_above_m.")
-    level = distance - above / slope
-    if level < 0.0:
-        raise SettingsError(f"the approach begins {-level:.0f} m too near for its glide path; begin lower or farther out.")
-    motion.fly(Primitive(max(level / ground, 0.1)))
-    _climb_to(motion, s.height_m + s.end_above_m, slope * ground)
+    if distance < above / slope:
+        raise SettingsError(f"the approach begins {above / slope - distance:.0f} m too near for its glide; begin lower or farther out.")
+    _fly_toward(motion, s, above / slope)
+    _climb_at(motion, -slope * _ground_speed(motion))
+    _fly_toward(motion, s, s.end_above_m / slope)
+    _climb_at(motion, 0.0)
 
 
 _PLANNERS = {

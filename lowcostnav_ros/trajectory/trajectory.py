@@ -5,7 +5,7 @@ the same to the last bit whatever the block length, and memory does not grow wit
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Protocol
 
 import numpy as np
@@ -125,16 +125,31 @@ def pieces_of_motion(motion: Motion, start_ns: int, rate_hz: int, duration_s: fl
     duration_s : float
         Length of the flight.
     """
-    last = round(duration_s * rate_hz)
-    size = max(1, round(PIECE_S * rate_hz))
-    position = np.array([[motion.lat, motion.lon, motion.height]])
+
+    def states() -> Iterator[TruthBlock]:
+        last, size = round(duration_s * rate_hz), piece_rows(rate_hz)
+        position = np.array([[motion.lat, motion.lon, motion.height]])
+        for first in range(0, last, size):
+            rows = np.arange(first, min(first + size, last) + 1)
+            block, position = _states(motion, stamps(start_ns, rate_hz, rows), start_ns, position[-1])
+            yield block if first == 0 else block[1:]
+
+    return with_ideal_imu(states())
+
+
+def piece_rows(rate_hz: int) -> int:
+    """Rows of the pieces a source makes."""
+    return max(WARM_UP, round(PIECE_S * rate_hz))
+
+
+def with_ideal_imu(states: Iterator[TruthBlock]) -> Iterator[TruthBlock]:
+    """Add the ideal IMU to consecutive blocks of states; the row of the start, which no interval ends at, is dropped."""
     tail = None
-    for first in range(0, last, size):
-        rows = np.arange(first, min(first + size, last) + 1)
-        states, position = _states(motion, stamps(start_ns, rate_hz, rows), start_ns, position[-1])
-        seen = states if tail is None else join([tail, states[1:]])
-        with_imu = _with_ideal_imu(seen)
-        yield with_imu[len(seen) - len(states) + 1 :]
+    for block in states:
+        seen = block if tail is None else join([tail, block])
+        force, rate = ideal_increments(seen.stamps_ns, seen.lat, seen.lon, seen.height, seen.vel_n, seen.q_nb)
+        new = slice(1 if tail is None else len(tail), None)
+        yield replace(seen, specific_force_b=force, angular_rate_b=rate)[new]
         tail = seen[-WARM_UP:]
 
 
@@ -146,8 +161,3 @@ def _states(motion: Motion, stamps_ns: np.ndarray, start_ns: int, position: np.n
     none = np.zeros((len(t), 3))
     block = TruthBlock(stamps_ns, *track.T.copy(), vel_n[::2].copy(), q_nb[::2].copy(), none, none, wind_n[::2].copy())
     return block, track
-
-
-def _with_ideal_imu(b: TruthBlock) -> TruthBlock:
-    force, rate = ideal_increments(b.stamps_ns, b.lat, b.lon, b.height, b.vel_n, b.q_nb)
-    return TruthBlock(b.stamps_ns, b.lat, b.lon, b.height, b.vel_n, b.q_nb, force, rate, b.wind_n)

@@ -12,6 +12,7 @@ import numpy as np
 from lowcostnav_ros.trajectory.truth_settings import WindSettings
 
 KNOTS_PER_TAU = 20
+TURBULENCE_KNOTS_PER_TAU = 8
 TURBULENCE_LENGTH_M = 250.0
 """Correlation length of turbulence, of the size of the Dryden scales a few hundred metres up."""
 _GROW = 1024
@@ -26,11 +27,13 @@ class SmoothGaussMarkov:
         Steady standard deviation and correlation time, s.
     rng : numpy.random.Generator
         Drawn from in order, so values do not depend on how the time axis is asked for.
+    knots_per_tau : int
+        Knots per correlation time; fewer make it smoother.
     """
 
-    def __init__(self, sigma: float, tau_s: float, rng: np.random.Generator) -> None:
-        self.knot_s = tau_s / KNOTS_PER_TAU
-        self._rho = math.exp(-1.0 / KNOTS_PER_TAU)
+    def __init__(self, sigma: float, tau_s: float, rng: np.random.Generator, knots_per_tau: int = KNOTS_PER_TAU) -> None:
+        self.knot_s = tau_s / knots_per_tau
+        self._rho = math.exp(-1.0 / knots_per_tau)
         # At a knot the curve is (x0 + 4 x1 + x2)/6, of variance (18 + 16 rho + 2 rho^2)/36; between knots it differs by under 1 %.
         self._sigma = sigma / math.sqrt((18.0 + 16.0 * self._rho + 2.0 * self._rho**2) / 36.0)
         self._rng = rng
@@ -73,7 +76,8 @@ class Wind:
         self._settings = settings
         self._height_ref = height_ref
         self._slow = [SmoothGaussMarkov(settings.variation_sigma_mps, settings.variation_tau_s, s) for s in streams[:2]]
-        self._gusts = [SmoothGaussMarkov(settings.turbulence_sigma_mps, TURBULENCE_LENGTH_M / airspeed, s) for s in streams[2:]]
+        sigma, tau_s = settings.turbulence_sigma_mps, TURBULENCE_LENGTH_M / airspeed
+        self._gusts = [SmoothGaussMarkov(sigma, tau_s, s, TURBULENCE_KNOTS_PER_TAU) for s in streams[2:]]
 
     def steady(self, t_s: np.ndarray, height: np.ndarray) -> np.ndarray:
         """Wind without turbulence, shape (n, 3)."""
