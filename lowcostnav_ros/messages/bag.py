@@ -149,7 +149,9 @@ class BagReader:
         for source in map(topics.source_of, sources):
             if source not in self.types:
                 raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
-            expected = topics.spec(source).msgtype
+            expected = _msgtype_of(source)
+            if expected is None:
+                raise BagError(f"{self.path}: topic '{source}' carries nothing a navigator reads{nearest(source, topics.TOPICS)}.")
             if self.types[source] != expected:
                 raise BagError(f"{self.path}: topic '{source}' is of type {self.types[source]}, expected {expected}.")
 

@@ -12,7 +12,7 @@ from lowcostnav_ros.earth import LocalFrame
 from lowcostnav_ros.measurements import ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.messages import checks, imu_columns, topics
 from lowcostnav_ros.messages import decode_sensors as sensor
-from lowcostnav_ros.messages.decode_navigation import origin_from_fix, solution_from_fix, solution_from_odometry, solution_from_wind
+from lowcostnav_ros.messages.decode_navigation import odometry, origin_from_fix, solution_from_fix, solution_from_wind
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal, Rejected
 from lowcostnav_ros.messages.store import from_cdr, full_type
 
@@ -70,9 +70,7 @@ def decode_imu_checked(raw: bytes | memoryview, source: str, rules: DecodeRules 
     return _guarded(source, raw, (topics.IMU, sensor.imu_raw), rules, Counter())
 
 
-def decode_imu_block(
-    raws: list[bytes], source: str = "imu/data_raw", rules: DecodeRules = RULES
-) -> tuple[ImuBlock | None, list[Rejected]]:
+def decode_imu_block(raws: list[bytes], source: str = "imu/data_raw", rules: DecodeRules = RULES) -> tuple[ImuBlock | None, list[Rejected]]:
     """Turn consecutive ``imu/data_raw`` messages into one block of columns.
 
     Returns
@@ -162,9 +160,9 @@ def _guarded(source: str, raw: bytes | memoryview, handler: tuple, rules: Decode
 
 
 _BY_NAME: dict[str, tuple[str, Callable]] = {
-    "imu/data": (topics.IMU, sensor.attitude_from_imu),
-    "imu/data_fused": (topics.IMU, sensor.attitude_from_imu),
-    "truth/imu": (topics.IMU, sensor.attitude_from_imu),
+    "imu/data": (topics.IMU, sensor.attitude),
+    "imu/data_fused": (topics.IMU, sensor.attitude),
+    "truth/imu": (topics.IMU, sensor.attitude),
     "imu/mag": (topics.MAGNETIC_FIELD, sensor.magnetic),
     "gps/fix": (topics.NAV_SAT_FIX, sensor.gps_fix),
     "gps/vel": (topics.TWIST, sensor.gps_velocity),
@@ -176,8 +174,8 @@ _BY_NAME: dict[str, tuple[str, Callable]] = {
 }
 
 _BY_LAST: dict[str, tuple[str, Callable]] = {
-    "odometry": (topics.ODOMETRY, solution_from_odometry),
-    "odometry_fused": (topics.ODOMETRY, solution_from_odometry),
+    "odometry": (topics.ODOMETRY, odometry),
+    "odometry_fused": (topics.ODOMETRY, odometry),
     "fix": (topics.NAV_SAT_FIX, solution_from_fix),
     "origin": (topics.NAV_SAT_FIX, origin_from_fix),
     "wind": (topics.TWIST, solution_from_wind),

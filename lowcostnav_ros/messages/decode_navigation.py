@@ -45,7 +45,7 @@ def solution_from_wind(message, stamp_ns: int, source: str, rules: DecodeRules, 
     return NavSolution(stamp_ns, source, wind_n=np.array([linear.y, linear.x]), cov_wind=cov[:2, :2].copy(), states=states)
 
 
-def solution_from_odometry(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Counter) -> NavSolution:
+def odometry(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Counter) -> NavSolution:
     """Turn an Odometry message object into a solution; the map origin comes from ``rules.origins`` (see :class:`DecodeRules`).
 
     A datum whose variance reaches ``NOT_ESTIMATED`` is None in the solution.  The twist's angular part is the bias-corrected rate
@@ -62,10 +62,10 @@ def solution_from_odometry(message, stamp_ns: int, source: str, rules: DecodeRul
     origin = rules.origins.get(source.rpartition("/")[0])
     if origin is None:
         raise Refusal("map origin is not known yet")
-    return odometry_to_solution(message, origin, source, stamp_ns)
+    return solution_from_odometry(message, origin, source)
 
 
-def odometry_to_solution(message, origin: LocalFrame, source: str, stamp_ns: int | None = None) -> NavSolution:
+def solution_from_odometry(message, origin: LocalFrame, source: str) -> NavSolution:
     """Turn an Odometry message object in the map frame of ``origin`` into a solution; raises Refusal for what is not plausible."""
     truth = source.startswith(_TRUTH)
     pose, twist = message.pose, message.twist
@@ -83,7 +83,7 @@ def odometry_to_solution(message, origin: LocalFrame, source: str, stamp_ns: int
     has_pos, has_att, has_vel = _known(cov_position), _known(cov_rotation), _known(cov_velocity)
     lat, lon, height = place if has_pos else (None, None, None)
     return NavSolution(
-        checks.stamp_ns(message.header) if stamp_ns is None else stamp_ns,
+        checks.stamp_ns(message.header),
         source,
         lat,
         lon,

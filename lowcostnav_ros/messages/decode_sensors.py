@@ -49,9 +49,12 @@ def imu_raw(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Note
     return ImuBlock(stamp_ns, source, np.array([stamp_ns]), force[np.newaxis], rate[np.newaxis])
 
 
-def attitude_from_imu(
-    message, stamp_ns: int, source: str, rules: DecodeRules | None = None, notes: Notes | None = None
-) -> Attitude:
+def attitude_from_imu(message, source: str = "imu/data", rules: DecodeRules | None = None) -> Attitude:
+    """Turn an Imu message object with orientation into an attitude; see :func:`attitude`."""
+    return attitude(message, checks.stamp_ns(message.header), source, rules or DecodeRules(), Counter())
+
+
+def attitude(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Notes) -> Attitude:
     """Turn an Imu message object with orientation into an attitude.
 
     Where the message has no acceleration (its covariance begins with -1) the specific force of unaccelerated flight stands in, and
@@ -62,8 +65,6 @@ def attitude_from_imu(
     Refusal
         For anything implausible, by a fixed phrase.
     """
-    rules = rules or DecodeRules()
-    notes = Counter() if notes is None else notes
     checks.frame(source, message.header.frame_id, rules, "imu/data")
     cov = checks.covariance(message.orientation_covariance, "orientation", source == "truth/imu")
     cov_att = _or_default(cov, source, rules, notes, conv.swap_world_cov)
