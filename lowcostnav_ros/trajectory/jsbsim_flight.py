@@ -1,0 +1,239 @@
+"""An independent aircraft as truth: the Cessna 172 of JSBSim, six degrees of freedom over the rotating WGS-84 earth.
+
+JSBSim integrates forces and moments; nothing of it is shared with the mechanisation under test.  Its geodetic position, velocity and
+attitude are the truth, and the ideal IMU is what the inverse strapdown finds between its states.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from lowcostnav_ros.rotation import eulers_to_quat
+from lowcostnav_ros.settings import SettingsError
+from lowcostnav_ros.trajectory.autopilot import Autopilot, Seen, Wanted
+from lowcostnav_ros.trajectory.guidance import Fix, Guidance, reference_heights
+from lowcostnav_ros.trajectory.manoeuvres import parse_mission
+from lowcostnav_ros.trajectory.missions import mission_lines
+from lowcostnav_ros.trajectory.trajectory import Trajectory, piece_rows, stamps, with_ideal_imu
+from lowcostnav_ros.trajectory.truth_settings import TruthSettings
+from lowcostnav_ros.trajectory.wind import Wind
+from lowcostnav_ros.truth import TruthBlock
+
+AIRCRAFT = "c172x"
+FOOT = 0.3048
+CONTROL_HZ = 50
+"""Least rate of the autopilot and of the integration."""
+LONGEST_S = 6.0 * 3600.0
+"""A mission that has not ended by then never will (the tanks are empty)."""
+_DRYDEN = 4  # JSBSim's turbulence type: MIL-F-8785C spectra in Tustin form
+_WIND_EVERY_S = 0.1
+_SAMPLED = (
+    ("position/lat-geod-rad", 1.0),
+    ("position/long-gc-rad", 1.0),
+    ("position/geod-alt-ft", FOOT),
+    ("velocities/v-north-fps", FOOT),
+    ("velocities/v-east-fps", FOOT),
+    ("velocities/v-down-fps", FOOT),
+    ("attitude/phi-rad", 1.0),
+    ("attitude/theta-rad", 1.0),
+    ("attitude/psi-rad", 1.0),
+    ("atmosphere/total-wind-north-fps", FOOT),
+    ("atmosphere/total-wind-east-fps", FOOT),
+    ("atmosphere/total-wind-down-fps", FOOT),
+    ("velocities/p-rad_sec", 1.0),
+    ("velocities/q-rad_sec", 1.0),
+    ("velocities/r-rad_sec", 1.0),
+    ("aero/beta-rad", 1.0),
+    ("velocities/vt-fps", FOOT),
+)
+_SCALES = np.array([scale for _, scale in _SAMPLED])
+
+
+def build_jsbsim(settings: TruthSettings, seed: int) -> Trajectory:
+    """Flight of a mission by the flight-dynamics aircraft; see :func:`lowcostnav_ros.trajectory.build`.
+
+    Raises
+    ------
+    SettingsError
+        For a mission line that is not understood, or a start the aircraft cannot be trimmed at.
+    """
+    mission = parse_mission(mission_lines(settings))
+    Aircraft(settings, seed)  # refuse an impossible start now, not in the middle of a stream
+
+    def pieces() -> Iterator[TruthBlock]:
+        return with_ideal_imu(_states(settings, seed, mission))
+
+    return Trajectory(settings.rate_hz, settings.start_ns, pieces)
+
+
+def _states(settings: TruthSettings, seed: int, mission: list) -> Iterator[TruthBlock]:
+    aircraft = Aircraft(settings, seed)
+    pilot = Pilot(settings, seed, mission, aircraft)
+    last = round((settings.duration_s or LONGEST_S) * settings.rate_hz)
+    rows = [aircraft.sample()]
+    first = 0
+    for k in range(1, last + 1):
+        pilot.fly(aircraft)
+        rows.append(aircraft.sample())
+        ended = k == last or (not settings.duration_s and pilot.guidance.done)
+        if ended or len(rows) >= piece_rows(settings.rate_hz):
+            yield _block(settings, first, np.array(rows) * _SCALES)
+            first, rows = k + 1, []
+        if ended:
+            return
+
+
+def _block(settings: TruthSettings, first: int, columns: np.ndarray) -> TruthBlock:
+    stamps_ns = stamps(settings.start_ns, settings.rate_hz, np.arange(first, first + len(columns)))
+    lat, lon, height = columns[:, :3].T.copy()
+    none = np.zeros((len(columns), 3))
+    quats = eulers_to_quat(np.ascontiguousarray(columns[:, 6:9]))
+    return TruthBlock(stamps_ns, lat, lon, height, columns[:, 3:6].copy(), quats, none, none, columns[:, 9:12].copy())
+
+
+class Aircraft:
+    """JSBSim's Cessna, trimmed in the air, stepped at an exact fraction of the sample interval.
+
+    Parameters
+    ----------
+    settings : TruthSettings
+    seed : int
+        Seed of its turbulence.
+
+    Raises
+    ------
+    SettingsError
+        If it cannot be trimmed at the start.
+    """
+
+    def __init__(self, settings: TruthSettings, seed: int) -> None:
+        self.fdm = _quiet_fdm()
+        self.steps_per_row = max(1, math.ceil(CONTROL_HZ / settings.rate_hz))
+        self.dt = 1.0 / (settings.rate_hz * self.steps_per_row)
+        self.fdm.set_dt(self.dt)
+        self._place(settings)
+        self._trim(settings)
+        self._turbulence(settings, seed)
+        manager = self.fdm.get_property_manager()
+        self._read = [manager.get_node(name, False).get_double_value for name, _ in _SAMPLED]
+        controls = ("fcs/aileron-cmd-norm", "fcs/elevator-cmd-norm", "fcs/rudder-cmd-norm", "fcs/throttle-cmd-norm")
+        self._controls = [manager.get_node(name, False).set_double_value for name in controls]
+
+    def sample(self) -> list[float]:
+        """Present values of what is sampled, in JSBSim's units."""
+        return [read() for read in self._read]
+
+    def control(self, commands: tuple[float, float, float, float]) -> None:
+        """Set (aileron, elevator, rudder, throttle)."""
+        for write, value in zip(self._controls, commands, strict=True):
+            write(value)
+
+    def set_wind(self, wind_n: np.ndarray) -> None:
+        """Set the air mass's steady velocity, NED m/s."""
+        for axis, value in zip(("north", "east", "down"), wind_n, strict=True):
+            self.fdm[f"atmosphere/wind-{axis}-fps"] = value / FOOT
+
+    def _place(self, settings: TruthSettings) -> None:
+        start, fdm = settings.start, self.fdm
+        fdm["ic/lat-geod-deg"], fdm["ic/long-gc-deg"] = start.lat_deg, start.lon_deg
+        fdm["ic/h-sl-ft"] = start.height_m / FOOT  # JSBSim's sea level is the ellipsoid
+        fdm["ic/psi-true-deg"] = start.heading_deg
+        fdm["ic/vt-fps"] = start.airspeed_mps / FOOT
+        fdm["ic/vw-down-fps"] = 0.0
+        fdm["ic/vw-north-fps"], fdm["ic/vw-east-fps"] = settings.wind.north_mps / FOOT, settings.wind.east_mps / FOOT
+
+    def _trim(self, settings: TruthSettings) -> None:
+        import jsbsim
+
+        self.fdm.run_ic()
+        self.fdm["propulsion/set-running"] = -1
+        self.fdm["fcs/mixture-cmd-norm"] = 0.87
+        try:
+            self.fdm.do_trim(1)
+        except jsbsim.TrimFailureError:
+            start = settings.start
+            raise SettingsError(
+                f"The aircraft cannot fly level at {start.airspeed_mps:g} m/s and {start.height_m:g} m; start lower, at 40 to 60 m/s."
+            ) from None
+
+    def _turbulence(self, settings: TruthSettings, seed: int) -> None:
+        fdm, sigma = self.fdm, settings.wind.turbulence_sigma_mps
+        fdm["simulation/randomseed"] = fdm["atmosphere/randomseed"] = float(seed % 2**31 + 1)
+        if sigma:  # in MIL-F-8785C the vertical sigma near the ground is a tenth of the wind at 20 ft
+            fdm["atmosphere/turb-type"] = _DRYDEN
+            fdm["atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps"] = 10.0 * sigma / FOOT
+            fdm["atmosphere/turbulence/milspec/severity"] = min(7.0, max(1.0, round(2.0 * sigma)))
+
+
+class Pilot:
+    """Guidance and autopilot in the loop with the aircraft."""
+
+    def __init__(self, settings: TruthSettings, seed: int, mission: list, aircraft: Aircraft) -> None:
+        start = settings.start
+        self.wind = Wind(settings.wind, seed, start.height_m, start.airspeed_mps)
+        self._dt, self._steps = aircraft.dt, 0
+        self._wind_now = self.wind.steady(np.zeros(1), np.array([start.height_m]))[0]
+        self._wind_steps = max(1, round(_WIND_EVERY_S / aircraft.dt))
+        self._control_steps = max(1, round(1.0 / (CONTROL_HZ * aircraft.dt)))
+        self.guidance = Guidance(mission, self._fix(aircraft.sample()))
+        self._reference = reference_heights(self.guidance.order, start.height_m, self._control_steps * aircraft.dt)
+        fdm = aircraft.fdm
+        elevator = fdm["fcs/elevator-cmd-norm"] + fdm["fcs/pitch-trim-cmd-norm"]
+        fdm["fcs/pitch-trim-cmd-norm"] = 0.0
+        self._autopilot = Autopilot(elevator, fdm["fcs/aileron-cmd-norm"], fdm["fcs/throttle-cmd-norm"], fdm["attitude/theta-rad"])
+
+    def fly(self, aircraft: Aircraft) -> None:
+        """Fly one sample interval."""
+        for _ in range(aircraft.steps_per_row):
+            if self._steps % self._wind_steps == 0:
+                self._wind_now = self._steady_wind(aircraft)
+                aircraft.set_wind(self._wind_now)
+            if self._steps % self._control_steps == 0:
+                aircraft.control(self._commands(aircraft.sample()))
+            aircraft.fdm.run()
+            self._steps += 1
+
+    def _steady_wind(self, aircraft: Aircraft) -> np.ndarray:
+        height = aircraft.fdm["position/geod-alt-ft"] * FOOT
+        return self.wind.steady(np.array([self._steps * self._dt]), np.array([height]))[0]
+
+    def _fix(self, now: list[float]) -> Fix:
+        wind = self._wind_now
+        return Fix(self._steps * self._dt, now[0], now[1], now[2] * FOOT, now[8], now[16] * FOOT, wind[0], wind[1])
+
+    def _commands(self, now: list[float]) -> tuple[float, float, float, float]:
+        self.guidance.update(self._fix(now))
+        order = self.guidance.order
+        height, climb = next(self._reference)
+        want = Wanted(self.guidance.heading_error, order.bank_ahead, order.max_bank, height, climb, order.airspeed)
+        see = Seen(now[6], now[7], now[12], now[13], now[15], now[16] * FOOT, now[2] * FOOT, -now[5] * FOOT)
+        return self._autopilot.step(want, see, self._control_steps * self._dt)
+
+
+def _quiet_fdm():  # noqa: ANN202 - the library is imported only here
+    import jsbsim
+
+    class Silent(jsbsim.FGLogger):
+        """Swallows the library's console reports; failures come as exceptions."""
+
+        def set_level(self, level: object) -> None:
+            pass
+
+        def file_location(self, filename: str, line: int) -> None:
+            pass
+
+        def message(self, message: str) -> None:
+            pass
+
+        def format(self, format: object) -> None:
+            pass
+
+        def flush(self) -> None:
+            pass
+
+    jsbsim.set_logger(Silent())
+    fdm = jsbsim.FGFDMExec(None)
+    fdm.set_debug_level(0)
+    fdm.load_model(AIRCRAFT)
+    return fdm
