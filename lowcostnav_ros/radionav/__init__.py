@@ -1,0 +1,1 @@
+"""Radio navigation: DME stations, interrogation, ranges and their geometry."""

@@ -1,0 +1,168 @@
+"""DME stations: one value per station, a table that refuses doubtful entries, and the text format it is read from.
+
+The format is CSV with a header; ``#`` starts a comment line.  Columns: ``ident``, ``name``, ``lat_deg`` (north +), ``lon_deg``
+(east +), ``elevation_ft`` (above mean sea level, as published), ``undulation_m`` (height of mean sea level above the ellipsoid),
+``channel`` (such as 86X) and ``service_volume`` (T terminal, L low, H high).
+"""
+
+import csv
+import math
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from lowcostnav_ros.earth import geodetic_to_ecef
+
+METRES_PER_FOOT = 0.3048
+METRES_PER_NM = 1852.0
+COLUMNS = ("ident", "name", "lat_deg", "lon_deg", "elevation_ft", "undulation_m", "channel", "service_volume")
+COINCIDENT_M = 100.0
+LOWEST_FT, HIGHEST_FT = -1500.0, 15_000.0
+SERVICE_VOLUMES = ("T", "L", "H")
+
+
+class StationError(ValueError):
+    """A station table that cannot be flown on; the message names station and remedy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """One DME station.
+
+    ``lat``, ``lon`` rad, ``height`` m above the ellipsoid, ``elevation`` m above mean sea level, ``service_volume`` T, L or H.
+    """
+
+    ident: str
+    name: str
+    lat: float
+    lon: float
+    height: float
+    elevation: float
+    channel: str
+    service_volume: str
+
+    def service_range_m(self, height: float) -> float:
+        """Return the range to which service is assured at an aircraft height (m above the ellipsoid).
+
+        Standard service volumes: T 25 NM; L 40 NM; H 40 NM, 100 NM above 14 500 ft, 130 NM above 18 000 ft over the station.
+        """
+        above_ft = (height - self.height) / METRES_PER_FOOT
+        if self.service_volume == "H" and above_ft >= 14_500.0:
+            return (130.0 if above_ft >= 18_000.0 else 100.0) * METRES_PER_NM
+        return (25.0 if self.service_volume == "T" else 40.0) * METRES_PER_NM
+
+
+class StationTable:
+    """Stations by ident, checked as a whole.
+
+    Raises
+    ------
+    StationError
+        For a duplicate ident, coincident stations, or a longitude whose sign differs from that of all the others around it.
+    """
+
+    def __init__(self, stations: Iterable[Station]) -> None:
+        self._by_ident: dict[str, Station] = {}
+        for station in stations:
+            if station.ident in self._by_ident:
+                raise StationError(f"Station {station.ident} is listed twice; remove one line.")
+            self._by_ident[station.ident] = station
+        if not self._by_ident:
+            raise StationError("The station table is empty; list at least one station.")
+        _refuse_lost_longitude_sign(list(self))
+        _refuse_coincident(list(self))
+
+    def __iter__(self) -> Iterator[Station]:
+        return iter(self._by_ident.values())
+
+    def __len__(self) -> int:
+        return len(self._by_ident)
+
+    def __contains__(self, ident: str) -> bool:
+        return ident in self._by_ident
+
+    def __getitem__(self, ident: str) -> Station:
+        if ident not in self._by_ident:
+            raise StationError(f"Station {ident} is not in the table; it has {', '.join(sorted(self._by_ident))}.")
+        return self._by_ident[ident]
+
+
+def stations_from_text(text: str, where: str = "stations") -> StationTable:
+    """Read a station table from CSV text; see the module docstring for the columns.
+
+    Raises
+    ------
+    StationError
+        Naming the line and what to do.
+    """
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise StationError(f"{where}: no stations; the first line names the columns {', '.join(COLUMNS)}.")
+    header = _cells(lines[0][1], where)
+    missing = [column for column in COLUMNS if column not in header]
+    if missing:
+        raise StationError(f"{where}: column {', '.join(missing)} is missing; the first line names {', '.join(COLUMNS)}.")
+    stations = []
+    for number, line in lines[1:]:
+        row = _cells(line, f"{where} line {number}")
+        if len(row) != len(header):
+            raise StationError(f"{where} line {number}: {len(row)} cells for {len(header)} columns; check the commas.")
+        stations.append(_station(dict(zip(header, row, strict=True)), f"{where} line {number}"))
+    return StationTable(stations)
+
+
+def _cells(line: str, where: str) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise StationError(f"{where}: not readable as comma-separated text ({error}); retype the line.") from None
+
+
+def _station(cells: dict[str, str], where: str) -> Station:
+    ident = cells["ident"].upper()
+    if not re.fullmatch(r"[A-Z0-9]{1,4}", ident):
+        raise StationError(f"{where}: ident '{cells['ident']}' must be one to four letters or digits.")
+    lat_deg = _number(cells, "lat_deg", -90.0, 90.0, where)
+    lon_deg = _number(cells, "lon_deg", -180.0, 180.0, where)
+    elevation_ft = _number(cells, "elevation_ft", LOWEST_FT, HIGHEST_FT, where)
+    undulation_m = _number(cells, "undulation_m", -110.0, 90.0, where)
+    if not re.fullmatch(r"\d{1,3}[XY]", cells["channel"]) or not 1 <= int(cells["channel"][:-1]) <= 126:
+        raise StationError(f"{where}: channel '{cells['channel']}' must be 1 to 126 followed by X or Y.")
+    if cells["service_volume"] not in SERVICE_VOLUMES:
+        raise StationError(f"{where}: service volume '{cells['service_volume']}' must be T, L or H.")
+    elevation = elevation_ft * METRES_PER_FOOT
+    lat, lon = math.radians(lat_deg), math.radians(lon_deg)
+    return Station(ident, cells["name"], lat, lon, elevation + undulation_m, elevation, cells["channel"], cells["service_volume"])
+
+
+def _number(cells: dict[str, str], column: str, low: float, high: float, where: str) -> float:
+    try:
+        value = float(cells[column])
+    except ValueError:
+        raise StationError(f"{where}: {column} '{cells[column]}' must be a number.") from None
+    if not low <= value <= high:  # also refuses NaN
+        raise StationError(f"{where}: {column} of {value:g} must lie between {low:g} and {high:g}.")
+    return value
+
+
+def _refuse_lost_longitude_sign(stations: list[Station]) -> None:
+    """A lost minus sign puts a station alone on the other side of the world, at the mirrored place of its neighbours."""
+    near, beside = math.radians(10.0), math.radians(5.0)
+    for station in stations:
+        others = [s for s in stations if s is not station]
+        alone = all(abs(s.lon - station.lon) > near for s in others)
+        neighbours = [s for s in others if abs(s.lon + station.lon) < near and abs(s.lat - station.lat) < beside]
+        if alone and len(neighbours) >= 2:
+            raise StationError(
+                f"Station {station.ident} at longitude {math.degrees(station.lon):.4f} lies opposite {neighbours[0].ident} and others; "
+                f"its sign looks lost, try {-math.degrees(station.lon):.4f}."
+            )
+
+
+def _refuse_coincident(stations: list[Station]) -> None:
+    places = [(s, geodetic_to_ecef(s.lat, s.lon, s.height)) for s in stations]
+    for i, (a, place_a) in enumerate(places):
+        for b, place_b in places[i + 1 :]:
+            distance_m = math.dist(place_a, place_b)
+            if distance_m < COINCIDENT_M:
+                raise StationError(f"Stations {a.ident} and {b.ident} are {distance_m:.0f} m apart, as good as one; remove one of them.")

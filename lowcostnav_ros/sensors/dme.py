@@ -1,0 +1,152 @@
+"""DME simulator: slant ranges as a receiver that keeps to the pulse budget gets them.
+
+``measured = true + bias + slow error + white noise``; the slow error is Gauss-Markov over the *distance* flown, sigma 0.17 NM
+with a correlation distance of 0.5 NM, independent per station; white noise 0.004 NM (Gebre-Egziabher 2004, eq. 3.38-3.39).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lowcostnav_ros.measurements import SlantRange
+from lowcostnav_ros.radionav.interrogation import SCHEMES, InterrogationSchedule, Slot
+from lowcostnav_ros.radionav.selection import audible, best_pair, view
+from lowcostnav_ros.radionav.stations import Station, StationTable
+from lowcostnav_ros.sensors.seeds import stream
+from lowcostnav_ros.settings import setting
+from lowcostnav_ros.truth import TruthBlock
+
+CHOOSE_EVERY_S = 60.0
+"""How long an automatic choice of stations is kept: changing costs a search."""
+
+
+@dataclass(frozen=True)
+class DmeSimulatorSettings:
+    """Settings of the DME simulator."""
+
+    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    scheme: str = setting("one_receiver", "Receiver: one that alternates, two, or a scanning one.", choices=SCHEMES)
+    interval_s: float = setting(15.0, "Time between ranges; 0 takes the shortest the pulse budget allows.", unit="s", minimum=0.0)
+    stations_file: str = setting("dme_stations_bay_area.csv", "Station table in the config directory, or a path.")
+    stations: str = setting("", "Idents to ask, separated by commas; empty chooses the best pair on the way.")
+    bias_m: float = setting(0.0, "Constant error per station, 1 sigma (0 once calibrated).", unit="m", minimum=0.0)
+    drift_m: float = setting(314.84, "Slow error, 1 sigma (0.17 NM).", unit="m", minimum=0.0)
+    correlation_distance_m: float = setting(926.0, "Distance over which the slow error decorrelates (0.5 NM).", unit="m", minimum=1.0)
+    noise_m: float = setting(7.4, "White noise, 1 sigma (0.004 NM).", unit="m", minimum=0.0)
+
+
+class RangeError:
+    """Error of the ranges to one station, a function of the distance flown since power-up."""
+
+    def __init__(self, settings: DmeSimulatorSettings, ident: str) -> None:
+        self._settings = settings
+        self._rng = stream(settings.seed, f"dme.{ident}")
+        self._bias = settings.bias_m * self._rng.standard_normal()
+        self._drift = settings.drift_m * self._rng.standard_normal()
+        self._distance_m: float | None = None
+
+    def draw(self, distance_m: float) -> float:
+        """Return the error of one range, m, taken after ``distance_m`` flown; calls must not go back."""
+        settings = self._settings
+        flown = 0.0 if self._distance_m is None else distance_m - self._distance_m
+        self._distance_m = distance_m
+        decay = math.exp(-flown / settings.correlation_distance_m)
+        kick = settings.drift_m * math.sqrt(1.0 - decay * decay)
+        normals = self._rng.standard_normal(2)
+        self._drift = decay * self._drift + kick * normals[0]
+        return self._bias + self._drift + settings.noise_m * normals[1]
+
+
+class DmeSimulator:
+    """Turn truth into slant ranges; keeps lock, schedule and errors from call to call.
+
+    Parameters
+    ----------
+    settings : DmeSimulatorSettings
+    table : StationTable
+        Stations that exist.
+    source : str
+        Source name of the measurements.
+
+    Raises
+    ------
+    ScheduleError
+        When the interval is over the pulse budget.
+    StationError
+        When a station asked for is not in the table.
+    """
+
+    def __init__(self, settings: DmeSimulatorSettings, table: StationTable, source: str = "dme/range") -> None:
+        self.settings, self.source, self._table = settings, source, table
+        self._fixed = [table[ident.strip().upper()] for ident in settings.stations.split(",") if ident.strip()]
+        self.schedule = InterrogationSchedule(settings.scheme, len(self._fixed) or 2, settings.interval_s)
+        self._channels: list[Station | None] = [*self._fixed] or [None, None]
+        self._errors: dict[str, RangeError] = {}
+        self._choose_at_s = 0.0
+        self._open: list[tuple[Slot, Station]] = []
+        self._turn = 0
+        self._start_ns: int | None = None
+        self._flown_m, self._last_ns = 0.0, 0
+        self._variance = settings.bias_m**2 + settings.drift_m**2 + settings.noise_m**2
+
+    def simulate(self, truth: TruthBlock) -> list[SlantRange]:
+        """Return the replies that arrive during ``truth``.
+
+        The variance of a reply is that of its whole error, slow part included.  A station below the horizon or outside its
+        service volume, at the question or at the reply, stays silent.
+        """
+        if len(truth) == 0:
+            return []
+        if self._start_ns is None:
+            self._start_ns = self._last_ns = int(truth.stamps_ns[0])
+        flown_m = self._distance(truth)
+        replies = []
+        while True:
+            due_ns, reply = self._next_event()
+            row = int(np.searchsorted(truth.stamps_ns, due_ns))
+            if row == len(truth):
+                return replies
+            if reply:
+                slot, station = self._open.pop(0)
+                replies += self._reply(truth, row, station, float(flown_m[row]))
+            else:
+                self._ask(truth, row)
+
+    def _next_event(self) -> tuple[int, bool]:
+        """Return when the next event is due and whether it is a reply; a reply comes before a question at the same time."""
+        question_ns = self._start_ns + round(self.schedule.slots(self._turn)[0].begin_s * 1e9)
+        if self._open:
+            reply_ns = self._start_ns + round(self._open[0][0].reply_s * 1e9)
+            if reply_ns <= question_ns:
+                return reply_ns, True
+        return question_ns, False
+
+    def _ask(self, truth: TruthBlock, row: int) -> None:
+        place = truth.lat[row], truth.lon[row], truth.height[row]
+        slots = self.schedule.slots(self._turn)
+        self._turn += 1
+        if not self._fixed and slots[0].channel == 0 and slots[0].begin_s >= self._choose_at_s:
+            self._channels = list(best_pair(self._table, *place) or (None, None))
+            self._choose_at_s = slots[0].begin_s + (CHOOSE_EVERY_S if self._channels[0] else 0.0)
+        for slot in slots:
+            station = self._channels[slot.channel]
+            if station is not None and audible(station, *place):
+                self._open.append((slot, station))
+
+    def _reply(self, truth: TruthBlock, row: int, station: Station, flown_m: float) -> list[SlantRange]:
+        place = truth.lat[row], truth.lon[row], truth.height[row]
+        if not audible(station, *place):
+            return []
+        if station.ident not in self._errors:
+            self._errors[station.ident] = RangeError(self.settings, station.ident)
+        measured = view(station, *place).range_m + self._errors[station.ident].draw(flown_m)
+        return [SlantRange(int(truth.stamps_ns[row]), self.source, station.ident, max(measured, 0.0), self._variance)]
+
+    def _distance(self, truth: TruthBlock) -> np.ndarray:
+        """Distance flown over ground up to each row; the running sum makes it independent of the cutting."""
+        steps_s = np.diff(truth.stamps_ns, prepend=self._last_ns) * 1e-9
+        steps_m = np.hypot(truth.vel_n[:, 0], truth.vel_n[:, 1]) * steps_s
+        flown_m = np.cumsum(np.concatenate(([self._flown_m], steps_m)))[1:]
+        self._flown_m, self._last_ns = float(flown_m[-1]), int(truth.stamps_ns[-1])
+        return flown_m

@@ -1,0 +1,103 @@
+"""GPS receiver simulator: position and velocity with white and time-correlated error, latency, dropouts and outages.
+
+Position error 2 m horizontal, 5 m vertical (Gebre-Egziabher 2004, section 3.10, GPS with WAAS).  The source gives no velocity
+figure; 0.1 m/s is usual for a receiver that uses carrier Doppler.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lowcostnav_ros.earth import displace
+from lowcostnav_ros.measurements import GpsPosition, GpsVelocity
+from lowcostnav_ros.sensors.drift import DriftBank
+from lowcostnav_ros.sensors.sampling import SampleClock
+from lowcostnav_ros.sensors.seeds import stream
+from lowcostnav_ros.settings import SettingsError, setting
+from lowcostnav_ros.truth import TruthBlock
+
+
+@dataclass(frozen=True)
+class GpsSimulatorSettings:
+    """Settings of the GPS simulator."""
+
+    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    rate_hz: float = setting(5.0, "Output rate.", unit="Hz", minimum=0.1, maximum=50.0)
+    horizontal_noise_m: float = setting(2.0, "White position error per horizontal axis, 1 sigma.", unit="m", minimum=0.0)
+    vertical_noise_m: float = setting(5.0, "White height error, 1 sigma.", unit="m", minimum=0.0)
+    horizontal_drift_m: float = setting(0.0, "Correlated position error per horizontal axis, 1 sigma.", unit="m", minimum=0.0)
+    vertical_drift_m: float = setting(0.0, "Correlated height error, 1 sigma.", unit="m", minimum=0.0)
+    drift_tau_s: float = setting(300.0, "Correlation time of the correlated error.", unit="s", minimum=0.1)
+    velocity_noise_mps: float = setting(0.1, "White velocity error per axis, 1 sigma.", unit="m/s", minimum=0.0)
+    latency_s: float = setting(0.0, "Time from validity to availability.", unit="s", minimum=0.0, maximum=10.0)
+    dropout_probability: float = setting(0.0, "Probability that one epoch is missing.", minimum=0.0, maximum=1.0)
+    outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
+
+    def __post_init__(self) -> None:
+        if len(self.outages_s) % 2:
+            raise SettingsError("GPS: 'outages_s' needs pairs of start and end; add the missing end.")
+        for start, end in outage_windows(self.outages_s):
+            if end <= start:
+                raise SettingsError(f"GPS: an outage ends at {end:g} s, not after its start at {start:g} s; swap or correct them.")
+
+
+def outage_windows(outages_s: list) -> list[tuple[float, float]]:
+    """Return the flat list ``[start, end, start, end, ...]`` as pairs."""
+    return list(zip(outages_s[0::2], outages_s[1::2], strict=True))
+
+
+class GpsSimulator:
+    """Turn truth into fixes; keeps its errors and what is still on its way from call to call.
+
+    An epoch is handed over in the call whose newest truth stamp reaches its time of validity plus the latency; its stamp is
+    the time of validity.  No measurement is made during an outage or a dropout.
+    """
+
+    def __init__(self, settings: GpsSimulatorSettings, position_source: str = "gps/fix", velocity_source: str = "gps/vel") -> None:
+        self.settings = settings
+        self.position_source, self.velocity_source = position_source, velocity_source
+        self._clock = SampleClock(settings.rate_hz)
+        self._start_ns: int | None = None
+        self._latency_ns = round(settings.latency_s * 1e9)
+        self._pending: list[GpsPosition | GpsVelocity] = []
+        drift = np.array([settings.horizontal_drift_m, settings.horizontal_drift_m, settings.vertical_drift_m])
+        self._drift = DriftBank(drift, np.full(3, settings.drift_tau_s), 1.0 / settings.rate_hz, stream(settings.seed, "gps.drift"))
+        self._noise_rng = stream(settings.seed, "gps.noise")
+        self._dropout_rng = stream(settings.seed, "gps.dropout")
+        white = np.array([settings.horizontal_noise_m, settings.horizontal_noise_m, settings.vertical_noise_m])
+        self._noise_sigma = np.concatenate((white, np.full(3, settings.velocity_noise_mps)))
+        self._cov_position = np.diag(white**2 + drift**2)
+        self._cov_velocity = np.eye(3) * settings.velocity_noise_mps**2
+
+    def simulate(self, truth: TruthBlock) -> list[GpsPosition | GpsVelocity]:
+        """Return the fixes and velocities that become available during ``truth``, in stamp order."""
+        if len(truth) == 0:
+            return []
+        if self._start_ns is None:
+            self._start_ns = int(truth.stamps_ns[0])
+        rows = self._clock.rows(truth.stamps_ns)
+        noise = self._noise_rng.standard_normal((len(rows), 6)) * self._noise_sigma
+        noise[:, 0:3] += self._drift.draw(len(rows))
+        received = self._dropout_rng.random(len(rows)) >= self.settings.dropout_probability
+        for row, error, ok in zip(rows, noise, received, strict=True):
+            if ok and not self._in_outage(int(truth.stamps_ns[row])):
+                self._pending += self._epoch(truth, row, error)
+        return self._available(int(truth.stamps_ns[-1]))
+
+    def _in_outage(self, stamp_ns: int) -> bool:
+        elapsed_s = (stamp_ns - self._start_ns) * 1e-9
+        return any(start <= elapsed_s < end for start, end in outage_windows(self.settings.outages_s))
+
+    def _epoch(self, truth: TruthBlock, row: int, error: np.ndarray) -> list[GpsPosition | GpsVelocity]:
+        stamp_ns = int(truth.stamps_ns[row])
+        lat, lon, height = displace(truth.lat[row], truth.lon[row], truth.height[row], error[0:3])
+        velocity = truth.vel_n[row] + error[3:6]
+        return [
+            GpsPosition(stamp_ns, self.position_source, float(lat), float(lon), float(height), self._cov_position),
+            GpsVelocity(stamp_ns, self.velocity_source, velocity, self._cov_velocity),
+        ]
+
+    def _available(self, now_ns: int) -> list[GpsPosition | GpsVelocity]:
+        ready = [m for m in self._pending if m.stamp_ns + self._latency_ns <= now_ns]
+        self._pending = self._pending[len(ready) :]  # pending is in stamp order, so the ready ones are its head
+        return ready

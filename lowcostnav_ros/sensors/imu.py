@@ -1,0 +1,118 @@
+"""IMU simulator: what a low-cost inertial measurement unit makes of the true specific force and angular rate.
+
+Per axis (Solimeno 2007, eq. 5-18..5-23; Gebre-Egziabher 2004, eq. 3.2-3.3):
+``measured = true + turn-on bias + bias drift + scale factor * true + white noise``, then, where the profile has them,
+misalignment, g-sensitivity, warm-up transient, clipping and quantisation.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lowcostnav_ros.measurements import ImuBlock
+from lowcostnav_ros.sensors.drift import DriftBank
+from lowcostnav_ros.sensors.imu_profile import STANDARD_GRAVITY, ImuProfile, TriadNoise
+from lowcostnav_ros.sensors.sampling import SampleClock, means_between
+from lowcostnav_ros.sensors.seeds import stream
+from lowcostnav_ros.settings import setting
+from lowcostnav_ros.truth import TruthBlock
+
+
+@dataclass(frozen=True)
+class ImuSimulatorSettings:
+    """Settings of the IMU simulator; the data-sheet numbers are in the profile."""
+
+    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    profile: str = setting("automotive", "Name of the IMU profile (config/profiles) or path of a profile file.")
+    rate_hz: float = setting(100.0, "Output rate; a divisor of the rate of the truth.", unit="Hz", minimum=1.0, maximum=2000.0)
+    clipping: bool = setting(True, "Clip at the full scale of the profile.")
+    quantisation: bool = setting(True, "Round to the resolution of the profile.")
+    misalignment: bool = setting(False, "Simulate the misalignment of the profile.")
+    g_sensitivity: bool = setting(False, "Simulate the g-sensitivity of the gyros.")
+    warm_up: bool = setting(False, "Simulate the bias transient after power-up.")
+
+
+class _Triad:
+    """Three like sensors: random errors, then the limits of the converter."""
+
+    def __init__(self, noise: TriadNoise, settings: ImuSimulatorSettings, name: str, misalignment_rad: float) -> None:
+        dt_s = 1.0 / settings.rate_hz
+        seed = settings.seed
+        drift = np.concatenate((noise.turn_on_sigma, noise.bias_sigma, noise.scale_sigma))
+        tau = np.concatenate((np.full(3, np.inf), noise.bias_tau_s, noise.scale_tau_s))
+        self._drift = DriftBank(drift, tau, dt_s, stream(seed, f"{name}.drift"))
+        self._sample_sigma = noise.noise_density / np.sqrt(dt_s)
+        self._noise_rng = stream(seed, f"{name}.noise")
+        angles = misalignment_rad * stream(seed, f"{name}.misalignment").standard_normal(3)
+        self._angles = angles if settings.misalignment else np.zeros(3)
+
+    def corrupt(self, true: np.ndarray) -> np.ndarray:
+        """Return the measured values (n, 3) before clipping; ``true`` (n, 3) in the same unit."""
+        errors = self._drift.draw(len(true))
+        seen = true - np.cross(self._angles, true)  # the triad is turned by the angles, so it sees the vector turned back
+        white = self._sample_sigma * self._noise_rng.standard_normal(true.shape)
+        return seen + errors[:, 0:3] + errors[:, 3:6] + errors[:, 6:9] * seen + white
+
+
+class ImuSimulator:
+    """Turn truth into the samples of one IMU; keeps its errors from call to call.
+
+    Parameters
+    ----------
+    settings : ImuSimulatorSettings
+    profile : ImuProfile
+        The unit to simulate.
+    source : str
+        Source name of the measurements.
+    """
+
+    def __init__(self, settings: ImuSimulatorSettings, profile: ImuProfile, source: str = "imu/data_raw") -> None:
+        self.settings, self.profile, self.source = settings, profile, source
+        gyro, accel = profile.gyro, profile.accelerometer
+        self._clock = SampleClock(settings.rate_hz)
+        self._total, self._count = np.zeros(6), 0
+        self._gyros = _Triad(profile.gyro_noise(), settings, "imu.gyro", np.radians(gyro.misalignment_deg))
+        self._accels = _Triad(profile.accel_noise(), settings, "imu.accelerometer", np.radians(accel.misalignment_deg))
+        g_sensitivity = np.radians(gyro.g_sensitivity_deg_per_s_per_g) / STANDARD_GRAVITY
+        self._g_sensitivity = g_sensitivity * stream(settings.seed, "imu.gyro.g_sensitivity").standard_normal(3) * settings.g_sensitivity
+        self._start_ns: int | None = None
+
+    def simulate(self, truth: TruthBlock) -> list[ImuBlock]:
+        """Return one block with the samples that fall into ``truth``, or nothing when none does.
+
+        Each sample is the mean over the interval since the previous sample, as an integrating IMU delivers it.
+        """
+        rows = self._clock.rows(truth.stamps_ns)
+        if len(truth) and self._start_ns is None:
+            self._start_ns = int(truth.stamps_ns[0])
+        both = np.hstack((truth.specific_force_b, truth.angular_rate_b))
+        means, self._count = means_between(both, rows, self._total, self._count)
+        if len(rows) == 0:
+            return []
+        stamps_ns = truth.stamps_ns[rows]
+        force, rate = means[:, 0:3], means[:, 3:6]
+        measured_rate = self._gyros.corrupt(rate) + force * self._g_sensitivity + self._warm_up(stamps_ns)
+        return [ImuBlock.of(self.source, stamps_ns, self._limit_force(self._accels.corrupt(force)), self._limit_rate(measured_rate))]
+
+    def _warm_up(self, stamps_ns: np.ndarray) -> np.ndarray:
+        gyro = self.profile.gyro
+        if not self.settings.warm_up:
+            return np.zeros((len(stamps_ns), 1))
+        elapsed_s = (stamps_ns - self._start_ns) * 1e-9
+        return (np.radians(gyro.warm_up_bias_deg_per_s) * np.exp(-elapsed_s / gyro.warm_up_tau_s))[:, None]
+
+    def _limit_rate(self, rate: np.ndarray) -> np.ndarray:
+        gyro = self.profile.gyro
+        return self._convert(rate, np.radians(gyro.range_deg_per_s), np.radians(gyro.resolution_deg_per_s))
+
+    def _limit_force(self, force: np.ndarray) -> np.ndarray:
+        accel = self.profile.accelerometer
+        return self._convert(force, accel.range_g * STANDARD_GRAVITY, accel.resolution_mg * 1e-3 * STANDARD_GRAVITY)
+
+    def _convert(self, values: np.ndarray, full_scale: float, step: float) -> np.ndarray:
+        """Clip and round as the converter of the unit does; 0 switches either off."""
+        if self.settings.clipping and full_scale > 0.0:
+            values = np.clip(values, -full_scale, full_scale)
+        if self.settings.quantisation and step > 0.0:
+            values = np.round(values / step) * step
+        return values

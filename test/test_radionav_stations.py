@@ -1,0 +1,84 @@
+"""Station table: what it accepts, and a sentence for everything it refuses."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lowcostnav_ros.radionav.stations import StationError, stations_from_text
+
+CONFIG = Path(__file__).parents[1] / "config"
+HEADER = "ident,name,lat_deg,lon_deg,elevation_ft,undulation_m,channel,service_volume\n"
+OSI = "OSI,Woodside,37.3927,-122.2820,2270,-32.5,86X,L\n"
+SJC = "SJC,San Jose,37.3747,-121.9450,43,-32.5,88X,L\n"
+OAK = "OAK,Oakland,37.7259,-122.2240,10,-32.5,115X,H\n"
+
+
+def test_shipped_table_holds_the_bay_area():
+    table = stations_from_text((CONFIG / "dme_stations_bay_area.csv").read_text())
+    assert {"OSI", "SJC", "OAK", "SFO", "SAU", "PYE", "CCR", "SGD", "SNS"} <= {s.ident for s in table}
+    woodside = table["OSI"]
+    assert woodside.elevation == pytest.approx(691.896)  # 2270 ft
+    assert woodside.height == pytest.approx(691.896 - 32.5)
+    assert math.degrees(woodside.lon) == pytest.approx(-122.2820)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "no stations; the first line names the columns"),
+        (HEADER, "The station table is empty; list at least one"),
+        (HEADER.replace("channel,", "") + OSI, "column channel is missing"),
+        (HEADER + OSI.replace(",86X", ""), "line 2: 7 cells for 8 columns"),
+        (HEADER + OSI.replace("37.3927", "97.3927"), "lat_deg of 97.3927 must lie between -90 and 90"),
+        (HEADER + OSI.replace("-122.2820", "-222.2820"), "lon_deg of -222.282 must lie between"),
+        (HEADER + OSI.replace("37.3927", "nan"), "lat_deg of nan must lie between"),
+        (HEADER + OSI.replace("37.3927", "37N23"), "lat_deg '37N23' must be a number"),
+        (HEADER + OSI.replace("2270", "22700"), "elevation_ft of 22700 must lie between"),
+        (HEADER + OSI.replace("86X", "130X"), "channel '130X' must be 1 to 126"),
+        (HEADER + OSI.replace(",L", ",Q"), "service volume 'Q' must be T, L or H"),
+        (HEADER + OSI.replace("OSI", "O I"), "ident 'O I' must be one to four letters"),
+        (HEADER + OSI + OSI, "OSI is listed twice"),
+        (HEADER + OSI + OSI.replace("OSI", "XXX"), "OSI and XXX are 0 m apart"),
+        (HEADER + OSI + SJC + OAK.replace("-122", "122"), "OAK at longitude 122.2240 lies opposite OSI and others; its sign looks lost, try -122.2240"),
+    ],
+)
+def test_refusals_say_what_to_do(text, sentence):
+    with pytest.raises(StationError) as refusal:
+        stations_from_text(text)
+    assert sentence in str(refusal.value)
+
+
+def test_line_numbers_count_comments():
+    with pytest.raises(StationError, match="bay line 4: elevation_ft"):
+        stations_from_text("# a comment\n" + HEADER + "\n" + OSI.replace("2270", "high"), "bay")
+
+
+def test_a_table_of_both_hemispheres_is_not_taken_for_a_lost_sign():
+    tokyo = "HME,Haneda,35.5500,139.7800,20,36.0,80X,H\nNRE,Narita,35.7800,140.3600,140,36.0,81X,H\n"
+    assert len(stations_from_text(HEADER + OSI + SJC + tokyo)) == 4
+
+
+def test_unknown_station_lists_what_exists():
+    with pytest.raises(StationError, match="LAX is not in the table; it has OSI, SJC"):
+        stations_from_text(HEADER + OSI + SJC)["LAX"]
+
+
+@pytest.mark.parametrize(
+    ("volume", "above_ft", "range_nm"),
+    [("T", 5000, 25), ("L", 5000, 40), ("H", 5000, 40), ("H", 15_000, 100), ("H", 20_000, 130)],
+)
+def test_standard_service_volumes(volume, above_ft, range_nm):
+    station = next(iter(stations_from_text(HEADER + OSI.replace(",L", f",{volume}"))))
+    assert station.service_range_m(station.height + above_ft * 0.3048) == pytest.approx(range_nm * 1852.0)
+
+
+@given(st.text(max_size=300))
+def test_any_text_is_read_or_refused(text):
+    for candidate in (text, HEADER + text):
+        try:
+            stations_from_text(candidate)
+        except StationError as refusal:
+            assert str(refusal)
