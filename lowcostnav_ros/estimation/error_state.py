@@ -114,6 +114,10 @@ class Layout:
     def __getitem__(self, name: str) -> slice:
         return self._slices[name]
 
+    def get(self, name: str) -> slice | None:
+        """Slice of a block, None when it was not chosen."""
+        return self._slices.get(name)
+
     def initial_covariance(self) -> np.ndarray:
         """Diagonal covariance from the blocks' initial sigmas, shape (n, n)."""
         return np.diag(self.sigma0**2)

@@ -48,6 +48,7 @@ class FusionHorizon:
         self._sequence = 0
         self._imu: ImuBlock | None = None
         self._imu_newest_ns: int | None = None
+        self._carried_ns: int | None = None  # up to where inertial samples were handed over
         self._suspect_ns = 0
         self._votes = 0
 
@@ -153,8 +154,10 @@ class FusionHorizon:
         stamps = held.stamps_ns
         n = int(np.searchsorted(stamps, stamp, side="right"))
         if n:
+            self._carried_ns = int(stamps[n - 1])
             yield ImuBlock.of(held.source, stamps[:n], held.specific_force_b[:n], held.angular_rate_b[:n])
-        if split and n < len(stamps) and (n == 0 or stamps[n - 1] < stamp):
+        if split and n < len(stamps) and (self._carried_ns is None or self._carried_ns < stamp):
+            self._carried_ns = stamp
             yield ImuBlock.of(held.source, np.array([stamp]), held.specific_force_b[n : n + 1], held.angular_rate_b[n : n + 1])
         if n == len(stamps):
             self._imu = None

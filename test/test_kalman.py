@@ -1,0 +1,156 @@
+"""The Kalman algebra against filterpy, scipy and closed forms."""
+
+import numpy as np
+import pytest
+from filterpy.common import Q_discrete_white_noise
+from filterpy.kalman import KalmanFilter
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+from scipy.stats import chi2
+
+from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.consistency import acceptance_band, error_over_sigma_rms, nees
+from lowcostnav_ros.estimation.smoothing import rts_smoother
+
+
+def random_covariance(rng, n):
+    A = rng.standard_normal((n, n))
+    return A @ A.T + 0.1 * np.eye(n)
+
+
+def test_van_loan_reproduces_the_gauss_markov_closed_form():
+    sigma, tau, dt = 2.5, 120.0, 15.0
+    Phi, Q = kalman.van_loan(np.array([[-1 / tau]]), np.array([[2 * sigma**2 / tau]]), dt)
+    assert Phi[0, 0] == pytest.approx(np.exp(-dt / tau), rel=1e-12)
+    assert Q[0, 0] == pytest.approx(sigma**2 * (1 - np.exp(-2 * dt / tau)), rel=1e-12)
+
+
+def test_van_loan_reproduces_the_white_acceleration_closed_form():
+    dt, q = 0.7, 3.0
+    _, Q = kalman.van_loan(np.array([[0.0, 1.0], [0.0, 0.0]]), np.diag([0.0, q]), dt)
+    assert np.allclose(Q, q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), rtol=1e-12)
+
+
+def test_short_step_discretisation_approaches_van_loan():
+    rng = np.random.default_rng(3)
+    F, GQG, dt = 0.3 * rng.standard_normal((6, 6)), random_covariance(rng, 6), 0.02
+    P = random_covariance(rng, 6)
+    Phi, Q = kalman.van_loan(F, GQG, dt)
+    exact = Phi @ P @ Phi.T + Q
+    kalman.predict_covariance(P, kalman.transition(F, dt), GQG, dt)
+    assert np.allclose(kalman.transition(F, dt), expm(F * dt), atol=1e-5)
+    assert np.allclose(P, exact, rtol=1e-4)
+
+
+def test_update_equals_filterpy():
+    rng = np.random.default_rng(1)
+    n, m = 7, 3
+    P, H, R, y = random_covariance(rng, n), rng.standard_normal((m, n)), random_covariance(rng, m), rng.standard_normal(m)
+    oracle = KalmanFilter(dim_x=n, dim_z=m)
+    oracle.P, oracle.H, oracle.R = P.copy(), H, R
+    oracle.update(y)
+    ours = P.copy()
+    dx = kalman.update(ours, y, H, R, np.ones(n))
+    assert np.allclose(dx, oracle.x.ravel(), rtol=1e-10)
+    assert np.allclose(ours, oracle.P, rtol=1e-9)
+    S = kalman.innovation_covariance(P, H, R)
+    assert kalman.normalised_innovation_squared(y, S) == pytest.approx(oracle.mahalanobis**2, rel=1e-9)
+
+
+def test_filter_run_equals_filterpy():
+    rng = np.random.default_rng(2)
+    dt = 1.0
+    oracle = KalmanFilter(dim_x=2, dim_z=1)
+    oracle.F, oracle.H = np.array([[1, dt], [0, 1]]), np.array([[1.0, 0.0]])
+    oracle.Q, oracle.R, oracle.P = Q_discrete_white_noise(2, dt, 0.1), np.array([[4.0]]), np.diag([100.0, 10.0])
+    x, P = np.zeros(2), oracle.P.copy()
+    for z in np.cumsum(rng.standard_normal(50)):
+        oracle.predict()
+        oracle.update(z)
+        x, P = oracle.F @ x, oracle.F @ P @ oracle.F.T + oracle.Q
+        x = x + kalman.update(P, np.array([z - x[0]]), oracle.H, oracle.R, np.ones(2))
+    assert np.allclose(x, oracle.x.ravel(), rtol=1e-9)
+    assert np.allclose(P, oracle.P, rtol=1e-9)
+
+
+def test_a_considered_state_keeps_its_estimate_and_variance():
+    rng = np.random.default_rng(4)
+    P = random_covariance(rng, 4)
+    before = P.copy()
+    dx = kalman.update(P, np.array([2.0]), np.array([[1.0, 0.5, 0.2, 1.0]]), np.array([[0.5]]), np.array([1.0, 1.0, 1.0, 0.0]))
+    assert dx[3] == 0.0
+    assert P[3, 3] == pytest.approx(before[3, 3], rel=1e-12)
+    assert np.linalg.eigvalsh(P).min() > 0.0
+    assert P[0, 0] < before[0, 0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 12), st.integers(1, 3))
+def test_covariance_stays_symmetric_positive_and_never_grows_in_an_update(seed, n, m):
+    rng = np.random.default_rng(seed)
+    P, R = random_covariance(rng, n), random_covariance(rng, m)
+    before = P.copy()
+    kalman.update(P, rng.standard_normal(m), rng.standard_normal((m, n)), R, np.ones(n))
+    assert np.array_equal(P, P.T)
+    assert np.linalg.eigvalsh(P).min() > 0.0
+    assert np.linalg.eigvalsh(before - P).min() > -1e-9 * np.trace(before)
+
+
+def test_guard_repairs_what_is_broken_and_leaves_the_rest():
+    P = np.diag([1.0, -1e-9, 4.0])
+    P[0, 2] = P[2, 0] = 3.0  # correlation 1.5
+    P[0, 1] = P[1, 0] = np.nan
+    assert kalman.guard_covariance(P, np.full(3, 1e-6), np.full(3, 1e6)) >= 2
+    assert np.isfinite(P).all()
+    assert abs(P[0, 2]) <= np.sqrt(P[0, 0] * P[2, 2])
+    healthy = random_covariance(np.random.default_rng(0), 3)
+    copy = healthy.copy()
+    assert kalman.guard_covariance(healthy, np.full(3, 1e-12), np.full(3, 1e12)) == 0
+    assert np.array_equal(healthy, copy)
+
+
+def test_steady_state_gain_is_what_the_filter_settles_to():
+    Phi, Q = np.array([[1.0, 0.5], [0.0, 1.0]]), np.diag([0.01, 0.02])
+    H, R = np.array([[1.0, 0.0]]), np.array([[0.25]])
+    K, P_after = kalman.steady_state_gain(Phi, Q, H, R)
+    P = np.eye(2)
+    for _ in range(300):
+        P = Phi @ P @ Phi.T + Q
+        gain = P @ H.T / (H @ P @ H.T + R)
+        kalman.update(P, np.zeros(1), H, R, np.ones(2))
+    assert np.allclose(K, gain, rtol=1e-8)
+    assert np.allclose(P_after, P, rtol=1e-8)
+
+
+def test_steady_state_gain_refuses_an_unobservable_constant():
+    with pytest.raises(ValueError, match="neither measured nor decaying"):
+        kalman.steady_state_gain(np.diag([1.0, 1.1]), np.diag([1.0, 1.0]), np.array([[1.0, 0.0]]), np.eye(1))
+
+
+def test_smoother_equals_filterpy():
+    rng = np.random.default_rng(5)
+    f = KalmanFilter(dim_x=2, dim_z=1)
+    f.F, f.H = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    f.Q, f.R, f.P = 0.05 * np.eye(2), np.eye(1) * 2.0, np.eye(2) * 50.0
+    xs, covs, _, _ = f.batch_filter(np.cumsum(rng.standard_normal(30)))
+    x, P = xs.reshape(30, 2), covs
+    ours_x, ours_P = rts_smoother(x, P, np.repeat(f.F[None], 29, 0), np.repeat(f.Q[None], 29, 0))
+    oracle_x, oracle_P, _, _ = f.rts_smoother(xs, covs)
+    assert np.allclose(ours_x, oracle_x.reshape(30, 2), rtol=1e-8)
+    assert np.allclose(ours_P, oracle_P, rtol=1e-8)
+
+
+def test_gate_and_band_come_from_chi_square():
+    assert kalman.gate_threshold(0.999, 1) == pytest.approx(10.828, abs=1e-3)
+    low, high = acceptance_band(3, 20)
+    assert (low, high) == pytest.approx(tuple(chi2.ppf([0.025, 0.975], 60) / 20))
+
+
+def test_nees_of_matched_errors_falls_inside_its_band():
+    rng = np.random.default_rng(6)
+    P = random_covariance(rng, 4)
+    errors = rng.multivariate_normal(np.zeros(4), P, size=4000)
+    low, high = acceptance_band(4, 4000, 0.999)
+    assert low < nees(errors, np.broadcast_to(P, (4000, 4, 4))).mean() < high
+    assert error_over_sigma_rms(errors[:, 0], np.sqrt(P[0, 0])) == pytest.approx(1.0, abs=0.05)
