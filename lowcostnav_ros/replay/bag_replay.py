@@ -1,0 +1,217 @@
+"""Replay of a recording: the bag is read directly, without middleware, and fed in recorded order."""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from lowcostnav_ros.measurements import Measurement, NavSolution
+from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages.bag import BagError, BagReader
+from lowcostnav_ros.messages.store import from_cdr
+from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.replay.building import Registry, build_navigators
+from lowcostnav_ros.replay.links import output_topic
+from lowcostnav_ros.replay.selection import Selection, check_names, select
+from lowcostnav_ros.replay.session import ReplayResult, Session, first_stamp, times
+from lowcostnav_ros.replay.withhold import Withhold, check_sources, resolve
+
+DEFAULT_TRUTH = "truth/odometry"
+TRUE_WIND = "truth/wind"
+
+
+@dataclasses.dataclass(frozen=True)
+class ReplayOptions:
+    """What to replay and how.
+
+    Attributes
+    ----------
+    navigators : tuple of str or None
+        Names to run; None runs all whose required inputs the recording has.
+    config : Path or None
+        Directory of ``<navigator>.yaml``; None takes the package's own.
+    withhold : tuple of Withhold
+    truth : str or None
+        Odometry topic to form errors against; None takes ``truth/odometry`` when it is there.
+    out : Path or None
+        Folder for result files.
+    registry : mapping or None
+        Navigators by name, None for the package's.
+    on_progress : callable or None
+        Called with the share done, 0 to 1.
+    """
+
+    navigators: tuple[str, ...] | None = None
+    config: Path | None = None
+    withhold: tuple[Withhold, ...] = ()
+    truth: str | None = None
+    out: Path | None = None
+    registry: Registry | None = None
+    on_progress: Callable[[float], None] | None = None
+
+
+def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> ReplayResult:
+    """Replay a recording through the navigators.
+
+    Parameters
+    ----------
+    path : str or Path
+        Bag directory or file.
+    options : ReplayOptions
+
+    Raises
+    ------
+    ValueError
+        (BagError, SelectionError, SettingsError, WithholdError) each with one sentence that says what to do.
+    """
+    options = options or ReplayOptions()
+    with BagReader(path) as reader, BagReader(path) as again:
+        return _Replay(reader, again, options).run()
+
+
+class _Replay:
+    """One replay of one bag: which topics play which part, and the pass itself."""
+
+    def __init__(self, reader: BagReader, again: BagReader, options: ReplayOptions) -> None:
+        self.reader = reader
+        self.again = again
+        self.options = options
+        self.navigators, self.selection = _navigators(reader, options)
+        self.truth = _truth_topic(reader, options.truth)
+        self.wind = TRUE_WIND if self.truth == DEFAULT_TRUTH and TRUE_WIND in reader.types else None
+        self.recorded = {output_topic(name): name for name in self.navigators if output_topic(name) in reader.types}
+        heard = {source for navigator in self.navigators.values() for source in navigator.inputs}
+        replaced = {output_topic(name) for name in self.navigators}
+        self.fed = sorted(s for s in heard - replaced if s in reader.types)
+        check_sources(options.withhold, self.fed)
+        self.sources = _with_origins(reader, [*self.fed, *(s for s in (self.truth, self.wind) if s)])
+        self.decode_s = 0.0
+
+    def run(self) -> ReplayResult:
+        """Read, feed, compare, sum up."""
+        began = perf_counter()
+        stream = self._timed(self.reader.measurements(self.sources))
+        skipped: list[Measurement] = []
+        head = None
+        for head in stream:
+            if head.source in self.fed:
+                break
+            skipped.append(head)
+        if head is None or head.source not in self.fed:
+            raise BagError(f"{self.reader.path} holds nothing usable on {', '.join(self.fed)}: {_rejections(self.reader)}.")
+        first_ns = first_stamp(head)
+        windows = [resolve(w, first_ns) for w in self.options.withhold]
+        rules = self.reader.decoder.rules
+        session = Session(self.navigators, windows, self.truth is not None, self.recorded, self.options.out, rules)
+        for measurement in (*skipped, head):
+            self._take(session, measurement)
+        recorded = _Recorded(self.again, self.recorded)
+        for measurement in stream:
+            self._take(session, measurement)
+            recorded.advance(session)
+        recorded.advance(session, everything=True)
+        summary = session.finish()
+        wall_s = perf_counter() - began
+        return ReplayResult({**self._about(), **summary, "time": times(summary, wall_s, self.decode_s)})
+
+    def _take(self, session: Session, measurement: Measurement) -> None:
+        if measurement.source in (self.truth, self.wind):
+            session.feed_truth(measurement)
+        elif measurement.source in self.fed:
+            session.feed(measurement)
+            if self.options.on_progress is not None:
+                span = max(1, self.reader.end_ns - self.reader.start_ns)
+                self.options.on_progress(min(1.0, (session.newest_ns - session.first_ns) / span))
+
+    def _timed(self, stream: Iterator[Measurement]) -> Iterator[Measurement]:
+        while True:
+            began = perf_counter()
+            measurement = next(stream, None)
+            self.decode_s += perf_counter() - began
+            if measurement is None:
+                return
+            yield measurement
+
+    def _about(self) -> dict[str, Any]:
+        decoder = self.reader.decoder
+        rejected: dict[str, dict[str, int]] = {}
+        for (source, reason), count in sorted(decoder.rejected.items()):
+            rejected.setdefault(source, {})[reason] = count
+        inputs = {s: {"count": self.reader.counts[s], "rejected": rejected.get(s, {})} for s in self.sources}
+        bag = {"name": self.reader.path.name, "sha256": self.again.identity(), "topics": dict(sorted(self.reader.counts.items()))}
+        return {
+            "bag": bag,
+            "truth": self.truth,
+            "left_out": self.selection.left_out,
+            "inputs": inputs,
+            "assumed": dict(sorted(decoder.notes.items())),
+        }
+
+
+class _Recorded:
+    """The fused solutions the aircraft recorded, read alongside and handed to the session as far as the replay has come."""
+
+    def __init__(self, reader: BagReader, topics_to_names: dict[str, str]) -> None:
+        self._names = topics_to_names
+        self._reader = reader
+        self._stream = reader.stream(_with_origins(reader, topics_to_names)) if topics_to_names else iter(())
+        self._next: tuple[int, str, Any, NavSolution | None] | None = self._read()
+
+    def advance(self, session: Session, everything: bool = False) -> None:
+        """Hand over what is not newer than the replay's newest stamp, or all that is left."""
+        while self._next is not None and (everything or self._next[0] <= session.newest_ns):
+            _, name, message, solution = self._next
+            session.feed_recorded(name, message, solution)
+            self._next = self._read()
+
+    def _read(self) -> tuple[int, str, Any, NavSolution | None] | None:
+        for source, _, raw in self._stream:
+            msgtype = self._reader.types[source]
+            decoded = self._reader.decoder.decode(source, msgtype, raw)
+            if source in self._names and decoded.stamp_ns:
+                message = from_cdr(raw, msgtype)
+                return decoded.stamp_ns, self._names[source], message, decoded if isinstance(decoded, NavSolution) else None
+        return None
+
+
+def _navigators(reader: BagReader, options: ReplayOptions) -> tuple[dict[str, Navigator], Selection]:
+    registry = options.registry
+    if registry is None:
+        from lowcostnav_ros.navigators.registry import NAVIGATORS as registry
+    check_names(options.navigators or (), list(registry))
+    wanted = dict.fromkeys(options.navigators or registry)
+    navigators = build_navigators(wanted, registry, options.config)
+    inputs = {name: navigator.inputs for name, navigator in navigators.items()}
+    reader.require(s for s in reader.types if any(s in sources for sources in inputs.values()))
+    selection = select(inputs, set(reader.decodable()), insist=options.navigators is not None)
+    return {name: navigators[name] for name in selection.chosen}, selection
+
+
+def _truth_topic(reader: BagReader, wanted: str | None) -> str | None:
+    if wanted is None:
+        placed = reader.types.get(DEFAULT_TRUTH) == topics.ODOMETRY and _origin_of(DEFAULT_TRUTH) in reader.types
+        return DEFAULT_TRUTH if placed else None
+    wanted = topics.source_of(wanted)
+    reader.require([wanted])
+    if reader.types[wanted] != topics.ODOMETRY:
+        raise BagError(f"--truth {wanted} is of type {reader.types[wanted]}; give a topic of type {topics.ODOMETRY}.")
+    if _origin_of(wanted) not in reader.types:
+        raise BagError(f"--truth {wanted} cannot be placed on the earth, the recording has no {_origin_of(wanted)}; record it too.")
+    return wanted
+
+
+def _origin_of(source: str) -> str:
+    return f"{source.rpartition('/')[0]}/origin"
+
+
+def _with_origins(reader: BagReader, sources: Sequence[str] | dict[str, str]) -> list[str]:
+    """The sources, preceded by the map origins their odometries are expressed in."""
+    odometries = [s for s in sources if reader.types[s] == topics.ODOMETRY]
+    origins = dict.fromkeys(o for s in odometries if (o := _origin_of(s)) in reader.types)
+    return [*origins, *(s for s in sources if s not in origins)]
+
+
+def _rejections(reader: BagReader) -> str:
+    reasons = [f"{source} {count} times '{reason}'" for (source, reason), count in reader.decoder.rejected.most_common(3)]
+    return "rejected " + ", ".join(reasons) if reasons else "the topics are empty"

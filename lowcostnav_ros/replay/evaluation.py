@@ -1,0 +1,236 @@
+"""Matching solutions with a reference as both stream by, and filing the errors under flight, GPS outages and withheld windows."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from lowcostnav_ros.measurements import GpsPosition, GpsVelocity
+from lowcostnav_ros.replay.columns import NavColumns, columns_of, concatenate, interpolate
+from lowcostnav_ros.replay.metrics import Errors, ErrorStatistics, error_row, errors_between
+from lowcostnav_ros.replay.outages import GpsGaps
+from lowcostnav_ros.replay.withhold import NS, Window
+from lowcostnav_ros.truth import TruthBlock
+
+MAX_GAP_NS = NS
+"""Nothing is interpolated over more than this."""
+
+
+class Track:
+    """States that stream in, of which only what may still be asked for is kept."""
+
+    def __init__(self) -> None:
+        self._parts: list[NavColumns] = []
+        self.newest_ns: int | None = None
+
+    def add(self, columns: NavColumns) -> None:
+        """Append states; rows that are not newer than the newest are left out."""
+        if self.newest_ns is not None:
+            columns = columns[columns.stamps_ns > self.newest_ns]
+        if len(columns):
+            self._parts.append(columns)
+            self.newest_ns = int(columns.stamps_ns[-1])
+
+    def at(self, stamps_ns: np.ndarray) -> NavColumns | None:
+        """Interpolate at ``stamps_ns``, None while empty."""
+        if not self._parts:
+            return None
+        self._parts = [concatenate(self._parts)]
+        return interpolate(self._parts[0], stamps_ns, MAX_GAP_NS)
+
+    def trim(self, before_ns: int) -> None:
+        """Forget what is older than ``before_ns`` by more than one bridgeable gap."""
+        self._parts = [part[rows] for part in self._parts if (rows := part.stamps_ns >= before_ns - 2 * MAX_GAP_NS).any()]
+
+
+class Truth:
+    """The true states, wind included when it comes on a topic of its own."""
+
+    def __init__(self) -> None:
+        self.states = Track()
+        self.winds = Track()
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Newest stamp up to which errors can be formed."""
+        return self.states.newest_ns
+
+    def at(self, stamps_ns: np.ndarray) -> NavColumns:
+        """True states at ``stamps_ns``; NaN where there are none."""
+        states = self.states.at(stamps_ns)
+        winds = self.winds.at(stamps_ns)
+        return states if winds is None else dataclasses.replace(states, wind_n=winds.wind_n)
+
+    def trim(self, before_ns: int) -> None:
+        """Forget what nobody will ask for again."""
+        self.states.trim(before_ns)
+        self.winds.trim(before_ns)
+
+
+def blank_columns(stamps_ns: np.ndarray, **known: np.ndarray) -> NavColumns:
+    """Columns at ``stamps_ns`` with the named ones given and all others NaN."""
+    n = len(stamps_ns)
+    shapes = {"position": (3,), "vel_n": (3,), "q_nb": (4,), "wind_n": (2,), "cov_wind": (2, 2)}
+    shapes.update(dict.fromkeys(("cov_pos", "cov_vel", "cov_att"), (3, 3)))
+    rest = {name: np.full((n, *shape), np.nan) for name, shape in shapes.items() if name not in known}
+    return NavColumns(np.asarray(stamps_ns, dtype=np.int64), **known, **rest)
+
+
+def truth_columns(block: TruthBlock) -> NavColumns:
+    """True states of a block as columns."""
+    position = np.column_stack([block.lat, block.lon, block.height])
+    return blank_columns(block.stamps_ns, position=position, vel_n=block.vel_n, q_nb=block.q_nb, wind_n=block.wind_n[:, :2])
+
+
+def fix_columns(measurement: GpsPosition | GpsVelocity) -> NavColumns:
+    """One withheld GPS measurement as a reference row: position or velocity, the rest absent."""
+    stamps = np.array([measurement.stamp_ns], dtype=np.int64)
+    if isinstance(measurement, GpsVelocity):
+        return blank_columns(stamps, vel_n=np.reshape(measurement.vel_n, (1, 3)).astype(float))
+    return blank_columns(stamps, position=np.array([[measurement.lat, measurement.lon, measurement.height]]))
+
+
+@dataclasses.dataclass(slots=True)
+class IntervalRecord:
+    """What happened in one outage or withheld window: worst error, and the error at its end."""
+
+    text: str
+    start_ns: int
+    end_ns: int
+    samples: int = 0
+    worst_horizontal_m: float | None = None
+    last: dict[str, float] | None = None
+
+    def add(self, errors: Errors) -> None:
+        """Take errors inside the interval in, in order of stamps."""
+        if len(errors) == 0:
+            return
+        self.samples += len(errors)
+        self.last = error_row(errors, len(errors) - 1)
+        horizontal = np.hypot(errors.axis("north_m"), errors.axis("east_m"))
+        if np.isfinite(horizontal).any():
+            self.worst_horizontal_m = max(self.worst_horizontal_m or 0.0, float(np.nanmax(horizontal)))
+            row = int(np.flatnonzero(np.isfinite(horizontal))[-1])
+            self.last = {**self.last, **error_row(errors, row)}
+
+    def as_dict(self, duration_end_ns: int) -> dict:
+        """Plain values for a result file; an interval without an end lasts until ``duration_end_ns``."""
+        end_ns = min(self.end_ns, duration_end_ns)
+        return {
+            "text": self.text,
+            "start_s": self.start_ns / 1e9 if self.start_ns > -(2**61) else None,
+            "end_s": end_ns / 1e9,
+            "samples": self.samples,
+            "worst_horizontal_m": self.worst_horizontal_m,
+            "error_at_end": self.last,
+        }
+
+
+class Evaluation:
+    """Errors of one navigator, by flight, without GPS, per outage and per withheld window.
+
+    Parameters
+    ----------
+    truth : Truth or None
+        The reference; without it the withheld fixes are.
+    gaps : GpsGaps
+        When there was no GPS.
+    windows : iterable of Window
+        Withheld windows.
+    on_errors : callable, optional
+        Called with every chunk of errors, to write them.
+    """
+
+    def __init__(
+        self, truth: Truth | None, gaps: GpsGaps, windows: Iterable[Window], on_errors: Callable[[Errors], None] | None = None
+    ) -> None:
+        self.truth = truth
+        self.gaps = gaps
+        self.windows = [(w, IntervalRecord(w.text, w.start_ns, w.end_ns)) for w in windows]
+        self.outages: dict[int, IntervalRecord] = {}
+        self.flight = ErrorStatistics()
+        self.without_gps = ErrorStatistics()
+        self._on_errors = on_errors
+        self._estimates = Track()
+        self._pending: list[NavColumns] = []
+
+    def add_solutions(self, columns: NavColumns) -> None:
+        """Take solutions in, in order of stamps."""
+        if self.truth is None:
+            self._estimates.add(columns)
+        else:
+            self._pending.append(columns)
+
+    def add_withheld(self, fix: NavColumns) -> None:
+        """Take one withheld fix in (used when there is no truth)."""
+        if self.truth is None:
+            self._pending.append(fix)
+
+    def advance(self) -> None:
+        """Form all errors whose reference is there, and forget what is done with."""
+        newest = self._estimates.newest_ns if self.truth is None else self.truth.newest_ns
+        if newest is None or not self._pending:
+            return
+        pending = concatenate(self._pending)
+        ready = pending.stamps_ns <= newest
+        self._pending = [pending[~ready]] if not ready.all() else []
+        done = pending[ready]
+        if len(done) == 0:
+            return
+        if self.truth is None:
+            self._file(errors_between(self._estimates.at(done.stamps_ns), done))
+            self._estimates.trim(int(done.stamps_ns[-1]))
+        else:
+            self._file(errors_between(done, self.truth.at(done.stamps_ns)))
+
+    @property
+    def oldest_pending_ns(self) -> int | None:
+        """Oldest stamp that still waits for its reference."""
+        return min((int(p.stamps_ns[0]) for p in self._pending if len(p)), default=None)
+
+    def _file(self, errors: Errors) -> None:
+        if self._on_errors is not None:
+            self._on_errors(errors)
+        self.flight.add(errors)
+        starts = self.gaps.interval_starts(errors.stamps_ns)
+        self.without_gps.add(errors[starts >= 0])
+        for start in np.unique(starts[starts >= 0]):
+            record = self.outages.setdefault(int(start), IntervalRecord("without GPS", int(start), 2**62))
+            record.add(errors[starts == start])
+        for window, record in self.windows:
+            record.add(errors[(errors.stamps_ns >= window.start_ns) & (errors.stamps_ns < window.end_ns)])
+
+    def as_dict(self, end_ns: int) -> dict:
+        """Plain values for a result file: statistics, outages, windows.
+
+        Parameters
+        ----------
+        end_ns : int
+            Last stamp of the recording.
+        """
+        for start, end in self.gaps.intervals:
+            if start in self.outages:
+                self.outages[start].end_ns = end
+        reference = "truth" if self.truth is not None else "withheld gps"
+        flight = self.flight.as_dict()
+        return {
+            "reference": reference if flight else None,
+            "flight" if self.truth is not None else "withheld_gps": flight,
+            "without_gps": self.without_gps.as_dict(),
+            "outages": [r.as_dict(end_ns) for _, r in sorted(self.outages.items())],
+            "windows": [r.as_dict(end_ns) for _, r in self.windows],
+        }
+
+
+def solution_columns(solutions: list) -> NavColumns:
+    """Solutions as columns (see :func:`.columns.columns_of`), kept in order of stamps."""
+    columns = columns_of(solutions)
+    if np.all(np.diff(columns.stamps_ns) >= 0):
+        return columns
+    return columns[np.argsort(columns.stamps_ns, kind="stable")]
+
+
+def finite_or_none(value: float) -> float | None:
+    """A number fit for a result file: None when it is not finite."""
+    return float(value) if math.isfinite(value) else None

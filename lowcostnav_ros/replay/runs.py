@@ -1,0 +1,176 @@
+"""What a replay keeps per navigator: solutions out, digest, modes, innovations, errors, time spent."""
+
+import dataclasses
+from collections import Counter, defaultdict
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from lowcostnav_ros.estimation.aiding import AidStatus
+from lowcostnav_ros.measurements import Measurement, NavSolution
+from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.replay import result_files as files
+from lowcostnav_ros.replay.columns import columns_of
+from lowcostnav_ros.replay.digest import Comparison
+from lowcostnav_ros.replay.evaluation import Evaluation, solution_columns
+from lowcostnav_ros.replay.links import Link, recorder_of
+from lowcostnav_ros.replay.metrics import Errors
+
+
+@dataclasses.dataclass(slots=True)
+class AidStatistics:
+    """Innovation statistics of one aid: NIS per degree of freedom is 1 on average when the filter's own prediction is honest."""
+
+    components: int
+    used: int = 0
+    rejected: Counter = dataclasses.field(default_factory=Counter)
+    tested: int = 0
+    nis_sum: float = 0.0
+    innovation_sum: np.ndarray | None = None
+    innovation_squares: np.ndarray | None = None
+
+    def add(self, status: AidStatus, computed: bool) -> None:
+        """Count one use of the aid."""
+        if status.accepted:
+            self.used += 1
+        if status.reason:
+            self.rejected[status.reason] += 1
+        if not computed:
+            return
+        self.tested += 1
+        self.nis_sum += status.nis
+        if self.innovation_sum is None:
+            self.innovation_sum, self.innovation_squares = np.zeros(self.components), np.zeros(self.components)
+        self.innovation_sum += status.innovation
+        self.innovation_squares += status.innovation**2
+
+    def as_dict(self, labels: tuple[str, ...]) -> dict:
+        """Plain values for a result file."""
+        out = {"used": self.used, "not_used_or_limited": dict(sorted(self.rejected.items())), "tested": self.tested}
+        if self.tested:
+            mean, rms = self.innovation_sum / self.tested, np.sqrt(self.innovation_squares / self.tested)
+            out["nis_per_dof"] = self.nis_sum / self.tested / self.components
+            out["innovation_mean"] = dict(zip(labels, mean.tolist(), strict=True))
+            out["innovation_rms"] = dict(zip(labels, rms.tolist(), strict=True))
+        return out
+
+
+class NavigatorFiles:
+    """The result files of one navigator."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.solutions = files.Table(folder / f"{name}.csv", files.SOLUTION_HEADER)
+        self.aids = files.Table(folder / f"{name}_aids.csv", files.AIDS_HEADER)
+        self.errors = files.Table(folder / f"{name}_errors.csv", files.ERRORS_HEADER)
+        self.states = files.Table(folder / f"{name}_states.csv", files.STATES_HEADER)
+        self._sampler = files.StateSampler()
+
+    def add(self, solutions: list[NavSolution]) -> None:
+        """Write solutions and, once a second, their further states."""
+        self.solutions.rows(files.solution_rows(columns_of(solutions), [s.mode for s in solutions]))
+        self.states.rows(self._sampler.rows(solutions))
+
+    def add_errors(self, errors: Errors) -> None:
+        """Write errors."""
+        self.errors.rows(files.error_rows(errors))
+
+    def close(self) -> None:
+        """Close all files."""
+        for table in (self.solutions, self.aids, self.errors, self.states):
+            table.close()
+
+
+class NavigatorRun:
+    """One navigator in a replay.
+
+    Parameters
+    ----------
+    link : Link
+        The navigator and its fused message.
+    evaluation : Evaluation
+        Where its solutions are compared with the reference.
+    out : NavigatorFiles or None
+    compare : bool
+        Whether the recording holds a fused solution of this navigator to compare with.
+    """
+
+    def __init__(self, link: Link, evaluation: Evaluation, out: NavigatorFiles | None, compare: bool) -> None:
+        self.link = link
+        self.navigator: Navigator = link.navigator
+        self.evaluation = evaluation
+        self.out = out
+        self.comparison = Comparison(expected=compare)
+        self.seconds = 0.0
+        self.solutions = 0
+        self.mode_seconds: dict[str, float] = defaultdict(float)
+        self.aids: dict[str, AidStatistics] = {}
+        self.labels: dict[str, tuple[str, ...]] = {}
+        self._pack = recorder_of(link.msgtype)
+        self._pending: list[NavSolution] = []
+        self._last: tuple[int, str] | None = None
+        self._innovations: dict[str, np.ndarray | None] = {}
+        self.navigator.on_aid = self._on_aid
+
+    def feed(self, measurement: Measurement, heard: bool) -> list[Measurement]:
+        """Feed the navigator; return what its solutions become for who listens to it (nothing when nobody does).
+
+        Parameters
+        ----------
+        measurement : Measurement
+        heard : bool
+            Whether another navigator of the replay listens to this one.
+        """
+        start = perf_counter()
+        solutions = self.navigator.feed(measurement)
+        self.seconds += perf_counter() - start
+        return [m for s in solutions if (m := self._take(s, heard)) is not None]
+
+    def _take(self, solution: NavSolution, heard: bool) -> Measurement | None:
+        self.solutions += 1
+        if self._last is not None:
+            self.mode_seconds[self._last[1]] += max(0.0, (solution.stamp_ns - self._last[0]) / 1e9)
+        self._last = (solution.stamp_ns, solution.mode)
+        self._pending.append(solution)
+        message = self.link.message(solution)
+        if message is None:
+            return None
+        self.comparison.add_replayed(solution.stamp_ns, self._pack(message))
+        heard_as = self.link.measurement(message) if heard else None
+        return heard_as if isinstance(heard_as, Measurement) else None
+
+    def flush(self) -> None:
+        """Write and evaluate what has come since the last flush."""
+        if self._pending:
+            if self.out is not None:
+                self.out.add(self._pending)
+            self.evaluation.add_solutions(solution_columns(self._pending))
+            self._pending = []
+        self.evaluation.advance()
+
+    def _on_aid(self, status: AidStatus) -> None:
+        computed = status.innovation is not None and status.innovation is not self._innovations.get(status.name)
+        self._innovations[status.name] = status.innovation
+        self.labels[status.name] = status.labels
+        self.aids.setdefault(status.name, AidStatistics(len(status.labels))).add(status, computed)
+        if self.out is not None:
+            self.out.aids.rows(files.aid_rows(status, computed))
+
+    def as_dict(self, end_ns: int) -> dict:
+        """Everything about this navigator as plain values."""
+        status = self.navigator.status()
+        inputs = {
+            i.source: {"required": i.required, "received": i.received, "rejected": dict(sorted(i.rejected.items()))} for i in status.inputs
+        }
+        return {
+            "fused": self.comparison.as_dict(),
+            "solutions": self.solutions,
+            "mode_at_end": status.mode,
+            "reason_at_end": status.reason,
+            "mode_seconds": dict(self.mode_seconds),
+            "restarts": dict(self.navigator.restarts),
+            "errors": self.evaluation.as_dict(end_ns),
+            "aids": {name: statistics.as_dict(self.labels[name]) for name, statistics in sorted(self.aids.items())},
+            "inputs": inputs,
+            "feed_seconds": self.seconds,
+        }

@@ -1,0 +1,88 @@
+"""Which navigators a recording can feed, which are left out and why."""
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+
+from lowcostnav_ros.replay.links import output_topic
+from lowcostnav_ros.settings import nearest
+
+Inputs = Mapping[str, bool]
+"""Source to required?, as :class:`~lowcostnav_ros.navigators.base.Navigator` declares it."""
+
+
+class SelectionError(ValueError):
+    """A choice of navigators that cannot run; the message is one sentence that says what to do."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Selection:
+    """Names to run, and a reason for each that was left out."""
+
+    chosen: tuple[str, ...]
+    left_out: dict[str, str]
+
+
+def missing_inputs(inputs: Inputs, sources: Collection[str], others: Collection[str]) -> list[str]:
+    """Required sources that neither the recording nor another running navigator provides.
+
+    Parameters
+    ----------
+    inputs : mapping of source to required?
+    sources : collection of str
+        What the recording holds.
+    others : collection of str
+        Names of the other navigators that run.
+    """
+    available = {*sources, *(output_topic(name) for name in others)}
+    return [source for source, required in inputs.items() if required and source not in available]
+
+
+def check_names(wanted: Sequence[str], known: Collection[str]) -> None:
+    """Refuse a navigator that does not exist, naming the nearest.
+
+    Raises
+    ------
+    SelectionError
+    """
+    for name in wanted:
+        if name not in known:
+            raise SelectionError(f"There is no navigator '{name}'{nearest(name, known)}.")
+
+
+def select(inputs: Mapping[str, Inputs], sources: Collection[str], insist: bool) -> Selection:
+    """Choose the navigators to run.
+
+    Parameters
+    ----------
+    inputs : mapping of name to inputs
+        The navigators to choose from.
+    sources : collection of str
+        What the recording holds.
+    insist : bool
+        True when each of them was asked for, so that leaving one out is a refusal.
+
+    Raises
+    ------
+    SelectionError
+        When one that was asked for lacks a required input, or when nothing can run.
+    """
+    chosen = list(inputs)
+    left_out: dict[str, str] = {}
+    while True:
+        lacking = {n: missing_inputs(inputs[n], sources, [o for o in chosen if o != n]) for n in chosen}
+        short = [n for n in chosen if lacking[n]]
+        if not short:
+            break
+        for name in short:
+            left_out[name] = f"the recording has no {' and no '.join(lacking[name])}"
+            chosen.remove(name)
+    if insist and left_out:
+        name, reason = next(iter(left_out.items()))
+        raise SelectionError(f"{name} cannot run: {reason}; the recording holds {_listed(sources)}.")
+    if not chosen:
+        raise SelectionError(f"No navigator can run on this recording, which holds {_listed(sources)}.")
+    return Selection(tuple(chosen), left_out)
+
+
+def _listed(sources: Collection[str]) -> str:
+    return ", ".join(sorted(sources)) or "no topic a navigator could use"

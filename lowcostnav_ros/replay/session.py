@@ -1,0 +1,294 @@
+"""The replay itself: one ordered pass of a recording, or of any stream of measurements, through the navigators."""
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros import __version__
+from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.messages.decode import DecodeRules
+from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.replay import result_files as files
+from lowcostnav_ros.replay.columns import NavColumns, columns_of
+from lowcostnav_ros.replay.evaluation import Evaluation, Truth, blank_columns, fix_columns, truth_columns
+from lowcostnav_ros.replay.links import Link, in_order, output_topic, recorder_of
+from lowcostnav_ros.replay.outages import GpsGaps
+from lowcostnav_ros.replay.runs import NavigatorFiles, NavigatorRun
+from lowcostnav_ros.replay.withhold import Window, Withhold, resolve, split
+from lowcostnav_ros.settings import settings_hash, to_mapping
+from lowcostnav_ros.truth import TruthBlock
+
+FLUSH_NS = 5_000_000_000
+"""Results are written and evaluated whenever the stream has moved on this far."""
+
+Item = Measurement | TruthBlock
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ReplayResult:
+    """What a replay found: ``summary`` is plain values, fit for JSON (see docs of :mod:`lowcostnav_ros.replay`)."""
+
+    summary: dict[str, Any]
+
+    def navigator(self, name: str) -> dict[str, Any]:
+        """The part about one navigator."""
+        return self.summary["navigators"][name]
+
+
+@dataclasses.dataclass(slots=True)
+class SessionFiles:
+    """Result files that belong to the flight rather than to a navigator; none when ``folder`` is None."""
+
+    folder: Path | None
+    truth: files.Table | None = None
+    wind: files.Table | None = None
+    gps: files.Table | None = None
+    recorded: dict[str, files.Table] = dataclasses.field(default_factory=dict)
+
+    def open(self) -> None:
+        """Create the folder and the files."""
+        if self.folder is not None:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self.truth = files.Table(self.folder / "truth.csv", files.TRUTH_HEADER)
+            self.wind = files.Table(self.folder / "truth_wind.csv", files.TRUTH_WIND_HEADER)
+            self.gps = files.Table(self.folder / "gps.csv", files.GPS_HEADER)
+
+    def navigator(self, name: str) -> NavigatorFiles | None:
+        """The files of one navigator."""
+        return None if self.folder is None else NavigatorFiles(self.folder, name)
+
+    def add_truth(self, columns: NavColumns, has_position: bool, has_wind: bool) -> None:
+        """Write true states and wind."""
+        if self.truth is not None and has_position:
+            self.truth.rows(files.truth_rows(columns))
+        if self.wind is not None and has_wind:
+            self.wind.rows(files.wind_rows(columns))
+
+    def add_recorded(self, name: str, solution: NavSolution) -> None:
+        """Write one solution that the aircraft recorded."""
+        if self.folder is None or solution.lat is None:
+            return
+        if name not in self.recorded:
+            self.recorded[name] = files.Table(self.folder / f"recorded_{name}.csv", files.SOLUTION_HEADER)
+        self.recorded[name].rows(files.solution_rows(columns_of([solution]), [solution.mode]))
+
+    def close(self) -> None:
+        """Close all files."""
+        for table in (self.truth, self.wind, self.gps, *self.recorded.values()):
+            if table is not None:
+                table.close()
+
+
+class Session:
+    """One pass of measurements through a set of navigators.
+
+    Parameters
+    ----------
+    navigators : mapping of name to Navigator
+        Fresh ones; they are fed in the order in which they listen to each other.
+    windows : sequence of Window
+        What is withheld when.
+    has_truth : bool
+        Whether truth will come; without it withheld fixes are the reference.
+    recorded : collection of str
+        Topics whose recorded solutions will be given to :meth:`feed_recorded` for comparison.
+    out : Path, optional
+        Folder of the result files.
+    """
+
+    def __init__(
+        self,
+        navigators: Mapping[str, Navigator],
+        windows: Sequence[Window] = (),
+        has_truth: bool = False,
+        recorded: Iterable[str] = (),
+        out: Path | None = None,
+        rules: DecodeRules | None = None,
+    ) -> None:
+        self.windows = list(windows)
+        self.truth = Truth() if has_truth else None
+        self.gaps = GpsGaps()
+        self.files = SessionFiles(out)
+        self.files.open()
+        self.first_ns: int | None = None
+        self.newest_ns = 0
+        self._flushed_ns: int | None = None
+        rules, recorded = rules or DecodeRules(), set(recorded)
+        self.runs: dict[str, NavigatorRun] = {}
+        for name in in_order(navigators):
+            link = Link(navigators[name], output_topic(name), rules)
+            out_files = self.files.navigator(name)
+            on_errors = out_files.add_errors if out_files else None
+            evaluation = Evaluation(self.truth, self.gaps, self.windows, on_errors)
+            self.runs[name] = NavigatorRun(link, evaluation, out_files, link.topic in recorded)
+        self.replaced = {run.link.topic for run in self.runs.values()}
+
+    def feed(self, measurement: Measurement) -> None:
+        """Feed one measurement, less what is withheld, to every navigator that listens to its source."""
+        first = first_stamp(measurement)
+        self.first_ns = first if self.first_ns is None else min(first, self.first_ns)
+        self.newest_ns = max(self.newest_ns, measurement.stamp_ns)
+        given, held = split(measurement, self.windows) if self.windows else (measurement, None)
+        if held is not None:
+            self._withhold(held)
+        if given is not None and given.source not in self.replaced:
+            if isinstance(given, GpsPosition):
+                self.gaps.add(given.stamp_ns)
+                self._write_fix(given, withheld=False)
+            self._distribute(given)
+        if self._flushed_ns is None or self.newest_ns - self._flushed_ns > FLUSH_NS:
+            self.flush()
+
+    def feed_truth(self, truth: TruthBlock | NavSolution) -> None:
+        """Take true states in; a solution without position and with wind is the true wind."""
+        if self.truth is None:
+            return
+        if isinstance(truth, TruthBlock):
+            columns = truth_columns(truth)
+        elif truth.lat is None:
+            stamps = np.array([truth.stamp_ns], dtype=np.int64)
+            columns = blank_columns(stamps, wind_n=np.reshape(truth.wind_n[:2], (1, 2)).astype(float))
+        else:
+            columns = columns_of([truth])
+        has_position, has_wind = np.isfinite(columns.position[0, 0]), np.isfinite(columns.wind_n[0, 0])
+        if has_position:
+            self.truth.states.add(columns)
+        elif has_wind:
+            self.truth.winds.add(columns)
+        self.files.add_truth(_ten_hertz(columns), has_position, has_wind)
+
+    def feed_recorded(self, name: str, message: Any, solution: NavSolution | None) -> None:
+        """Compare a fused message the aircraft recorded with the replay's (and write it, when it has a position)."""
+        run = self.runs[name]
+        stamp = message.header.stamp
+        run.comparison.add_recorded(stamp.sec * 1_000_000_000 + stamp.nanosec, recorder_of(run.link.msgtype)(message))
+        if solution is not None:
+            self.files.add_recorded(name, solution)
+
+    def _withhold(self, held: Measurement) -> None:
+        if isinstance(held, GpsPosition):
+            self._write_fix(held, withheld=True)
+        if isinstance(held, GpsPosition | GpsVelocity):
+            columns = fix_columns(held)
+            for run in self.runs.values():
+                run.evaluation.add_withheld(columns)
+
+    def _write_fix(self, fix: GpsPosition, withheld: bool) -> None:
+        if self.files.gps is not None:
+            self.files.gps.rows([files.gps_row(fix.stamp_ns, fix.lat, fix.lon, fix.height, withheld)])
+
+    def _distribute(self, measurement: Measurement) -> None:
+        for run in self.runs.values():
+            if measurement.source in run.navigator.inputs:
+                heard = any(run.link.topic in other.navigator.inputs for other in self.runs.values())
+                for spoken in run.feed(measurement, heard):
+                    self._distribute(spoken)
+
+    def flush(self) -> None:
+        """Write and evaluate what has come; forget what is done with."""
+        self._flushed_ns = self.newest_ns
+        for run in self.runs.values():
+            run.flush()
+        if self.truth is not None and self.truth.newest_ns is not None:
+            waiting = [o for run in self.runs.values() if (o := run.evaluation.oldest_pending_ns) is not None]
+            self.truth.trim(min([*waiting, self.truth.newest_ns - 2 * FLUSH_NS]))
+
+    def finish(self) -> dict[str, Any]:
+        """End the pass: evaluate the rest, close the files, return the summary as plain values."""
+        self.gaps.close(self.newest_ns)
+        self.flush()
+        for run in self.runs.values():
+            run.comparison.finish()
+            if run.out is not None:
+                run.out.close()
+        self.files.close()
+        first_ns = self.first_ns or 0
+        settings = {name: run.navigator.settings for name, run in sorted(self.runs.items())}
+        outages = [[start / 1e9, end / 1e9] for start, end in self.gaps.intervals]
+        return {
+            "version": __version__,
+            "settings_hash": settings_hash(*settings.values()),
+            "settings": {name: to_mapping(value) for name, value in settings.items()},
+            "first_stamp_s": first_ns / 1e9,
+            "last_stamp_s": self.newest_ns / 1e9,
+            "duration_s": (self.newest_ns - first_ns) / 1e9,
+            "withheld": [w.text for w in self.windows],
+            "without_gps": {"intervals_s": outages, "total_s": sum(end - start for start, end in outages)},
+            "navigators": {name: run.as_dict(self.newest_ns) for name, run in self.runs.items()},
+        }
+
+
+def _ten_hertz(columns: NavColumns) -> NavColumns:
+    """Thin truth that comes at the inertial rate: enough rows for a plot, not a copy of the flight."""
+    if len(columns) < 2:
+        return columns
+    step = max(1, round(1e8 * (len(columns) - 1) / max(1, int(columns.stamps_ns[-1] - columns.stamps_ns[0]))))
+    return columns[::step]
+
+
+def replay_stream(
+    items: Iterable[Item],
+    navigators: Mapping[str, Navigator],
+    withhold: Sequence[Withhold] = (),
+    out: Path | None = None,
+    on_progress: Callable[[int], None] | None = None,
+) -> ReplayResult:
+    """Feed a stream of measurements and true states to navigators; return the statistics.
+
+    Parameters
+    ----------
+    items : iterable of Measurement or TruthBlock
+        In the order in which they become available; see :func:`simulated`.  With any truth in it, errors are formed against the truth.
+    navigators : mapping of name to Navigator
+        Fresh navigators.
+    withhold : sequence of Withhold
+        Sources kept from the navigators.
+    out : Path, optional
+        Folder for the result files.
+    on_progress : callable, optional
+        Called with the newest stamp (ns) now and then.
+    """
+    began = perf_counter()
+    items = iter(items)
+    head: list[Item] = list(itertools.islice(items, 2))
+    first_ns = min((first_stamp(item) for item in head), default=0)
+    has_truth = any(isinstance(item, TruthBlock) for item in head)
+    session = Session(navigators, [resolve(w, first_ns) for w in withhold], has_truth, out=out)
+    for count, item in enumerate(itertools.chain(head, items)):
+        if isinstance(item, TruthBlock):
+            session.feed_truth(item)
+        else:
+            session.feed(item)
+        if on_progress is not None and count % 200 == 0:
+            on_progress(session.newest_ns)
+    summary = session.finish()
+    return ReplayResult({**summary, "time": times(summary, perf_counter() - began, 0.0)})
+
+
+def simulated(blocks: Iterable[tuple[TruthBlock, list[Measurement]]]) -> Iterator[Item]:
+    """Flatten what a simulation yields into the stream that :func:`replay_stream` takes."""
+    for truth, measurements in blocks:
+        yield truth
+        yield from measurements
+
+
+def times(summary: dict[str, Any], wall_s: float, decode_s: float) -> dict[str, Any]:
+    """Wall time and real-time factors: of the whole pass, and per navigator (its own feeding plus the decoding, as if it flew alone)."""
+    duration = summary["duration_s"]
+    own = {name: nav["feed_seconds"] + decode_s for name, nav in summary["navigators"].items()}
+    return {
+        "wall_s": wall_s,
+        "decode_s": decode_s,
+        "real_time_factor": duration / wall_s if wall_s > 0.0 else None,
+        "real_time_factor_by_navigator": {name: duration / s if s > 0.0 else None for name, s in own.items()},
+    }
+
+
+def first_stamp(item: Item) -> int:
+    """Stamp (ns) of a measurement, or of the first row of a block."""
+    return int(item.stamps_ns[0]) if isinstance(item, TruthBlock | ImuBlock) else item.stamp_ns
