@@ -1,0 +1,163 @@
+"""The inertial core: dynamics against differences, covariance against Van Loan, indifference to the cut of blocks."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from lowcostnav_ros.earth import EARTH_RATE, difference_n, displace, gravity
+from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.error_state import Kind, Layout, gauss_markov, random_walk
+from lowcostnav_ros.measurements import ImuBlock
+from lowcostnav_ros.navigators import inertial
+from lowcostnav_ros.navigators.inertial import CORE, ImuSettings, InertialCore, bias_blocks, core_block
+from lowcostnav_ros.rotation import (
+    euler_to_quat,
+    quat_apply_phi_n,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_to_dcm,
+    rotvec_from_quat,
+)
+from lowcostnav_ros.strapdown import strapdown_step
+
+NAV = np.array([0.8, -2.1, 3000.0, 80.0, -60.0, 5.0, *euler_to_quat(0.4, -0.15, 2.3)])
+FULL = ImuSettings(gyro_scale_ppm=1000.0, accel_scale_ppm=1000.0)
+
+
+def layout_of(imu=FULL, **choice):
+    return Layout([core_block(imu), *bias_blocks(imu, **choice)])
+
+
+def injected(nav, estimate, x):
+    moved = nav.copy()
+    moved[:3] = displace(nav[0], nav[1], nav[2], x[:3])
+    moved[3:6] += x[3:6]
+    moved[6:10] = quat_apply_phi_n(nav[6:10], x[6:9])
+    return moved, estimate + np.concatenate((np.zeros(CORE), x[CORE:]))
+
+
+def difference(true, est):
+    return np.concatenate((
+        difference_n(*true[:3], *est[:3]),
+        true[3:6] - est[3:6],
+        rotvec_from_quat(quat_multiply(true[6:10], quat_conjugate(est[6:10]))),
+    ))
+
+
+def stepped(nav, estimate, f_m, w_m, dt, layout):
+    e = inertial.sensor_errors(estimate, layout.kind, layout.axis)
+    out = nav.copy()
+    zero = np.zeros(3)
+    strapdown_step(out, (f_m - e[0]) / (1 + e[2]) * dt, (w_m - e[1]) / (1 + e[3]) * dt, zero, zero, dt)
+    return out
+
+
+def test_error_dynamics_equal_differences_of_the_strapdown_step():
+    layout = layout_of()
+    f_b, w_b, dt = np.array([1.5, -2.0, -11.0]), np.array([0.05, 0.02, -0.1]), 0.02
+    C = quat_to_dcm(quat_multiply(NAV[6:10], quat_from_rotvec(0.5 * dt * w_b)))  # middle of the step, as the running mean is
+    F = inertial.inertial_dynamics(NAV, C @ f_b, f_b, w_b, C, layout.kind, layout.axis, layout.rate)
+    mean_rate = (expm(F * dt) - np.eye(layout.size)) / dt
+    size = np.array([100.0] * 3 + [1.0] * 3 + [1e-3] * 3 + [1e-2] * 3 + [1e-4] * 3 + [1e-4] * 6)
+    zero = np.zeros(layout.size)
+    for i in range(layout.size):
+        rates = []
+        for sign in (1.0, -1.0):
+            x = np.zeros(layout.size)
+            x[i] = sign * size[i]
+            true, errors = injected(NAV, zero, x)
+            after = difference(stepped(true, errors, f_b, w_b, dt, layout), stepped(NAV, zero, f_b, w_b, dt, layout))
+            rates.append((after - x[:CORE]) / dt)
+        numeric = (rates[0] - rates[1]) / (2.0 * size[i])
+        scale = np.maximum(np.abs(numeric), [1e-5] * 3 + [1e-5] * 3 + [1e-7] * 3)
+        analytic = mean_rate[:CORE, i]
+        tolerance = 1e-2 * scale + 2e-9  # radii are held constant in the linearisation
+        rows = slice(0, CORE) if i < CORE else slice(3, CORE)  # within one step a sensor error reaches position to third order only
+        assert np.all(np.abs(analytic - numeric)[rows] < tolerance[rows]), (layout.labels[i], analytic, numeric)
+
+
+def test_gauss_markov_states_decay_and_constants_stay():
+    layout = Layout([core_block(FULL), random_walk("a", ["a"], Kind.FREE, 2.0), gauss_markov("b", ["b"], Kind.FREE, 3.0, 50.0)])
+    core = InertialCore(layout)
+    core.start(0, NAV, np.eye(CORE))
+    core.estimate[CORE:] = [1.0, 1.0]
+    core.P[10, 10] = 0.0
+    stamps = np.arange(1, 1001, dtype=np.int64) * 10_000_000
+    f_b = quat_to_dcm(NAV[6:10]).T @ np.array([0.0, 0.0, -gravity(NAV[0], NAV[2])])
+    run(core, ImuBlock.of("imu", stamps, np.tile(f_b, (1000, 1)), np.zeros((1000, 3))))
+    assert core.estimate[CORE:] == pytest.approx([1.0, np.exp(-10.0 / 50.0)])
+    assert core.P[9, 9] == pytest.approx(4.0)
+    assert core.P[10, 10] == pytest.approx(9.0 * (1 - np.exp(-20.0 / 50.0)), rel=1e-4)
+
+
+def run(core, block, output_ns=100_000_000):
+    start = 0
+    while start < len(block):
+        start = core.advance(block, start, output_ns)
+
+
+def still_block(n, period_ns=10_000_000, seed=0):
+    rng = np.random.default_rng(seed)
+    C = quat_to_dcm(NAV[6:10])
+    force = C.T @ np.array([0.0, 0.0, -gravity(NAV[0], NAV[2])])
+    rate = C.T @ np.array([EARTH_RATE * np.cos(NAV[0]), 0.0, -EARTH_RATE * np.sin(NAV[0])])
+    stamps = np.arange(1, n + 1, dtype=np.int64) * period_ns
+    return ImuBlock.of("imu", stamps, force + 0.05 * rng.standard_normal((n, 3)), rate + 0.01 * rng.standard_normal((n, 3)))
+
+
+def test_the_cut_of_the_blocks_changes_no_bit():
+    block = still_block(997)
+    whole, pieces = InertialCore(layout_of()), InertialCore(layout_of())
+    for core in (whole, pieces):
+        core.start(0, NAV, np.diag([4.0] * 3 + [0.1] * 3 + [1e-3] * 3))
+        core.estimate[CORE:] = 1e-4
+    run(whole, block)
+    for rows in np.array_split(np.arange(997), 131):
+        run(pieces, ImuBlock.of("imu", block.stamps_ns[rows], block.specific_force_b[rows], block.angular_rate_b[rows]))
+    assert np.array_equal(whole.nav, pieces.nav)
+    assert np.array_equal(whole.P, pieces.P)
+    assert np.array_equal(whole.estimate, pieces.estimate)
+
+
+def test_predicting_ahead_ends_where_the_core_will_be_without_touching_it():
+    core = InertialCore(layout_of())
+    core.start(0, NAV, np.eye(CORE))
+    block = still_block(5)
+    t_ns, ahead = core.predicted(block)
+    assert core.t_ns == 0
+    assert np.array_equal(core.nav, NAV)
+    run(core, block)
+    assert t_ns == core.t_ns
+    assert np.allclose(ahead, core.nav, atol=1e-12)
+
+
+def test_covariance_growth_equals_van_loan_and_does_not_depend_on_the_sample_rate():
+    nav = NAV.copy()
+    nav[3:6] = 0.0
+    grown = []
+    for period_ns in (5_000_000, 20_000_000):
+        core = InertialCore(layout_of())
+        core.start(0, nav, np.zeros((CORE, CORE)))
+        n = 20_000_000_000 // period_ns
+        block = still_block(int(n), period_ns)
+        mean_f = np.tile(block.specific_force_b.mean(axis=0), (len(block), 1))
+        run(core, ImuBlock.of("imu", block.stamps_ns, mean_f, np.zeros((len(block), 3))))
+        grown.append(np.sqrt(np.diag(core.P)))
+    C = quat_to_dcm(nav[6:10])
+    layout = layout_of()
+    f_b = C.T @ np.array([0.0, 0.0, -9.8])
+    F = inertial.inertial_dynamics(nav, C @ f_b, f_b, np.zeros(3), C, layout.kind, layout.axis, layout.rate)
+    start = layout.initial_covariance()
+    start[:CORE, :CORE] = 0.0
+    Phi, Q = kalman.van_loan(F, inertial.noise_density(C, layout.psd), 20.0)
+    exact = np.sqrt(np.diag(Phi @ start @ Phi.T + Q))
+    assert grown[0] == pytest.approx(grown[1], rel=0.01)
+    assert grown[0] == pytest.approx(exact, rel=0.03)
+
+
+def test_fifteen_twenty_seven_and_scale_factor_states_are_lists_not_filters():
+    plain = ImuSettings()
+    assert layout_of(plain).size == 15
+    assert layout_of(FULL).size == 21
+    assert layout_of(FULL, split_turn_on=True).size == 27
