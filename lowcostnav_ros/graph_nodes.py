@@ -1,0 +1,64 @@
+"""The executables of the package: what kind each is, and what it listens to.
+
+A flight starts when everybody who should hear it is listening; the graph runner counts the listeners from this table.
+"""
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lowcostnav_ros.messages.topics import TOPICS
+
+if TYPE_CHECKING:
+    from lowcostnav_ros.graph import Graph, GraphNode
+
+SIMULATOR_INPUTS: dict[str, tuple[str, ...]] = {
+    "imu_simulator": ("truth/imu",),
+    "magnetometer_simulator": ("truth/odometry",),
+    "air_data_simulator": ("truth/odometry", "truth/wind"),
+    "gps_simulator": ("truth/odometry",),
+    "dme_simulator": ("truth/odometry",),
+}
+"""The part of the truth each sensor simulator listens to."""
+
+AHRS_OUTPUTS = ("imu/data", "imu/data_fused")
+NAVIGATOR_NAMES = ("ahrs", "dead_reckoning", "ins_gps", "supervisor")
+SOURCES = ("truth_source", "player")
+SIMULATION = ("truth_source", *SIMULATOR_INPUTS)
+EXECUTABLES = (*SOURCES, *SIMULATOR_INPUTS, *NAVIGATOR_NAMES, "recorder", "monitor")
+
+STOP_ORDER = (SOURCES, tuple(SIMULATOR_INPUTS), NAVIGATOR_NAMES, ("recorder",), ("monitor",))
+"""Who is stopped first: what feeds before what is fed, so that the recording holds everything that was said."""
+
+
+def inputs_of(node: "GraphNode") -> tuple[str, ...]:
+    """Topics a node of a graph listens to (the recorder's own list excepted)."""
+    if node.executable in SIMULATOR_INPUTS:
+        return SIMULATOR_INPUTS[node.executable]
+    if node.executable in NAVIGATOR_NAMES:
+        return tuple(_navigator(node.executable, node.config, node.parameters).inputs)
+    return ()
+
+
+def expected_subscribers(graph: "Graph") -> list[str]:
+    """Return ``topic:count`` for every topic somebody listens to, recorders included, for ``start.expected_subscribers``.
+
+    Topics of navigators are left out: nothing travels on them before the sensors do.
+    """
+    listeners = Counter(topic for node in graph.nodes for topic in inputs_of(node))
+    published = [topic for topic in listeners if topic in TOPICS and topic not in AHRS_OUTPUTS]
+    recorders = sum(node.executable == "recorder" for node in graph.nodes)
+    return [f"{topic}:{listeners[topic] + recorders}" for topic in sorted(published)]
+
+
+def _navigator(name: str, config: Path | None, parameters: Any) -> Any:
+    # the estimators and their compiler are heavy: only who runs a graph with navigators pays for them
+    from lowcostnav_ros.config_files import load_settings
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.settings import declared, from_mapping, to_mapping
+
+    settings_class, navigator_class = NAVIGATORS[name]
+    base = load_settings(settings_class, config, name)
+    known = {entry.name for entry in declared(settings_class)}
+    own = {key: value for key, value in parameters.items() if key in known}
+    return navigator_class(from_mapping(settings_class, {**to_mapping(base), **own}, name))

@@ -1,0 +1,141 @@
+"""One node process: started, watched, started again when it dies, stopped by SIGINT."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+FIRST_BACKOFF_S, LONGEST_BACKOFF_S, HEALTHY_S = 0.5, 10.0, 30.0
+CANNOT_RUN = 2  # exit status of a node whose settings cannot be used: starting it again would not help
+TICKS = os.sysconf("SC_CLK_TCK")
+PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+class NodeProcess:
+    """One node of a graph.
+
+    Parameters
+    ----------
+    name, executable : str
+    params_files : sequence of Path
+        In order; later ones win.
+    environment : mapping
+    log : Path
+        Where its output goes.
+    respawn : bool
+    """
+
+    def __init__(
+        self, name: str, executable: str, params_files: list[Path], environment: Mapping[str, str], log: Path, respawn: bool = True
+    ) -> None:
+        self.name, self.executable, self.log, self.respawn = name, executable, log, respawn
+        self._environment = environment
+        self._command = [sys.executable, "-m", f"lowcostnav_ros.nodes.{executable}", "--ros-args", "-r", f"__node:={name}"]
+        for path in params_files:
+            self._command += ["--params-file", str(path)]
+        self.process: subprocess.Popen | None = None
+        self.restarts, self.exit_code, self.given_up = 0, None, False
+        self._backoff_s, self._started_at, self._restart_at = FIRST_BACKOFF_S, 0.0, None
+        self._cpu_last = (0.0, 0.0)
+
+    def start(self, stdout: int | None = None) -> None:
+        """Start the process; its output goes to the log unless ``stdout`` says otherwise."""
+        with self.log.open("ab") as log:
+            self.process = subprocess.Popen(
+                self._command, stdout=log if stdout is None else stdout, stderr=log, env=self._environment, start_new_session=True
+            )  # its own session: Ctrl-C in the terminal reaches the runner, which stops the nodes in order
+        self._started_at, self._restart_at = time.monotonic(), None
+        self._cpu_last = (0.0, self._started_at)
+
+    @property
+    def alive(self) -> bool:
+        """True while the process runs."""
+        return self.process is not None and self.process.poll() is None
+
+    def watch(self) -> str:
+        """Notice a death, start again when it is time; return a sentence when something happened, else ''."""
+        now = time.monotonic()
+        if self.process is None or self.alive or self.given_up:
+            return ""
+        if self._restart_at is not None:
+            if now < self._restart_at:
+                return ""
+            self.restarts += 1
+            self.start()
+            return f"{self.name} started again (restart {self.restarts})."
+        self.exit_code = self.process.returncode
+        said = f"{self.name} died: {describe_exit(self.exit_code)}"
+        if not self.respawn or self.exit_code in (0, CANNOT_RUN):
+            self.given_up = True
+            return f"{said}{self._last_words()}."
+        self._backoff_s = FIRST_BACKOFF_S if now - self._started_at > HEALTHY_S else self._backoff_s
+        self._restart_at = now + self._backoff_s
+        sentence = f"{said}; starting again in {self._backoff_s:.1f} s."
+        self._backoff_s = min(2.0 * self._backoff_s, LONGEST_BACKOFF_S)
+        return sentence
+
+    def interrupt(self) -> None:
+        """Ask it to end (SIGINT) and never start it again."""
+        self.given_up = True
+        if self.alive:
+            self.process.send_signal(signal.SIGINT)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for the end; when it does not come, kill.  Return True when it ended by itself."""
+        if self.process is None:
+            return True
+        try:
+            self.exit_code = self.process.wait(timeout_s)
+            return True
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.exit_code = self.process.wait()
+            return False
+
+    def cpu_seconds(self) -> float:
+        """Processor time used since its start, s (0 when it does not run)."""
+        try:
+            fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        except (OSError, AttributeError):
+            return 0.0
+        return (int(fields[11]) + int(fields[12])) / TICKS
+
+    def cpu_share(self) -> float:
+        """Share of one core since the last call."""
+        used, now = self.cpu_seconds(), time.monotonic()
+        before, then = self._cpu_last
+        self._cpu_last = (used, now)
+        return max(used - before, 0.0) / (now - then) if now > then else 0.0
+
+    def rss_mb(self) -> float:
+        """Resident memory, MB (0 when it does not run)."""
+        try:
+            return int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1]) * PAGE_MB
+        except (OSError, AttributeError):
+            return 0.0
+
+    def _last_words(self) -> str:
+        try:
+            lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
+        except OSError:
+            return ""
+        return f" ({lines[-1].strip().rstrip('.')})" if lines and self.exit_code else ""
+
+
+def describe_exit(code: int) -> str:
+    """Return an exit status in words."""
+    if code < 0:
+        return f"killed by {signal.Signals(-code).name}"
+    return "it ended by itself with exit code 0" if code == 0 else f"exit code {code}"
+
+
+def write_parameters(path: Path, values: Mapping[str, Any]) -> Path:
+    """Write parameter values as a ROS parameter file for whatever node reads it."""
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": dict(values)}}, default_flow_style=None, sort_keys=True))
+    return path

@@ -1,0 +1,99 @@
+"""Record topics into a bag, in order of arrival."""
+
+import struct
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages.bag import BagError, BagWriter
+from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status
+from lowcostnav_ros.ros.node_base import NodeBase
+from lowcostnav_ros.ros.run import run
+from lowcostnav_ros.settings import SettingsError, setting
+
+
+def all_topics() -> list[str]:
+    """Topics a recording of the whole graph holds (/clock is left out: the player makes a new one)."""
+    fixed = [name for name in topics.TOPICS if name not in ("clock", "truth/imu")]
+    own = [f"{room}/{part}" for room in ("dead_reckoning", "ins_gps", "nav") for part in topics.NAVIGATOR_TOPICS]
+    return fixed + own
+
+
+@dataclass(frozen=True)
+class RecorderSettings:
+    """Settings of the recorder."""
+
+    path: str = setting("", "Directory of the recording; it must not exist.  Empty names it after the time of day.")
+    storage: str = setting("mcap", "Format of the bag file.", choices=("mcap", "sqlite3"))
+    topics: list[str] = setting([], "Topics to record; empty records every sensor, truth and navigator topic except truth/imu.")
+
+
+class Recorder(NodeBase):
+    """Write what arrives; the bag is closed, index and all, when the node ends.
+
+    The time in the bag is the stamp of the message, made to increase strictly, so that the bag keeps the order of arrival and its length is
+    flight time whatever the pace of the simulation.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("recorder", [RecorderSettings()], **kwargs)
+        settings: RecorderSettings = self.parameters.settings[0]
+        self.path = Path(settings.path or f"recording_{self.get_clock().now().nanoseconds // 10**9}")
+        self.trouble, self._last_ns = "", 0
+        names = settings.topics or all_topics()
+        try:
+            specs = [topics.spec(name) for name in names]
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._writer = BagWriter(self.path, settings.storage)
+        except (BagError, ValueError, OSError) as error:
+            self.destroy_node()
+            raise SettingsError(f"recorder: {error}") from error
+        for spec in specs:
+            self.listen_raw(spec.name, partial(self._write, spec))
+
+    def _write(self, spec: topics.TopicSpec, monitor: InputMonitor, raw: bytes) -> None:
+        stamp_ns = header_stamp_ns(raw)
+        monitor.stamped(stamp_ns)
+        self._last_ns = max(stamp_ns, self._last_ns + 1)
+        try:
+            self._writer.write(spec.name, spec.msgtype, self._last_ns, raw)
+        except OSError as error:  # a full disk must be seen on the ground, not in the air
+            self.trouble = f"cannot write to {self.path}: {error.strerror}"
+
+    def rows(self) -> Iterable[Status]:
+        """One row per topic that has come, silence is no fault of a recorder; and one of the recording."""
+        for monitor in self.inputs.values():
+            if monitor.count:
+                row = monitor.status(self.get_name())
+                yield row._replace(level=OK)
+        count = sum(monitor.count for monitor in self.inputs.values())
+        values = {"path": str(self.path), "count": str(count)}
+        message = self.trouble or f"{count} messages in {self.path}"
+        yield Status(f"{self.get_name()}: recording", ERROR if self.trouble else OK, message, values)
+
+    def destroy_node(self) -> None:
+        """Close the bag, then the node."""
+        if hasattr(self, "_writer"):
+            self._writer.close()
+        super().destroy_node()
+
+
+def header_stamp_ns(cdr: bytes) -> int:
+    """Return the stamp of a serialised message that begins with a header; raises ValueError when it is too short to have one."""
+    if len(cdr) < 12:
+        raise ValueError("message too short for a header")
+    seconds, nanoseconds = struct.unpack_from("<iI" if cdr[1] & 1 else ">iI", cdr, 4)
+    return seconds * 1_000_000_000 + nanoseconds
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node."""
+    return run(Recorder, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,92 @@
+"""/diagnostics once a second, and at once when a level rises."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from lowcostnav_ros.ros import qos
+from lowcostnav_ros.ros.input_monitor import Status
+
+if TYPE_CHECKING:  # the compiler behind the estimators costs 60 MB that a sensor node does not need
+    from lowcostnav_ros.estimation.aiding import AidStatus
+    from lowcostnav_ros.navigators.base import NavigatorStatus
+
+PERIOD_S = 1.0
+CHECK_S = 0.4  # how late a rising level may be noticed
+
+
+class DiagnosticsPublisher:
+    """Publish the rows of one node.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    rows : callable
+        Returns the current rows.
+    """
+
+    def __init__(self, node: Node, rows: Callable[[], Iterable[Status]]) -> None:
+        self._node, self._rows = node, rows
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", qos.output())
+        self._levels: dict[str, int] = {}
+        self._published_at = 0.0
+        # steady: a simulated clock that stops must not stop the diagnostics
+        self._timer = node.create_timer(CHECK_S, self.check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def check(self) -> None:
+        """Publish when a second has passed or a level has risen."""
+        rows = list(self._rows())
+        rising = any(row.level > self._levels.get(row.name, 0) for row in rows)
+        if rising or time.monotonic() - self._published_at >= PERIOD_S - 0.5 * CHECK_S:
+            self._publish(rows)
+
+    def publish(self) -> None:
+        """Publish now (the last word before a node goes)."""
+        self._publish(list(self._rows()))
+
+    def _publish(self, rows: list[Status]) -> None:
+        for row in rows:
+            if row.level > self._levels.get(row.name, 0):
+                log = self._node.get_logger()
+                (log.error if row.level > 1 else log.warning)(row.message)
+        self._levels = {row.name: row.level for row in rows}
+        self._published_at = time.monotonic()
+        message = DiagnosticArray(status=[_status(row, self._node.get_fully_qualified_name()) for row in rows])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+
+def _status(row: Status, hardware_id: str) -> DiagnosticStatus:
+    values = [KeyValue(key=k, value=v) for k, v in row.values.items()]
+    return DiagnosticStatus(level=bytes([row.level]), name=row.name, message=row.message, hardware_id=hardware_id, values=values)
+
+
+def navigator_rows(prefix: str, status: NavigatorStatus) -> list[Status]:
+    """Return the rows of a navigator: itself (mode, reason, sigmas), then one per aid.
+
+    Sigma names and aid labels carry their units; the age of an aid is judged at the navigator's own time.
+    """
+    values = {"mode": status.mode, "reason": status.reason} | {k: f"{v:.4g}" for k, v in status.sigmas.items()}
+    for record in status.inputs:
+        values |= {f"rejected[{record.source}: {reason}]": str(n) for reason, n in record.rejected.items()}
+    message = f"{status.mode}: {status.reason}" if status.reason else status.mode
+    return [Status(f"{prefix}: navigator", status.level, message, values), *(_aid_row(prefix, aid, status.stamp_ns) for aid in status.aids)]
+
+
+def _aid_row(prefix: str, aid: AidStatus, now_ns: int | None) -> Status:
+    age = None if now_ns is None else aid.age_s(now_ns)
+    values = {"test_ratio": f"{aid.test_ratio:.3g}", "accepted": str(aid.accepted).lower(), "reason": aid.reason}
+    values |= {"age_s": "" if age is None else f"{age:.2f}", "fused": str(aid.fused), "rejected": str(sum(aid.rejected.values()))}
+    if aid.innovation is not None:
+        for label, innovation, variance in zip(aid.labels, aid.innovation, aid.innovation_variance, strict=False):
+            values |= {f"innovation_{label}": f"{innovation:.4g}", f"innovation_sigma_{label}": f"{max(variance, 0.0) ** 0.5:.4g}"}
+    values |= {f"rejected[{reason}]": str(n) for reason, n in aid.rejected.items()}
+    rejecting = not aid.accepted and aid.test_ratio > 1.0
+    message = f"{aid.name}: {aid.reason or 'used'}"
+    return Status(f"{prefix}: aid {aid.name}", int(rejecting), message, values)

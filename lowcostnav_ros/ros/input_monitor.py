@@ -1,0 +1,109 @@
+"""What became of one input: rate, age, gaps, rejections by reason, and whether it has fallen silent.
+
+Knows no ROS.  Ages and rates are judged by a steady clock at arrival, because a sensor that stopped sends no stamps to judge by;
+gaps are judged by stamps, because arrival jitters.
+"""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import NamedTuple
+
+OK, WARN, ERROR = 0, 1, 2
+SILENT_INTERVALS = 5.0  # a slow sensor is silent after this many of its own intervals
+RECENT_S = 5.0  # a rejection colours the status this long
+
+
+class Status(NamedTuple):
+    """One row of the diagnostics: name, level (0 ok, 1 warning, 2 error), a sentence, and values as text."""
+
+    name: str
+    level: int
+    message: str
+    values: dict[str, str]
+
+
+class InputMonitor:
+    """Follow one input.
+
+    Parameters
+    ----------
+    topic : str
+        Its name as people know it.
+    required : bool
+        Whether silence is an error (True) or a warning.
+    silent_after_s : float
+        Shortest silence that is reported; a slow input is given five of its own intervals.
+    clock : callable
+        Steady time in seconds.
+    """
+
+    def __init__(
+        self, topic: str, required: bool = False, silent_after_s: float = 1.0, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.topic, self.required, self.silent_after_s, self._clock = topic, required, silent_after_s, clock
+        self.count = self.gaps = self.backward = 0
+        self.rejected: Counter[str] = Counter()
+        self.last_reject = ""
+        self.trouble = ""  # set when the transport itself reports one (incompatible QoS)
+        self._started = clock()
+        self._last_arrival = self._last_reject_at = None
+        self._interval_s = 0.0
+        self._last_stamp_ns = 0
+        self._stamp_interval_ns = 0.0
+
+    def arrived(self) -> None:
+        """Note that a message came, good or bad."""
+        now = self._clock()
+        if self._last_arrival is not None:
+            gap = now - self._last_arrival
+            self._interval_s = gap if not self._interval_s else self._interval_s + 0.05 * (gap - self._interval_s)
+        self._last_arrival = now
+        self.count += 1
+
+    def stamped(self, stamp_ns: int) -> None:
+        """Note the stamp of a good message: count what is missing between stamps and stamps that step back."""
+        step, self._last_stamp_ns = stamp_ns - self._last_stamp_ns, stamp_ns
+        if step == stamp_ns:
+            return
+        if step <= 0:
+            self.backward += 1
+        elif self._stamp_interval_ns and step > 1.5 * self._stamp_interval_ns:
+            self.gaps += round(step / self._stamp_interval_ns) - 1
+        else:
+            self._stamp_interval_ns += (step - self._stamp_interval_ns) * (0.05 if self._stamp_interval_ns else 1.0)
+
+    def reject(self, reason: str) -> None:
+        """Count one rejection under its reason."""
+        self.rejected[reason] += 1
+        self.last_reject = reason
+        self._last_reject_at = self._clock()
+
+    def status(self, prefix: str) -> Status:
+        """Return the diagnostics row; ``prefix`` is the node's name."""
+        level, message = self._verdict(self._clock())
+        return Status(f"{prefix}: input {self.topic}", level, message, self._values())
+
+    def _verdict(self, now: float) -> tuple[int, str]:
+        silence = ERROR if self.required else WARN
+        if self._last_arrival is None:
+            waited = now - self._started
+            why = self.trouble or "nothing received yet"
+            return (silence if waited > 2.0 else OK), f"{self.topic}: {why} after {waited:.1f} s"
+        age = now - self._last_arrival
+        if age > max(self.silent_after_s, SILENT_INTERVALS * self._interval_s):
+            return silence, f"{self.topic} silent for {age:.1f} s"
+        if self._last_reject_at is not None and now - self._last_reject_at < RECENT_S:
+            return WARN, f"{self.topic}: {self.last_reject} ({sum(self.rejected.values())} rejected of {self.count})"
+        return OK, f"{self.topic}: {self.rate_hz:.1f} Hz"
+
+    @property
+    def rate_hz(self) -> float:
+        """Smoothed rate of arrival, Hz; 0 before the second message."""
+        return 1.0 / self._interval_s if self._interval_s else 0.0
+
+    def _values(self) -> dict[str, str]:
+        age = "" if self._last_arrival is None else f"{self._clock() - self._last_arrival:.2f}"
+        values = {"rate_hz": f"{self.rate_hz:.1f}", "age_s": age, "count": str(self.count), "gaps": str(self.gaps)}
+        values |= {"backward_stamps": str(self.backward), "rejected": str(sum(self.rejected.values())), "last_reject": self.last_reject}
+        return values | {f"rejected[{reason}]": str(n) for reason, n in self.rejected.most_common()}

@@ -1,0 +1,129 @@
+"""Any navigator as a node: its inputs in, its solutions out, its status on /diagnostics."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from lowcostnav_ros.measurements import Measurement, NavSolution
+from lowcostnav_ros.messages import encode
+from lowcostnav_ros.messages.store import to_cdr
+from lowcostnav_ros.ros.diagnostics import navigator_rows
+from lowcostnav_ros.ros.input_monitor import Status
+from lowcostnav_ros.ros.node_base import NodeBase
+from lowcostnav_ros.settings import group, setting
+
+
+@dataclass(frozen=True)
+class OutputSettings:
+    """What is published, how often."""
+
+    rate_hz: float = setting(
+        20.0,
+        "Rate of the low-latency outputs; the IMU's rate or more gives every sample.",
+        unit="Hz",
+        minimum=0.1,
+        maximum=1000.0,
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
+class NavigatorNodeSettings:
+    """Settings of a navigator that concern the node, not the estimator."""
+
+    output: OutputSettings = group(OutputSettings)
+
+
+class NavigatorNode(NodeBase):
+    """Run one navigator live.
+
+    Publishes ``<name>/odometry``, ``<name>/fix`` and ``<name>/wind`` at ``output.rate_hz`` of stamps with low latency,
+    ``<name>/odometry_fused`` and ``<name>/wind_fused`` for every fused solution, and ``<name>/origin`` once, latched.  The AHRS, which
+    has no position, publishes ``imu/data`` and ``imu/data_fused``; the supervisor's topics are under ``nav/``.
+
+    Parameters
+    ----------
+    name : str
+        Name in the registry of navigators and default node name.
+    settings : settings object
+        Defaults of the estimator's parameters.
+    make : callable
+        Turns the final settings into the navigator.
+    """
+
+    def __init__(self, name: str, settings: Any, make: Any, **kwargs: Any) -> None:
+        super().__init__(name, [settings, NavigatorNodeSettings()], **kwargs)
+        self.navigator = make(self.parameters.settings[0])
+        self._set_rate(self.parameters.settings[1])
+        self._is_attitude_only = name == "ahrs"
+        self._room = "nav" if name == "supervisor" else self.get_name()
+        self._next_output_ns = 0
+        self._origin = None
+        for topic in self._topics():
+            self.output(topic)
+        for source, required in self.navigator.inputs.items():
+            self.listen(source, self._feed, required=required)
+
+    def _topics(self) -> list[str]:
+        if self._is_attitude_only:
+            return ["imu/data", "imu/data_fused"]
+        return [f"{self._room}/{part}" for part in ("odometry", "fix", "wind", "odometry_fused", "wind_fused", "origin")]
+
+    def rows(self) -> Iterable[Status]:
+        """Add mode, sigmas and aids to the rows of every node."""
+        yield from super().rows()
+        if hasattr(self, "navigator"):
+            yield from navigator_rows(self.get_name(), self.navigator.status())
+
+    def reset(self, reason: str) -> str:
+        """Start the estimator over."""
+        self.navigator.reset(reason)
+        self._next_output_ns = 0
+        return f"{self.get_name()} starts over: {self.navigator.mode}, {self.navigator.reason}."
+
+    def on_settings(self, settings: list) -> None:
+        """Take over a new output rate."""
+        self._set_rate(settings[1])
+
+    def _set_rate(self, settings: NavigatorNodeSettings) -> None:
+        self._output_period_ns = round(1e9 / settings.output.rate_hz)
+
+    def _feed(self, measurement: Measurement) -> None:
+        fused = self.navigator.feed(measurement)
+        self._publish_origin(measurement.stamp_ns)
+        for solution in fused:
+            self._publish(solution, "_fused")
+        if self._is_due(measurement.stamp_ns):
+            solution = self.navigator.output()
+            if solution is not None:
+                self._publish(solution, "")
+
+    def _is_due(self, stamp_ns: int) -> bool:
+        """Decimate by stamps, on multiples of the period, so that a jittering arrival leaves the spacing alone."""
+        inertial = self.navigator.inertial
+        if stamp_ns < self._next_output_ns and self._next_output_ns - stamp_ns <= self._output_period_ns:
+            return False
+        if inertial is not None and self.navigator.input_status[inertial].stamp_ns != stamp_ns:
+            return False
+        self._next_output_ns = (stamp_ns // self._output_period_ns + 1) * self._output_period_ns
+        return True
+
+    def _publish_origin(self, stamp_ns: int) -> None:
+        origin = self.navigator.origin
+        if origin is not None and origin is not self._origin and not self._is_attitude_only:
+            self._origin = origin
+            self.output(f"{self._room}/origin").send(to_cdr(encode.origin_fix(stamp_ns, origin)))
+
+    def _publish(self, solution: NavSolution, suffix: str) -> None:
+        if self._is_attitude_only:
+            if solution.q_nb is not None:
+                self.output(f"imu/data{suffix}").send(to_cdr(encode.imu_from_solution(solution)))
+            return
+        if self._origin is None:
+            return
+        self.output(f"{self._room}/odometry{suffix}").send(to_cdr(encode.odometry_from_solution(solution, self._origin)))
+        wind = encode.wind_from_solution(solution)
+        if wind is not None:
+            self.output(f"{self._room}/wind{suffix}").send(to_cdr(wind))
+        if not suffix:
+            self.output(f"{self._room}/fix").send(to_cdr(encode.fix_from_solution(solution)))

@@ -1,0 +1,245 @@
+"""What every node of this package is made of: settings, raw subscriptions, counted publishers, diagnostics, reset."""
+
+import importlib
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import qos_policy_name_from_kind
+from std_srvs.srv import Trigger
+
+from lowcostnav_ros.measurements import Measurement
+from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages.decode import Decoder, Rejected
+from lowcostnav_ros.ros import qos
+from lowcostnav_ros.ros.diagnostics import DiagnosticsPublisher
+from lowcostnav_ros.ros.input_monitor import InputMonitor, Status
+from lowcostnav_ros.ros.parameters import Parameters, given_parameters
+from lowcostnav_ros.settings import group, setting
+
+ABSOLUTE = ("clock", "diagnostics")  # ROS knows these two outside all namespaces
+Bases = Sequence[Any] | Callable[[dict[str, Any]], Sequence[Any]]
+RCLError = rclpy_implementation.RCLError
+
+
+@dataclass(frozen=True)
+class QosSettings:
+    """How messages are carried."""
+
+    lossless: bool = setting(False, "Reliable and keep-all on both sides: nothing is lost, publishing waits for the slowest listener.")
+
+
+@dataclass(frozen=True)
+class InputSettings:
+    """How inputs are judged."""
+
+    silent_after_s: float = setting(
+        1.0,
+        "Shortest silence of an input that is reported; slow inputs get five of their intervals.",
+        unit="s",
+        minimum=0.2,
+        maximum=60.0,
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
+class NodeSettings:
+    """Settings of every node, whatever it does."""
+
+    qos: QosSettings = group(QosSettings)
+    input: InputSettings = group(InputSettings)
+
+
+class Output:
+    """One publisher of serialised messages that counts what it sent and, lossless, waits for slow listeners."""
+
+    def __init__(self, node: Node, spec: topics.TopicSpec, name: str, is_lossless: bool) -> None:
+        self.topic, self.count, self.waited, self.trouble = spec.name, 0, 0, ""
+        self._is_lossless, self._ok = is_lossless, node.context.ok
+        events = PublisherEventCallbacks(incompatible_qos=self._incompatible)
+        profile = qos.for_publisher(spec, is_lossless)
+        self.publisher = node.create_publisher(message_class(spec.msgtype), name, profile, event_callbacks=events)
+
+    def send(self, cdr: bytes) -> None:
+        """Publish serialised bytes; lossless, try again for as long as the history of a listener is full."""
+        while self._ok():
+            try:
+                self.publisher.publish(cdr)
+            except RCLError:  # lossless: a listener's history stayed full for 100 ms
+                if not self._is_lossless and self._ok():
+                    raise
+                self.waited += 1
+                continue
+            self.count += 1
+            return
+
+    def _incompatible(self, event: Any) -> None:
+        self.trouble = f"a listener asks for {qos_policy_name_from_kind(event.last_policy_kind).lower()} this publisher does not offer"
+
+    def status(self, prefix: str) -> Status:
+        """Return the diagnostics row."""
+        message = f"{self.topic}: {self.trouble}" if self.trouble else f"{self.topic}: {self.count} sent"
+        values = {"count": str(self.count), "waited": str(self.waited)}
+        return Status(f"{prefix}: output {self.topic}", int(bool(self.trouble)), message, values)
+
+
+class OriginGate:
+    """Hold the odometry of one navigator until the origin of its map frame has come: two topics keep no order between them."""
+
+    HELD = 1000
+
+    def __init__(self, navigator: str, node: "NodeBase") -> None:
+        self._origin, self._decoder = f"{navigator}/origin", node.decoder
+        self._held: deque[tuple[Callable, InputMonitor, bytes]] = deque(maxlen=self.HELD)
+        self._open = False
+        spec = topics.spec(self._origin)
+        node.create_subscription(message_class(spec.msgtype), spec.name, self._arrived, qos.latched(), raw=True)
+
+    def pass_on(self, take: Callable[[InputMonitor, bytes], None], monitor: InputMonitor, raw: bytes) -> None:
+        """Hand a message on, or hold it."""
+        if self._open:
+            take(monitor, raw)
+        else:
+            self._held.append((take, monitor, raw))
+
+    def _arrived(self, raw: bytes) -> None:
+        if isinstance(self._decoder.decode(self._origin, topics.NAV_SAT_FIX, raw), Rejected):
+            return
+        self._open = True
+        while self._held:
+            take, monitor, held = self._held.popleft()
+            take(monitor, held)
+
+
+class NodeBase(Node):
+    """Base of all nodes.
+
+    Parameters
+    ----------
+    name : str
+        Default node name.
+    settings : sequence of settings objects, or callable
+        Their values are the defaults of the ROS parameters; :class:`NodeSettings` is added.  A callable gets the values given from outside
+        and returns the sequence (defaults that depend on a parameter: the scenario).
+    **kwargs
+        ``context``, ``parameter_overrides``, ``namespace`` ... for :class:`rclpy.node.Node`.
+
+    Raises
+    ------
+    SettingsError
+        When a parameter is unknown or cannot be used.
+    """
+
+    def __init__(self, name: str, settings: Bases = (), **kwargs: Any) -> None:
+        super().__init__(name, automatically_declare_parameters_from_overrides=True, **kwargs)
+        try:
+            bases = settings(given_parameters(self)) if callable(settings) else settings
+            self.parameters = Parameters(self, [*bases, NodeSettings()], self._changed)
+        except Exception:
+            self.destroy_node()
+            raise
+        self.decoder = Decoder()
+        self._gates: dict[str, OriginGate] = {}
+        self.inputs: dict[str, InputMonitor] = {}
+        self.outputs: dict[str, Output] = {}
+        self.create_service(Trigger, "~/reset", self._reset)
+        self.diagnostics = DiagnosticsPublisher(self, self.rows)
+
+    @property
+    def node_settings(self) -> NodeSettings:
+        """The settings every node has."""
+        return self.parameters.settings[-1]
+
+    def listen(self, source: str, handler: Callable[[Measurement], None], *, required: bool = False) -> InputMonitor:
+        """Subscribe to a topic, decode what comes and hand good measurements to ``handler``.
+
+        Bad messages are counted under their reason and go no further.  Odometry that arrives before the origin of its map frame is
+        held until the origin is known.
+        """
+        spec = topics.spec(source)
+        msgtype = spec.msgtype
+
+        def take(monitor: InputMonitor, raw: bytes) -> None:
+            result = self.decoder.decode(source, msgtype, raw)
+            if isinstance(result, Rejected):
+                monitor.reject(result.reason)
+                return
+            monitor.stamped(result.stamp_ns)
+            handler(result)
+
+        if msgtype != topics.ODOMETRY:
+            return self.listen_raw(source, take, required=required)
+        gate = self._gates.setdefault(source.rpartition("/")[0], OriginGate(source.rpartition("/")[0], self))
+        return self.listen_raw(source, partial(gate.pass_on, take), required=required)
+
+    def listen_raw(self, source: str, handler: Callable[[InputMonitor, bytes], None], *, required: bool = False) -> InputMonitor:
+        """Subscribe to the serialised bytes of a topic; a message that breaks the handler is counted, never raised."""
+        spec = topics.spec(source)
+        monitor = InputMonitor(source, required, self.node_settings.input.silent_after_s)
+
+        def arrived(raw: bytes) -> None:
+            monitor.arrived()
+            try:
+                handler(monitor, raw)
+            except (ValueError, ArithmeticError, LookupError) as error:  # bad data in flight never ends a node
+                monitor.reject(f"{type(error).__name__}: {error}")
+
+        events = SubscriptionEventCallbacks(incompatible_qos=lambda event: self._incompatible(monitor, event))
+        profile = qos.for_subscription(spec, self.node_settings.qos.lossless)
+        name = f"/{spec.name}" if spec.name in ABSOLUTE else spec.name
+        self.create_subscription(message_class(spec.msgtype), name, arrived, profile, event_callbacks=events, raw=True)
+        self.inputs[source] = monitor
+        return monitor
+
+    def output(self, source: str, topic: str | None = None) -> Output:
+        """Return the publisher of a topic, made on first use."""
+        if source not in self.outputs:
+            self.outputs[source] = Output(self, topics.spec(source), topic or source, self.node_settings.qos.lossless)
+        return self.outputs[source]
+
+    def rows(self) -> Iterable[Status]:
+        """Diagnostics rows; a subclass adds its own."""
+        prefix = self.get_name()
+        yield from (monitor.status(prefix) for monitor in self.inputs.values())
+        yield from (output.status(prefix) for output in self.outputs.values())
+
+    def reset(self, reason: str) -> str:
+        """Start over; return a sentence that says what was done.  A subclass overrides it."""
+        return f"{self.get_name()} keeps no state: nothing to reset."
+
+    def on_settings(self, settings: list) -> None:
+        """Take over settings that were changed live; a subclass that has live settings overrides it."""
+
+    def destroy_node(self) -> None:
+        """Say the last counts, then go."""
+        if self.context.ok() and hasattr(self, "diagnostics"):
+            self.diagnostics.publish()
+        super().destroy_node()
+
+    def _reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.message = self.reset("reset by service")
+        response.success = True
+        self.get_logger().info(response.message)
+        return response
+
+    def _changed(self, settings: list) -> None:
+        for monitor in self.inputs.values():
+            monitor.silent_after_s = settings[-1].input.silent_after_s
+        self.on_settings(settings)
+
+    def _incompatible(self, monitor: InputMonitor, event: Any) -> None:
+        policy = qos_policy_name_from_kind(event.last_policy_kind).lower()
+        monitor.trouble = f"a publisher offers {policy} too weak for this listener (set qos.lossless alike on both sides)"
+        self.get_logger().error(f"{monitor.topic}: {monitor.trouble}")
+
+
+def message_class(msgtype: str) -> type:
+    """Return the rclpy class of a type such as ``sensor_msgs/msg/Imu``, importing only that package."""
+    package, _, name = msgtype.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), name)

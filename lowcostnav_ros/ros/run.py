@@ -1,0 +1,48 @@
+"""Start and stop of a node process."""
+
+import signal
+import sys
+from collections.abc import Callable, Sequence
+
+from lowcostnav_ros.settings import SettingsError
+
+EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+
+
+def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
+    """Run one node until it is told to stop.
+
+    Parameters
+    ----------
+    make_node : callable
+        Builds the node, without arguments.
+    args : sequence of str, optional
+        Command line, default ``sys.argv``.
+
+    Returns
+    -------
+    int
+        0 after SIGINT or SIGTERM, one or many; 2 when the settings cannot be used (the sentence is on stderr).
+    """
+    # rclpy chains to this handler after it has woken its own wait, so spinning ends by shutdown and no KeyboardInterrupt can
+    # break the teardown, however many signals arrive (`ros2 launch` sends a second one).
+    signal.signal(signal.SIGINT, lambda *_: None)
+    import rclpy
+    from rclpy.executors import ExternalShutdownException
+
+    rclpy.init(args=args)
+    node = None
+    try:
+        node = make_node()
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except SettingsError as error:
+        print(error, file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return EXIT_OK

@@ -1,0 +1,99 @@
+"""A sensor simulator as a node: hears its part of the truth, says what the sensor would say."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+
+from lowcostnav_ros.graph_nodes import SIMULATOR_INPUTS
+from lowcostnav_ros.measurements import Attitude, Measurement, NavSolution
+from lowcostnav_ros.messages.encode import encode_cdr
+from lowcostnav_ros.ros.node_base import NodeBase
+from lowcostnav_ros.ros.scenario import sensor_bases
+from lowcostnav_ros.simulation.equipment import build
+from lowcostnav_ros.truth import TruthBlock
+
+NO_WIND, NO_VELOCITY, NO_RATE = np.zeros(3), np.zeros(3), np.zeros(3)
+
+
+class Simulator(Protocol):
+    """What all sensor simulators have in common."""
+
+    def simulate(self, truth: TruthBlock) -> list[Measurement]:
+        """Return the measurements that become available during ``truth``."""
+
+
+class SimulatorNode(NodeBase):
+    """Run one sensor simulator on live truth.
+
+    Parameters
+    ----------
+    name : str
+        Executable, a key of :data:`SIMULATOR_INPUTS`.
+    sensor : str
+        Its name in a scenario.
+    outputs : sequence of str
+        Topics it publishes on; made at once so that listeners find them before the first sample.
+    """
+
+    def __init__(self, name: str, sensor: str, outputs: Sequence[str], **kwargs: Any) -> None:
+        super().__init__(name, partial(sensor_bases, sensor), **kwargs)
+        self._make = partial(build, sensor)
+        self._simulator: Simulator = self._make(self.parameters.settings[0])
+        for topic in outputs:
+            self.output(topic)
+        self._wind: dict[int, np.ndarray] = {}
+        self._waiting: dict[int, NavSolution] = {}
+        handlers = {"truth/imu": self._on_imu, "truth/odometry": self._on_odometry, "truth/wind": self._on_wind}
+        self._needs_wind = "truth/wind" in SIMULATOR_INPUTS[name]
+        for topic in SIMULATOR_INPUTS[name]:
+            self.listen(topic, handlers[topic], required=True)
+
+    def reset(self, reason: str) -> str:
+        """Power the sensor off and on: the same errors from the beginning."""
+        self._simulator = self._make(self.parameters.settings[0])
+        self._wind.clear()
+        self._waiting.clear()
+        return f"{self.get_name()} starts over with the errors of its seed ({reason})."
+
+    def _on_imu(self, sample: Attitude) -> None:
+        self._simulate(_row(sample.stamp_ns, q_nb=sample.q_nb, force=sample.specific_force_b, rate=sample.angular_rate_b))
+
+    def _on_odometry(self, state: NavSolution) -> None:
+        if not self._needs_wind:
+            self._simulate(_row_of_state(state, NO_WIND))
+            return
+        self._waiting[state.stamp_ns] = state
+        self._pair()
+
+    def _on_wind(self, state: NavSolution) -> None:
+        down = state.states["wind_down_mps"][0] if state.states else 0.0
+        self._wind[state.stamp_ns] = np.array([*state.wind_n, down])
+        self._pair()
+
+    def _pair(self) -> None:
+        """Simulate the states whose wind is there, in order; forget what lost its partner on the way."""
+        for stamp in sorted(self._waiting.keys() & self._wind.keys()):
+            self._simulate(_row_of_state(self._waiting.pop(stamp), self._wind.pop(stamp)))
+            for table in (self._waiting, self._wind):
+                for older in [s for s in table if s < stamp]:
+                    del table[older]
+
+    def _simulate(self, truth: TruthBlock) -> None:
+        for measurement in self._simulator.simulate(truth):
+            for _stamp, topic, _msgtype, cdr in encode_cdr(measurement):
+                self.output(topic).send(cdr)
+
+
+def _row(
+    stamp_ns: int, place: tuple = (0.0, 0.0, 0.0), vel_n=NO_VELOCITY, q_nb=None, force=NO_VELOCITY, rate=NO_RATE, wind_n=NO_WIND
+) -> TruthBlock:
+    lat, lon, height = (np.array([value]) for value in place)
+    columns = (np.ascontiguousarray(np.atleast_2d(value), dtype=float) for value in (vel_n, q_nb, force, rate, wind_n))
+    return TruthBlock(np.array([stamp_ns]), lat, lon, height, *columns)
+
+
+def _row_of_state(state: NavSolution, wind_n: np.ndarray) -> TruthBlock:
+    rate = NO_RATE if state.angular_rate_b is None else state.angular_rate_b
+    return _row(state.stamp_ns, (state.lat, state.lon, state.height), state.vel_n, state.q_nb, rate=rate, wind_n=wind_n)

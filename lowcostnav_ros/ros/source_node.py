@@ -1,0 +1,109 @@
+"""A node that speaks by itself: a thread that publishes, while the main thread answers services and reports."""
+
+import struct
+import threading
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from lowcostnav_ros.ros.input_monitor import ERROR, OK, Status
+from lowcostnav_ros.ros.node_base import Bases, NodeBase, Output
+from lowcostnav_ros.ros.pacing import Pacer, StartSettings, wait_for_subscribers
+from lowcostnav_ros.settings import group, setting
+
+CLOCK_PERIOD_NS = 50_000_000
+
+
+@dataclass(frozen=True)
+class SourceSettings:
+    """Pace and start of a source."""
+
+    real_time_factor: float = setting(1.0, "Simulated seconds per second; 0 is as fast as listeners allow.", minimum=0.0, maximum=1000.0)
+    start: StartSettings = group(StartSettings)
+
+
+class SourceNode(NodeBase):
+    """Base of the truth source and the player.
+
+    A subclass gives ``make_outputs()`` (publishers must exist before listeners are counted) and ``speak()``, which publishes everything
+    there is and returns; it calls ``self.at(stamp_ns)`` before each message and stops when that returns False.
+    """
+
+    def __init__(self, name: str, settings: Bases, **kwargs: Any) -> None:
+        super().__init__(name, lambda given: [*(settings(given) if callable(settings) else settings), SourceSettings()], **kwargs)
+        self.source_settings: SourceSettings = self.parameters.settings[-2]
+        self.state, self.trouble = "starting", ""
+        self._stopping = threading.Event()
+        self._pacer = Pacer(self.source_settings.real_time_factor)
+        self._clock_output: Output = self.output("clock", "/clock")
+        self._next_clock_ns = self._stamp_ns = self._first_ns = 0
+        self.make_outputs()
+        self._thread = threading.Thread(target=self._run, name="speak", daemon=True)
+        self._thread.start()
+
+    def make_outputs(self) -> None:
+        """Make the publishers."""
+
+    def speak(self) -> None:
+        """Publish everything, in order."""
+
+    def at(self, stamp_ns: int) -> bool:
+        """Wait until ``stamp_ns`` is due, publish /clock when it is time; return False when the node is to stop."""
+        if not self._first_ns:
+            self._first_ns = stamp_ns
+        self._pacer.wait(stamp_ns)
+        self._stamp_ns = stamp_ns
+        if stamp_ns >= self._next_clock_ns:
+            self._clock_output.send(clock_cdr(stamp_ns))
+            self._next_clock_ns = stamp_ns + CLOCK_PERIOD_NS
+        return self.running()
+
+    def running(self) -> bool:
+        """False once the node is to stop."""
+        return not self._stopping.is_set() and self.context.ok()
+
+    def rows(self) -> Iterable[Status]:
+        """Add the state of the flight to the rows of every node."""
+        yield from super().rows()
+        flown = 1e-9 * (self._stamp_ns - self._first_ns)
+        values = {"state": self.state.split(":")[0], "stamp_s": f"{1e-9 * self._stamp_ns:.3f}", "flown_s": f"{flown:.1f}"}
+        values["held_up_s"] = f"{self._pacer.late_s:.1f}"
+        message = self.trouble or f"{self.state}, {flown:.0f} s played"
+        yield Status(f"{self.get_name()}: source", ERROR if self.trouble else OK, message, values)
+
+    def reset(self, reason: str) -> str:
+        """A source has no state to start over."""
+        return f"{self.get_name()} cannot start over; start the node again."
+
+    def destroy_node(self) -> None:
+        """End the thread, then the node."""
+        if hasattr(self, "_stopping"):
+            self._stopping.set()
+            self._thread.join(5.0)
+        super().destroy_node()
+
+    def _run(self) -> None:
+        try:
+            wait_for_subscribers(self, self.source_settings.start, self.running, self._say)
+            if not self.running():
+                return
+            self._say("flying")
+            began = time.monotonic()
+            self.speak()
+            if self.running():
+                self._say("finished")
+                self.get_logger().info(f"{self.get_name()} finished after {time.monotonic() - began:.1f} s; Ctrl-C ends it.")
+        except Exception as error:  # noqa: BLE001 - a thread that dies in silence would look like a calm flight
+            if self.running():
+                self.state, self.trouble = "failed", f"{type(error).__name__}: {error}"
+                self.get_logger().error(self.trouble)
+
+    def _say(self, state: str) -> None:
+        self.state = state
+
+
+def clock_cdr(stamp_ns: int) -> bytes:
+    """Serialise a rosgraph_msgs/Clock."""
+    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    return b"\x00\x01\x00\x00" + struct.pack("<iI", seconds, nanoseconds)
