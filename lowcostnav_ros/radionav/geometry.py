@@ -124,7 +124,8 @@ def two_range_fixes(station_a: np.ndarray, station_b: np.ndarray, range_a_m: flo
     along = (range_a_m**2 - range_b_m**2 + length**2) / (2.0 * length)
     square = range_a_m**2 - along**2
     if square < 0.0:
-        raise GeometryError(f"Ranges of {range_a_m:.0f} m and {range_b_m:.0f} m do not meet over a baseline of {length:.0f} m; wait for new ranges.")
+        ranges = f"{range_a_m:.0f} m and {range_b_m:.0f} m"
+        raise GeometryError(f"Ranges of {ranges} do not meet over a baseline of {length:.0f} m; wait for new ranges.")
     unit = baseline / length
     left = np.array([unit[1], -unit[0]])  # clockwise bearings: left of north is west
     foot = np.asarray(station_a) + along * unit

@@ -16,6 +16,8 @@ from lowcostnav_ros.radionav.stations import Station, StationTable
 
 STEEPEST = math.radians(45.0)
 """Elevation above which a slant range says more about height than about position."""
+KEEP_MARGIN = 1.5
+"""How much worse than the best a pair may be and still be kept."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,16 +51,36 @@ def usable(table: StationTable, lat: float, lon: float, height: float) -> list[I
     return sorted((v for v in seen if v.elevation <= STEEPEST), key=lambda v: (v.range_m, v.station.ident))
 
 
-def best_pair(table: StationTable, lat: float, lon: float, height: float) -> tuple[Station, Station] | None:
+def best_pair(
+    table: StationTable, lat: float, lon: float, height: float, keep: tuple[Station, Station] | None = None
+) -> tuple[Station, Station] | None:
     """Return the pair of stations that fixes this position best, or None where fewer than two give a position.
 
     The measure is the HDOP of the pair with each range weighted by the cosine of its elevation, since a slant range error acts
     on the ground divided by it.  Equal pairs are decided by ident, so the choice does not depend on the order of the table.
+
+    Parameters
+    ----------
+    table : StationTable
+    lat, lon, height : float
+        Aircraft, rad, rad, m above the ellipsoid.
+    keep : tuple of Station, optional
+        The present pair: kept while its measure is within :data:`KEEP_MARGIN` of the best, since every change costs a search.
     """
-    best: tuple[float, tuple[str, str]] | None = None
-    for a, b in itertools.combinations(usable(table, lat, lon, height), 2):
-        score = hdop(np.array([a.direction_n, b.direction_n])) / min(math.cos(a.elevation), math.cos(b.elevation))
-        idents = tuple(sorted((a.station.ident, b.station.ident)))
-        if math.isfinite(score) and (best is None or (score, idents) < best):
-            best = (score, idents)
-    return None if best is None else (table[best[1][0]], table[best[1][1]])
+    scores = {
+        tuple(sorted((a.station.ident, b.station.ident))): _error_per_range_error(a, b)
+        for a, b in itertools.combinations(usable(table, lat, lon, height), 2)
+    }
+    scores = {pair: score for pair, score in scores.items() if math.isfinite(score)}
+    if not scores:
+        return None
+    best = min(scores, key=lambda pair: (scores[pair], pair))
+    if keep is not None:
+        present = tuple(sorted(s.ident for s in keep))
+        if scores.get(present, math.inf) <= KEEP_MARGIN * scores[best]:
+            best = present
+    return table[best[0]], table[best[1]]
+
+
+def _error_per_range_error(a: InView, b: InView) -> float:
+    return hdop(np.array([a.direction_n, b.direction_n])) / min(math.cos(a.elevation), math.cos(b.elevation))

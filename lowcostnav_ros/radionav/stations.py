@@ -12,9 +12,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from lowcostnav_ros.earth import geodetic_to_ecef
+from lowcostnav_ros.units import FOOT, NAUTICAL_MILE
 
-METRES_PER_FOOT = 0.3048
-METRES_PER_NM = 1852.0
 COLUMNS = ("ident", "name", "lat_deg", "lon_deg", "elevation_ft", "undulation_m", "channel", "service_volume")
 COINCIDENT_M = 100.0
 LOWEST_FT, HIGHEST_FT = -1500.0, 15_000.0
@@ -46,10 +45,10 @@ class Station:
 
         Standard service volumes: T 25 NM; L 40 NM; H 40 NM, 100 NM above 14 500 ft, 130 NM above 18 000 ft over the station.
         """
-        above_ft = (height - self.height) / METRES_PER_FOOT
+        above_ft = (height - self.height) / FOOT
         if self.service_volume == "H" and above_ft >= 14_500.0:
-            return (130.0 if above_ft >= 18_000.0 else 100.0) * METRES_PER_NM
-        return (25.0 if self.service_volume == "T" else 40.0) * METRES_PER_NM
+            return (130.0 if above_ft >= 18_000.0 else 100.0) * NAUTICAL_MILE
+        return (25.0 if self.service_volume == "T" else 40.0) * NAUTICAL_MILE
 
 
 class StationTable:
@@ -130,7 +129,7 @@ def _station(cells: dict[str, str], where: str) -> Station:
         raise StationError(f"{where}: channel '{cells['channel']}' must be 1 to 126 followed by X or Y.")
     if cells["service_volume"] not in SERVICE_VOLUMES:
         raise StationError(f"{where}: service volume '{cells['service_volume']}' must be T, L or H.")
-    elevation = elevation_ft * METRES_PER_FOOT
+    elevation = elevation_ft * FOOT
     lat, lon = math.radians(lat_deg), math.radians(lon_deg)
     return Station(ident, cells["name"], lat, lon, elevation + undulation_m, elevation, cells["channel"], cells["service_volume"])
 

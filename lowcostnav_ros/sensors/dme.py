@@ -18,7 +18,7 @@ from lowcostnav_ros.settings import setting
 from lowcostnav_ros.truth import TruthBlock
 
 CHOOSE_EVERY_S = 60.0
-"""How long an automatic choice of stations is kept: changing costs a search."""
+"""How long an automatic choice of stations is kept before it is looked at again."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class DmeSimulatorSettings:
     bias_m: float = setting(0.0, "Constant error per station, 1 sigma (0 once calibrated).", unit="m", minimum=0.0)
     drift_m: float = setting(314.84, "Slow error, 1 sigma (0.17 NM).", unit="m", minimum=0.0)
     correlation_distance_m: float = setting(926.0, "Distance over which the slow error decorrelates (0.5 NM).", unit="m", minimum=1.0)
-    noise_m: float = setting(7.4, "White noise, 1 sigma (0.004 NM).", unit="m", minimum=0.0)
+    noise_m: float = setting(7.4, "White noise, 1 sigma (0.004 NM).", unit="m", minimum=0.1)
 
 
 class RangeError:
@@ -82,6 +82,7 @@ class DmeSimulator:
         self._fixed = [table[ident.strip().upper()] for ident in settings.stations.split(",") if ident.strip()]
         self.schedule = InterrogationSchedule(settings.scheme, len(self._fixed) or 2, settings.interval_s)
         self._channels: list[Station | None] = [*self._fixed] or [None, None]
+        self._pair: tuple[Station, Station] | None = None
         self._errors: dict[str, RangeError] = {}
         self._choose_at_s = 0.0
         self._open: list[tuple[Slot, Station]] = []
@@ -127,8 +128,9 @@ class DmeSimulator:
         slots = self.schedule.slots(self._turn)
         self._turn += 1
         if not self._fixed and slots[0].channel == 0 and slots[0].begin_s >= self._choose_at_s:
-            self._channels = list(best_pair(self._table, *place) or (None, None))
-            self._choose_at_s = slots[0].begin_s + (CHOOSE_EVERY_S if self._channels[0] else 0.0)
+            self._pair = best_pair(self._table, *place, keep=self._pair)
+            self._channels = list(self._pair or (None, None))
+            self._choose_at_s = slots[0].begin_s + (CHOOSE_EVERY_S if self._pair else 0.0)
         for slot in slots:
             station = self._channels[slot.channel]
             if station is not None and audible(station, *place):
@@ -146,7 +148,8 @@ class DmeSimulator:
     def _distance(self, truth: TruthBlock) -> np.ndarray:
         """Distance flown over ground up to each row; the running sum makes it independent of the cutting."""
         steps_s = np.diff(truth.stamps_ns, prepend=self._last_ns) * 1e-9
-        steps_m = np.hypot(truth.vel_n[:, 0], truth.vel_n[:, 1]) * steps_s
+        north, east = truth.vel_n[:, 0], truth.vel_n[:, 1]
+        steps_m = np.sqrt(north * north + east * east) * steps_s
         flown_m = np.cumsum(np.concatenate(([self._flown_m], steps_m)))[1:]
         self._flown_m, self._last_ns = float(flown_m[-1]), int(truth.stamps_ns[-1])
         return flown_m

@@ -14,6 +14,7 @@ from lowcostnav_ros.sensors.drift import DriftBank
 from lowcostnav_ros.sensors.sampling import SampleClock
 from lowcostnav_ros.sensors.seeds import stream
 from lowcostnav_ros.settings import SettingsError, setting
+from lowcostnav_ros.stochastic import GaussMarkov
 from lowcostnav_ros.truth import TruthBlock
 
 
@@ -23,12 +24,12 @@ class GpsSimulatorSettings:
 
     seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     rate_hz: float = setting(5.0, "Output rate.", unit="Hz", minimum=0.1, maximum=50.0)
-    horizontal_noise_m: float = setting(2.0, "White position error per horizontal axis, 1 sigma.", unit="m", minimum=0.0)
-    vertical_noise_m: float = setting(5.0, "White height error, 1 sigma.", unit="m", minimum=0.0)
+    horizontal_noise_m: float = setting(2.0, "White position error per horizontal axis, 1 sigma.", unit="m", minimum=0.01)
+    vertical_noise_m: float = setting(5.0, "White height error, 1 sigma.", unit="m", minimum=0.01)
     horizontal_drift_m: float = setting(0.0, "Correlated position error per horizontal axis, 1 sigma.", unit="m", minimum=0.0)
     vertical_drift_m: float = setting(0.0, "Correlated height error, 1 sigma.", unit="m", minimum=0.0)
     drift_tau_s: float = setting(300.0, "Correlation time of the correlated error.", unit="s", minimum=0.1)
-    velocity_noise_mps: float = setting(0.1, "White velocity error per axis, 1 sigma.", unit="m/s", minimum=0.0)
+    velocity_noise_mps: float = setting(0.1, "White velocity error per axis, 1 sigma.", unit="m/s", minimum=0.001)
     latency_s: float = setting(0.0, "Time from validity to availability.", unit="s", minimum=0.0, maximum=10.0)
     dropout_probability: float = setting(0.0, "Probability that one epoch is missing.", minimum=0.0, maximum=1.0)
     outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
@@ -61,7 +62,8 @@ class GpsSimulator:
         self._latency_ns = round(settings.latency_s * 1e9)
         self._pending: list[GpsPosition | GpsVelocity] = []
         drift = np.array([settings.horizontal_drift_m, settings.horizontal_drift_m, settings.vertical_drift_m])
-        self._drift = DriftBank(drift, np.full(3, settings.drift_tau_s), 1.0 / settings.rate_hz, stream(settings.seed, "gps.drift"))
+        processes = [GaussMarkov(float(sigma), settings.drift_tau_s) for sigma in drift]
+        self._drift = DriftBank(processes, 1.0 / settings.rate_hz, stream(settings.seed, "gps.drift"))
         self._noise_rng = stream(settings.seed, "gps.noise")
         self._dropout_rng = stream(settings.seed, "gps.dropout")
         white = np.array([settings.horizontal_noise_m, settings.horizontal_noise_m, settings.vertical_noise_m])

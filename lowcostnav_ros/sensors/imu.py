@@ -5,17 +5,20 @@ Per axis (Solimeno 2007, eq. 5-18..5-23; Gebre-Egziabher 2004, eq. 3.2-3.3):
 misalignment, g-sensitivity, warm-up transient, clipping and quantisation.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.earth import STANDARD_GRAVITY
 from lowcostnav_ros.measurements import ImuBlock
-from lowcostnav_ros.sensors.drift import DriftBank
-from lowcostnav_ros.sensors.imu_profile import STANDARD_GRAVITY, ImuProfile, TriadNoise
+from lowcostnav_ros.sensors.drift import DriftBank, slow_error
+from lowcostnav_ros.sensors.imu_profile import ImuProfile, TriadNoise
 from lowcostnav_ros.sensors.sampling import SampleClock, means_between
 from lowcostnav_ros.sensors.seeds import stream
 from lowcostnav_ros.settings import setting
 from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.units import MILLI_G
 
 
 @dataclass(frozen=True)
@@ -38,9 +41,9 @@ class _Triad:
     def __init__(self, noise: TriadNoise, settings: ImuSimulatorSettings, name: str, misalignment_rad: float) -> None:
         dt_s = 1.0 / settings.rate_hz
         seed = settings.seed
-        drift = np.concatenate((noise.turn_on_sigma, noise.bias_sigma, noise.scale_sigma))
-        tau = np.concatenate((np.full(3, np.inf), noise.bias_tau_s, noise.scale_tau_s))
-        self._drift = DriftBank(drift, tau, dt_s, stream(seed, f"{name}.drift"))
+        sigma = np.concatenate((noise.turn_on_sigma, noise.bias_sigma, noise.scale_sigma))
+        tau_s = np.concatenate((np.full(3, np.inf), noise.bias_tau_s, noise.scale_tau_s))
+        self._drift = DriftBank([slow_error(s, t) for s, t in zip(sigma, tau_s, strict=True)], dt_s, stream(seed, f"{name}.drift"))
         self._sample_sigma = noise.noise_density / np.sqrt(dt_s)
         self._noise_rng = stream(seed, f"{name}.noise")
         angles = misalignment_rad * stream(seed, f"{name}.misalignment").standard_normal(3)
@@ -99,7 +102,8 @@ class ImuSimulator:
         if not self.settings.warm_up:
             return np.zeros((len(stamps_ns), 1))
         elapsed_s = (stamps_ns - self._start_ns) * 1e-9
-        return (np.radians(gyro.warm_up_bias_deg_per_s) * np.exp(-elapsed_s / gyro.warm_up_tau_s))[:, None]
+        decay = np.array([math.exp(-t / gyro.warm_up_tau_s) for t in elapsed_s])  # one by one: a vector unit may round otherwise
+        return np.radians(gyro.warm_up_bias_deg_per_s) * decay[:, None]
 
     def _limit_rate(self, rate: np.ndarray) -> np.ndarray:
         gyro = self.profile.gyro
@@ -107,7 +111,7 @@ class ImuSimulator:
 
     def _limit_force(self, force: np.ndarray) -> np.ndarray:
         accel = self.profile.accelerometer
-        return self._convert(force, accel.range_g * STANDARD_GRAVITY, accel.resolution_mg * 1e-3 * STANDARD_GRAVITY)
+        return self._convert(force, accel.range_g * STANDARD_GRAVITY, accel.resolution_mg * MILLI_G)
 
     def _convert(self, values: np.ndarray, full_scale: float, step: float) -> np.ndarray:
         """Clip and round as the converter of the unit does; 0 switches either off."""

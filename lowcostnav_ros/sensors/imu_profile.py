@@ -11,9 +11,7 @@ import numpy as np
 import yaml
 
 from lowcostnav_ros.settings import SettingsError, from_mapping, group, setting
-
-STANDARD_GRAVITY = 9.80665
-DEG_PER_H = np.pi / 180.0 / 3600.0
+from lowcostnav_ros.units import DEGREE_PER_HOUR, MILLI_G
 
 
 def _triple(description: str, unit: str, maximum: float | None = None) -> list:
@@ -33,7 +31,7 @@ class GyroProfile:
     scale_factor_tau_s: list = _triple("Correlation time of the scale factor, 0 for constant.", "s")
     range_deg_per_s: float = setting(0.0, "Full scale, 0 for unlimited.", unit="deg/s", minimum=0.0)
     resolution_deg_per_s: float = setting(0.0, "Smallest step, 0 for none.", unit="deg/s", minimum=0.0)
-    g_sensitivity_deg_per_s_per_g: float = setting(0.0, "Rate error per specific force along the axis, 1 sigma.", unit="deg/s/g", minimum=0.0)
+    g_sensitivity_deg_per_s_per_g: float = setting(0.0, "Rate error per specific force, 1 sigma.", unit="deg/s/g", minimum=0.0)
     misalignment_deg: float = setting(0.0, "Misalignment of the triad about each axis, 1 sigma.", unit="deg", minimum=0.0, maximum=10.0)
     warm_up_bias_deg_per_s: float = setting(0.0, "Bias at power-up that decays exponentially.", unit="deg/s", minimum=-10.0, maximum=10.0)
     warm_up_tau_s: float = setting(3600.0, "Time constant of the warm-up transient.", unit="s", minimum=1.0)
@@ -128,9 +126,9 @@ class ImuProfile:
         part = self.gyro
         per_sample = np.radians(part.noise_per_sample_deg_per_s)
         return TriadNoise(
-            np.multiply(part.noise_density_deg_per_h_per_rt_hz, DEG_PER_H) + self._density(per_sample, per_sample_as_density),
-            np.multiply(part.turn_on_bias_deg_per_h, DEG_PER_H),
-            np.multiply(part.bias_drift_deg_per_h, DEG_PER_H),
+            np.multiply(part.noise_density_deg_per_h_per_rt_hz, DEGREE_PER_HOUR) + self._density(per_sample, per_sample_as_density),
+            np.multiply(part.turn_on_bias_deg_per_h, DEGREE_PER_HOUR),
+            np.multiply(part.bias_drift_deg_per_h, DEGREE_PER_HOUR),
             _or_constant(part.bias_drift_tau_s),
             np.multiply(part.scale_factor_ppm, 1e-6),
             _or_constant(part.scale_factor_tau_s),
@@ -139,9 +137,9 @@ class ImuProfile:
     def accel_noise(self, per_sample_as_density: bool = False) -> TriadNoise:
         """Error model of the accelerometers, m/s^2; see :meth:`filter_noise` for the argument."""
         part = self.accelerometer
-        per_sample = np.multiply(part.noise_per_sample_mg, 1e-3 * STANDARD_GRAVITY)
+        per_sample = np.multiply(part.noise_per_sample_mg, MILLI_G)
         return TriadNoise(
-            np.multiply(part.noise_density_mg_per_rt_hz, 1e-3 * STANDARD_GRAVITY) + self._density(per_sample, per_sample_as_density),
+            np.multiply(part.noise_density_mg_per_rt_hz, MILLI_G) + self._density(per_sample, per_sample_as_density),
             np.array(part.turn_on_bias_mps2),
             np.array(part.bias_drift_mps2),
             _or_constant(part.bias_drift_tau_s),

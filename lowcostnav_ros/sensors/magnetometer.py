@@ -15,8 +15,9 @@ from lowcostnav_ros.sensors.sampling import SampleClock, to_body
 from lowcostnav_ros.sensors.seeds import stream
 from lowcostnav_ros.settings import SettingsError, setting
 from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.units import GAUSS
 
-TESLA_PER_MG = 1.0e-7
+TESLA_PER_MG = 1.0e-3 * GAUSS
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,10 @@ class MagnetometerSimulatorSettings:
     seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     rate_hz: float = setting(20.0, "Output rate.", unit="Hz", minimum=0.1, maximum=1000.0)
     decimal_year: float = setting(2026.0, "Date of the flight for the magnetic model.", unit="year", minimum=1990.0, maximum=2100.0)
-    noise_mg: float = setting(1.0, "White noise of one sample, 1 sigma (1 typical, 5 poor).", unit="mG", minimum=0.0, maximum=100.0)
+    noise_mg: float = setting(1.0, "White noise of one sample, 1 sigma (1 typical, 5 poor).", unit="mG", minimum=0.01, maximum=100.0)
     calibrated: bool = setting(True, "Deliver the calibrated field; iron, scale and misalignment then have no effect.")
-    calibration_residual_mg: float = setting(4.0, "Constant error left by calibration, 1 sigma per axis.", unit="mG", minimum=0.0, maximum=100.0)
-    hard_iron_mg: list = setting([60.0, -40.0, 30.0], "Field of the aircraft's permanent magnetism, x y z.", unit="mG", minimum=-5000.0, maximum=5000.0)
+    calibration_residual_mg: float = setting(4.0, "Constant error left by calibration, 1 sigma.", unit="mG", minimum=0.0, maximum=100.0)
+    hard_iron_mg: list = setting([60.0, -40.0, 30.0], "Permanent magnetism of the aircraft, x y z.", unit="mG", minimum=-5e3, maximum=5e3)
     soft_iron: list = setting([0.0] * 9, "Induced magnetism, 3x3 row by row, added to the identity.", minimum=-0.9, maximum=0.9)
     scale_factor: list = setting([0.02, -0.015, 0.01], "Scale factor error, x y z.", minimum=-0.9, maximum=5.0)
     misalignment_deg: list = setting([0.0, 0.0, 0.0], "Small rotation of the triad about x y z.", unit="deg", minimum=-10.0, maximum=10.0)

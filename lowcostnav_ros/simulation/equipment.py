@@ -1,0 +1,71 @@
+"""From settings to simulators: finds the profile and the station table a sensor's settings name."""
+
+from typing import Any
+
+from lowcostnav_ros.config_files import find_config
+from lowcostnav_ros.radionav.stations import StationTable, stations_from_text
+from lowcostnav_ros.sensors.imu_profile import ImuProfile, imu_profile_from_text
+from lowcostnav_ros.settings import SettingsError, nearest
+
+
+def load_imu_profile(name: str) -> ImuProfile:
+    """Return an IMU profile by name (``config/profiles/<name>.yaml``) or by the path of a YAML file.
+
+    Raises
+    ------
+    SettingsError
+        When there is no such profile or it is not usable.
+    """
+    path = find_config(name if name.endswith((".yaml", ".yml")) else f"profiles/{name}")
+    return imu_profile_from_text(path.read_text(encoding="utf-8"), str(path))
+
+
+def load_stations(name: str) -> StationTable:
+    """Return a station table by its file name in the config directory or by its path.
+
+    Raises
+    ------
+    SettingsError
+        When there is no such file.
+    StationError
+        When it is not usable.
+    """
+    path = find_config(name)
+    return stations_from_text(path.read_text(encoding="utf-8"), path.name)
+
+
+def build(sensor: str, settings: Any) -> Any:
+    """Return the simulator of one sensor, with everything its settings name loaded.
+
+    Parameters
+    ----------
+    sensor : str
+        ``imu``, ``magnetometer``, ``air_data``, ``gps`` or ``dme``.
+    settings : settings dataclass
+        The settings of that simulator.
+
+    Returns
+    -------
+    object with ``simulate(truth: TruthBlock) -> list[Measurement]``
+    """
+    if sensor == "imu":  # imports stay inside: a node loads only its own sensor
+        from lowcostnav_ros.sensors.imu import ImuSimulator
+
+        return ImuSimulator(settings, load_imu_profile(settings.profile))
+    if sensor == "dme":
+        from lowcostnav_ros.sensors.dme import DmeSimulator
+
+        return DmeSimulator(settings, load_stations(settings.stations_file))
+    if sensor == "gps":
+        from lowcostnav_ros.sensors.gps import GpsSimulator
+
+        return GpsSimulator(settings)
+    if sensor == "magnetometer":
+        from lowcostnav_ros.sensors.magnetometer import MagnetometerSimulator
+
+        return MagnetometerSimulator(settings)
+    if sensor == "air_data":
+        from lowcostnav_ros.sensors.airdata import AirDataSimulator
+
+        return AirDataSimulator(settings)
+    raise SettingsError(f"There is no sensor '{sensor}'{nearest(sensor, ('imu', 'magnetometer', 'air_data', 'gps', 'dme'))}.")

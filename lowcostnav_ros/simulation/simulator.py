@@ -1,0 +1,30 @@
+"""A whole simulated flight: truth and measurements, second by second, from the very sensor classes the live nodes run."""
+
+from collections.abc import Iterator
+
+from lowcostnav_ros import trajectory
+from lowcostnav_ros.measurements import Measurement
+from lowcostnav_ros.simulation.equipment import build
+from lowcostnav_ros.simulation.scenario import Scenario
+from lowcostnav_ros.truth import TruthBlock
+
+
+class Simulation:
+    """One simulated flight of a scenario.
+
+    The flight is a function of the scenario alone; the length of the blocks only decides how it is handed over.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.trajectory = trajectory.build(scenario.truth, scenario.seed)
+
+    def blocks(self, block_s: float = 1.0) -> Iterator[tuple[TruthBlock, list[Measurement]]]:
+        """Fly from the start, yielding each block of truth with what the sensors delivered during it.
+
+        Measurements are in order of stamp, then source; one delayed by latency comes with the block in which it is available.
+        """
+        sensors = [build(name, getattr(self.scenario, name)) for name in self.scenario.sensors]
+        for truth in self.trajectory.blocks(block_s):
+            measurements = [m for sensor in sensors for m in sensor.simulate(truth)]
+            yield truth, sorted(measurements, key=lambda m: (m.stamp_ns, m.source))
