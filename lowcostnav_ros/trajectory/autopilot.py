@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 ROLL_RATE = math.radians(8.0)
 """Largest rate of the bank command, rad/s."""
-CLIMB_ACCELERATION = 0.8
+CLIMB_ACCELERATION = 1.0
 """Largest rate of the climb command, m/s^2."""
 MAX_CLIMB = 4.0
 """Largest climb command, m/s: what the aircraft can do near the sea at its best speed."""
@@ -78,8 +78,8 @@ class Autopilot:
         target = _limit(want.bank_ahead + _BANK_PER_HEADING * want.heading_error, want.max_bank)
         self._bank += _limit(target - self._bank, ROLL_RATE * dt)
         error = self._bank - see.roll
-        self._aileron = _limit(self._aileron + 0.15 * error * dt, 0.3)
-        return self._aileron + 0.9 * error - 0.25 * see.roll_rate
+        self._aileron = _limit(self._aileron + 0.25 * error * dt, 0.3)
+        return self._aileron + 2.0 * error - 0.35 * see.roll_rate
 
     def _vertical(self, want: Wanted, see: Seen, dt: float) -> float:
         target = want.climb + _CLIMB_PER_HEIGHT * (want.height - see.height)
@@ -88,11 +88,11 @@ class Autopilot:
         target = min(highest, max(-MAX_DESCENT, target))
         self._climb += _limit(target - self._climb, CLIMB_ACCELERATION * dt)
         missing = (self._climb - see.climb) / see.airspeed
-        self._pitch = min(0.3, max(-0.2, self._pitch + 0.35 * missing * dt))
-        pitch_error = self._pitch + 0.8 * missing - see.pitch
-        self._elevator = _limit(self._elevator - 0.6 * pitch_error * dt, 0.8)
+        self._pitch = min(0.3, max(-0.2, self._pitch + 0.2 * missing * dt))
+        pitch_error = self._pitch + 0.5 * missing - see.pitch
+        self._elevator = _limit(self._elevator - 2.5 * pitch_error * dt, 0.8)
         turning = _GRAVITY / see.airspeed * math.tan(_limit(see.roll, 1.0)) * math.sin(see.roll)  # pitch rate of a level turn
-        return self._elevator - 1.6 * pitch_error + 0.6 * (see.pitch_rate - turning)
+        return self._elevator - 4.0 * pitch_error + 0.8 * (see.pitch_rate - turning)
 
     def _speed(self, want: Wanted, see: Seen, dt: float) -> float:
         error = want.airspeed - see.airspeed

@@ -20,14 +20,15 @@ from lowcostnav_ros.trajectory.truth_settings import TruthSettings
 from lowcostnav_ros.trajectory.wind import Wind
 from lowcostnav_ros.truth import TruthBlock
 
-AIRCRAFT = "c172x"
+AIRCRAFT = "c172p"
+"""The Cessna 172P; its sister c172x has 2.9 degrees of play in the elevator linkage and hunts in pitch under any autopilot."""
 FOOT = 0.3048
 CONTROL_HZ = 50
 """Least rate of the autopilot and of the integration."""
 LONGEST_S = 6.0 * 3600.0
 """A mission that has not ended by then never will (the tanks are empty)."""
 _DRYDEN = 4  # JSBSim's turbulence type: MIL-F-8785C spectra in Tustin form
-_WIND_EVERY_S = 0.1
+_WIND_EVERY_S = 0.2  # between values of the steady wind; straight lines in between
 _SAMPLED = (
     ("position/lat-geod-rad", 1.0),
     ("position/long-gc-rad", 1.0),
@@ -59,7 +60,7 @@ def build_jsbsim(settings: TruthSettings, seed: int) -> Trajectory:
         For a mission line that is not understood, or a start the aircraft cannot be trimmed at.
     """
     mission = parse_mission(mission_lines(settings))
-    Aircraft(settings, seed)  # refuse an impossible start now, not in the middle of a stream
+    Aircraft(settings, seed, np.zeros(3))  # refuse an impossible start now, not in the middle of a stream
 
     def pieces() -> Iterator[TruthBlock]:
         return with_ideal_imu(_states(settings, seed, mission))
@@ -68,8 +69,9 @@ def build_jsbsim(settings: TruthSettings, seed: int) -> Trajectory:
 
 
 def _states(settings: TruthSettings, seed: int, mission: list) -> Iterator[TruthBlock]:
-    aircraft = Aircraft(settings, seed)
-    pilot = Pilot(settings, seed, mission, aircraft)
+    wind = Wind(settings.wind, seed, settings.start.height_m, settings.start.airspeed_mps)
+    aircraft = Aircraft(settings, seed, wind.steady(np.zeros(1), np.array([settings.start.height_m]))[0])
+    pilot = Pilot(settings, mission, wind, aircraft)
     last = round((settings.duration_s or LONGEST_S) * settings.rate_hz)
     rows = [aircraft.sample()]
     first = 0
@@ -100,6 +102,8 @@ class Aircraft:
     settings : TruthSettings
     seed : int
         Seed of its turbulence.
+    wind_n : ndarray, shape (3,)
+        Velocity of the air mass at the start, NED m/s, horizontal.
 
     Raises
     ------
@@ -107,17 +111,19 @@ class Aircraft:
         If it cannot be trimmed at the start.
     """
 
-    def __init__(self, settings: TruthSettings, seed: int) -> None:
+    def __init__(self, settings: TruthSettings, seed: int, wind_n: np.ndarray) -> None:
         self.fdm = _quiet_fdm()
         self.steps_per_row = max(1, math.ceil(CONTROL_HZ / settings.rate_hz))
         self.dt = 1.0 / (settings.rate_hz * self.steps_per_row)
         self.fdm.set_dt(self.dt)
         self._place(settings)
         self._trim(settings)
+        self._join_air_mass(settings, wind_n)
         self._turbulence(settings, seed)
         manager = self.fdm.get_property_manager()
         self._read = [manager.get_node(name, False).get_double_value for name, _ in _SAMPLED]
         controls = ("fcs/aileron-cmd-norm", "fcs/elevator-cmd-norm", "fcs/rudder-cmd-norm", "fcs/throttle-cmd-norm")
+        self._set_wind = [manager.get_node(f"atmosphere/wind-{axis}-fps", False).set_double_value for axis in ("north", "east", "down")]
         self._controls = [manager.get_node(name, False).set_double_value for name in controls]
 
     def sample(self) -> list[float]:
@@ -131,8 +137,8 @@ class Aircraft:
 
     def set_wind(self, wind_n: np.ndarray) -> None:
         """Set the air mass's steady velocity, NED m/s."""
-        for axis, value in zip(("north", "east", "down"), wind_n, strict=True):
-            self.fdm[f"atmosphere/wind-{axis}-fps"] = value / FOOT
+        for write, value in zip(self._set_wind, wind_n, strict=True):
+            write(value / FOOT)
 
     def _place(self, settings: TruthSettings) -> None:
         start, fdm = settings.start, self.fdm
@@ -140,8 +146,6 @@ class Aircraft:
         fdm["ic/h-sl-ft"] = start.height_m / FOOT  # JSBSim's sea level is the ellipsoid
         fdm["ic/psi-true-deg"] = start.heading_deg
         fdm["ic/vt-fps"] = start.airspeed_mps / FOOT
-        fdm["ic/vw-down-fps"] = 0.0
-        fdm["ic/vw-north-fps"], fdm["ic/vw-east-fps"] = settings.wind.north_mps / FOOT, settings.wind.east_mps / FOOT
 
     def _trim(self, settings: TruthSettings) -> None:
         import jsbsim
@@ -157,6 +161,18 @@ class Aircraft:
                 f"The aircraft cannot fly level at {start.airspeed_mps:g} m/s and {start.height_m:g} m; start lower, at 40 to 60 m/s."
             ) from None
 
+    def _join_air_mass(self, settings: TruthSettings, wind_n: np.ndarray) -> None:
+        """Start again with the trimmed attitude and controls, moving with the air mass: the library trims over ground only."""
+        fdm = self.fdm
+        north, east, down = (fdm[f"velocities/v-{axis}-fps"] for axis in ("north", "east", "down"))
+        attitude = fdm["attitude/phi-deg"], fdm["attitude/theta-deg"]
+        fdm["ic/vw-mag-fps"] = math.hypot(wind_n[0], wind_n[1]) / FOOT
+        fdm["ic/vw-dir-deg"] = math.degrees(math.atan2(wind_n[1], wind_n[0]))  # where the air moves to
+        fdm["ic/phi-deg"], fdm["ic/theta-deg"] = attitude
+        fdm["ic/psi-true-deg"] = settings.start.heading_deg
+        fdm["ic/vn-fps"], fdm["ic/ve-fps"], fdm["ic/vd-fps"] = north + wind_n[0] / FOOT, east + wind_n[1] / FOOT, down
+        fdm.run_ic()
+
     def _turbulence(self, settings: TruthSettings, seed: int) -> None:
         fdm, sigma = self.fdm, settings.wind.turbulence_sigma_mps
         fdm["simulation/randomseed"] = fdm["atmosphere/randomseed"] = float(seed % 2**31 + 1)
@@ -169,15 +185,15 @@ class Aircraft:
 class Pilot:
     """Guidance and autopilot in the loop with the aircraft."""
 
-    def __init__(self, settings: TruthSettings, seed: int, mission: list, aircraft: Aircraft) -> None:
-        start = settings.start
-        self.wind = Wind(settings.wind, seed, start.height_m, start.airspeed_mps)
-        self._dt, self._steps = aircraft.dt, 0
-        self._wind_now = self.wind.steady(np.zeros(1), np.array([start.height_m]))[0]
-        self._wind_steps = max(1, round(_WIND_EVERY_S / aircraft.dt))
-        self._control_steps = max(1, round(1.0 / (CONTROL_HZ * aircraft.dt)))
+    def __init__(self, settings: TruthSettings, mission: list, wind: Wind, aircraft: Aircraft) -> None:
+        height, dt = settings.start.height_m, aircraft.dt
+        self._wind, self._dt, self._steps = wind, dt, 0
+        self._wind_now = wind.steady(np.zeros(1), np.array([height]))[0]
+        self._wind_rate = np.zeros(3)
+        self._wind_steps = max(1, round(_WIND_EVERY_S / dt))
+        self._control_steps = max(1, round(1.0 / (CONTROL_HZ * dt)))
         self.guidance = Guidance(mission, self._fix(aircraft.sample()))
-        self._reference = reference_heights(self.guidance.order, start.height_m, self._control_steps * aircraft.dt)
+        self._reference = reference_heights(self.guidance.order, height, self._control_steps * dt)
         fdm = aircraft.fdm
         elevator = fdm["fcs/elevator-cmd-norm"] + fdm["fcs/pitch-trim-cmd-norm"]
         fdm["fcs/pitch-trim-cmd-norm"] = 0.0
@@ -186,17 +202,20 @@ class Pilot:
     def fly(self, aircraft: Aircraft) -> None:
         """Fly one sample interval."""
         for _ in range(aircraft.steps_per_row):
-            if self._steps % self._wind_steps == 0:
-                self._wind_now = self._steady_wind(aircraft)
-                aircraft.set_wind(self._wind_now)
             if self._steps % self._control_steps == 0:
                 aircraft.control(self._commands(aircraft.sample()))
+            self._move_air(aircraft)
             aircraft.fdm.run()
             self._steps += 1
 
-    def _steady_wind(self, aircraft: Aircraft) -> np.ndarray:
-        height = aircraft.fdm["position/geod-alt-ft"] * FOOT
-        return self.wind.steady(np.array([self._steps * self._dt]), np.array([height]))[0]
+    def _move_air(self, aircraft: Aircraft) -> None:
+        """Set the steady wind for the coming step, along straight lines between its values every so often."""
+        if self._steps % self._wind_steps == 0:
+            ahead_s, height = (self._steps + self._wind_steps) * self._dt, aircraft.fdm["position/geod-alt-ft"] * FOOT
+            ahead = self._wind.steady(np.array([ahead_s]), np.array([height]))[0]
+            self._wind_rate = (ahead - self._wind_now) / self._wind_steps
+        self._wind_now = self._wind_now + self._wind_rate
+        aircraft.set_wind(self._wind_now)
 
     def _fix(self, now: list[float]) -> Fix:
         wind = self._wind_now
