@@ -148,5 +148,5 @@ class Aid:
 
     def _refused(self, reason: str) -> bool:
         self.status.accepted, self.status.reason = False, reason
-        self.status.rejected[reason] += 1
+        self.status.rejected[reason.partition(":")[0]] += 1  # counted by name; what follows the colon is this measurement's own
         return False

@@ -20,6 +20,7 @@ from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.rotation import quat_apply_phi_n, quat_to_dcm
+from lowcostnav_ros.sensors.imu_profile import ImuNoise
 from lowcostnav_ros.settings import setting
 from lowcostnav_ros.strapdown import strapdown_step
 
@@ -49,6 +50,30 @@ class ImuSettings:
     accel_turn_on_mg: float = setting(10.0, "Accelerometer turn-on bias sigma.", unit="milli-g", minimum=0.0, maximum=1e3)
     accel_scale_ppm: float = setting(0.0, "Accelerometer scale-factor sigma; 0 leaves them out.", unit="ppm", minimum=0.0, maximum=1e5)
     scale_tau_s: float = setting(18000.0, "Correlation time of the scale factors.", unit="s", minimum=1.0)
+
+
+def imu_settings(noise: ImuNoise) -> ImuSettings:
+    """Filter settings of an IMU profile's numbers; where the axes differ, their root mean square."""
+
+    def rms(values: np.ndarray, unit: float) -> float:
+        return float(np.sqrt(np.mean(np.square(values)))) / unit
+
+    def tau(values: np.ndarray, constant: float) -> float:
+        return float(np.mean(values)) if np.all(np.isfinite(values)) else constant
+
+    return ImuSettings(
+        gyro_noise_dps_rthz=rms(noise.gyro_noise_density, DEG),
+        gyro_bias_dps=rms(noise.gyro_bias_sigma, DEG),
+        gyro_bias_tau_s=tau(noise.gyro_bias_tau_s, 1e6),
+        gyro_turn_on_dps=rms(noise.gyro_turn_on_sigma, DEG),
+        gyro_scale_ppm=rms(noise.gyro_scale_sigma, 1e-6),
+        accel_noise_mg_rthz=rms(noise.accel_noise_density, MILLI_G),
+        accel_bias_mg=rms(noise.accel_bias_sigma, MILLI_G),
+        accel_bias_tau_s=tau(noise.accel_bias_tau_s, 1e6),
+        accel_turn_on_mg=rms(noise.accel_turn_on_sigma, MILLI_G),
+        accel_scale_ppm=rms(noise.accel_scale_sigma, 1e-6),
+        scale_tau_s=tau(noise.gyro_scale_tau_s, 1e6),
+    )
 
 
 def core_block(imu: ImuSettings) -> Block:

@@ -1,0 +1,337 @@
+"""GPS/INS: an error-state extended Kalman filter around a strapdown mechanisation, loosely coupled.
+
+Fifteen states (core nine, accelerometer and gyro biases) with GPS position and velocity; blocks for scale factors, baro, magnetic
+heading, wind, airspeed and the receiver's slow error come and go by settings.  While GPS is good the air data teaches the wind and
+moves nothing else; in an outage it holds the velocity.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
+from lowcostnav_ros.measurements import (
+    AirVelocity,
+    GpsPosition,
+    GpsVelocity,
+    ImuBlock,
+    MagneticField,
+    Measurement,
+    NavSolution,
+    Pressure,
+)
+from lowcostnav_ros.navigators.alignment import AlignmentSettings, Levelling, tilt_from_specific_force, unit_error
+from lowcostnav_ros.navigators.base import ERROR, HorizonSettings, Navigator
+from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, GAP_NS, POS, VEL, ImuSettings, InertialCore, bias_blocks, core_block
+from lowcostnav_ros.navigators.ins_gps_aids import (
+    AirDataSettings,
+    AirspeedAid,
+    BaroAid,
+    BaroSettings,
+    GpsSettings,
+    MagneticAid,
+    MagneticSettings,
+    PositionAid,
+    SideslipAid,
+    VelocityAid,
+    WheelAid,
+    WheelSettings,
+)
+from lowcostnav_ros.navigators.magnetic_heading import MagneticReference, magnetic_heading
+from lowcostnav_ros.rotation import euler_to_quat
+from lowcostnav_ros.settings import group, setting
+
+IMU, FIX, VELOCITY = "imu/data_raw", "gps/fix", "gps/vel"
+MAG, PRESSURE, AIR = "imu/mag", "air/static_pressure", "air/velocity"
+GRAVITY_N = np.array([0.0, 0.0, -9.80665])
+
+
+@dataclass(frozen=True)
+class InsGpsSettings:
+    """All settings of the GPS/INS navigator."""
+
+    horizon: HorizonSettings = group(HorizonSettings)
+    imu: ImuSettings = group(ImuSettings)
+    split_turn_on: bool = setting(False, "Estimate turn-on biases beside Gauss-Markov drifts (21 or 27 states instead of 15).")
+    gps: GpsSettings = group(GpsSettings)
+    baro: BaroSettings = group(BaroSettings)
+    magnetic: MagneticSettings = group(MagneticSettings)
+    airdata: AirDataSettings = group(AirDataSettings)
+    wheels: WheelSettings = group(WheelSettings)
+    alignment: AlignmentSettings = group(AlignmentSettings)
+    failed_sigma_m: float = setting(10000.0, "Horizontal sigma beyond which the solution counts as failed.", unit="m", minimum=10.0)
+
+
+def chosen_blocks(settings: InsGpsSettings) -> list[Block]:
+    """The list of blocks the settings ask for."""
+    blocks = [core_block(settings.imu), *bias_blocks(settings.imu, split_turn_on=settings.split_turn_on)]
+    if settings.gps.position_bias_m > 0.0:
+        labels = [f"gps_position_bias_{axis}_m" for axis in ("north", "east", "down")]
+        gps = settings.gps
+        blocks.append(gauss_markov("gps_position_bias", labels, Kind.FREE, gps.position_bias_m, gps.position_bias_tau_s))
+    if settings.baro.enabled:
+        blocks.append(random_walk("baro_bias", ["baro_bias_m"], Kind.FREE, settings.baro.bias_m, settings.baro.walk_m_rts))
+    if settings.magnetic.enabled and settings.magnetic.bias_deg > 0.0:
+        mag = settings.magnetic
+        blocks.append(gauss_markov("heading_bias", ["magnetic_heading_bias_rad"], Kind.FREE, mag.bias_deg * DEG, mag.bias_tau_s))
+    if settings.airdata.enabled:
+        air = settings.airdata
+        wind = ["wind_north_mps", "wind_east_mps"]
+        blocks.append(gauss_markov("wind", wind, Kind.WIND, air.wind_mps, air.wind_tau_s, air.wind_start_mps))
+        blocks.append(gauss_markov("airspeed_bias", ["airspeed_bias_mps"], Kind.AIRSPEED_BIAS, air.bias_mps, air.bias_tau_s))
+    return blocks
+
+
+class InsGps(Navigator):
+    """GPS/INS navigator; see the module head.
+
+    Modes: ``initialising`` (no data), ``aligning``, ``gps``, ``coasting`` (no accepted fix within the time-out), ``failed``.
+    """
+
+    name = "ins_gps"
+    inertial = IMU
+    inputs = {IMU: True, FIX: True, VELOCITY: True, MAG: False, PRESSURE: False, AIR: False}
+
+    def __init__(self, settings: InsGpsSettings) -> None:
+        super().__init__(settings, latency_s=settings.gps.latency_s)
+        self.layout = Layout(chosen_blocks(settings))
+        self.core = InertialCore(self.layout)
+        self.magnetic = MagneticReference(settings.magnetic.decimal_year, settings.magnetic.declination_deg)
+        self.position_aid, self.velocity_aid = PositionAid(settings.gps), VelocityAid(settings.gps)
+        self.baro_aid, self.magnetic_aid = BaroAid(settings.baro), MagneticAid(settings.magnetic)
+        self.airspeed_aid, self.sideslip_aid = AirspeedAid(settings.airdata), SideslipAid(settings.airdata)
+        self.wheel_aid = WheelAid(settings.wheels)
+        self.aids = [self.position_aid, self.velocity_aid]
+        optional = (
+            (settings.baro.enabled, [self.baro_aid]),
+            (settings.magnetic.enabled, [self.magnetic_aid]),
+            (settings.airdata.enabled, [self.airspeed_aid, self.sideslip_aid]),
+            (settings.wheels.enabled, [self.wheel_aid]),
+        )
+        self.aids += [aid for enabled, aids in optional if enabled for aid in aids]
+        self._air_only = self.layout.mask("wind", "airspeed_bias")
+        self._all_free = np.ones(self.layout.size)
+        self.levelling = Levelling(settings.alignment.still_s)
+        self._restart()
+
+    @property
+    def P(self) -> np.ndarray:  # noqa: N802 - the covariance is P everywhere in the field
+        """Covariance of the whole error state."""
+        return self.core.P
+
+    def correct(self, dx: np.ndarray) -> None:
+        """Inject a correction (an aid calls this)."""
+        self.core.correct(dx)
+
+    def air_free(self) -> np.ndarray:
+        """States the air data may move: wind and airspeed bias while GPS is good, all in an outage."""
+        return self._air_only if self.mode == "gps" else self._all_free
+
+    def wind_sigma(self) -> float:
+        """Larger 1-sigma of the two wind components, m/s."""
+        rows = self.layout["wind"]
+        return float(np.sqrt(np.diag(self.P)[rows].max()))
+
+    def _restart(self) -> None:
+        self._aligned = False
+        self._fix: GpsPosition | None = None
+        self._velocity: GpsVelocity | None = None
+        self._field_b: np.ndarray | None = None
+        self._emitted = -1
+        self._fused_fix_ns: int | None = None
+        self._used_ns: dict[str, int] = {}
+        self.rate_b = np.zeros(3)
+        self.force_b = -GRAVITY_N
+        self.levelling.clear()
+
+    def _fuse(self, item: Measurement) -> None:
+        if isinstance(item, ImuBlock):
+            self._run(item)
+        elif not self._aligned:
+            self._prepare(item)
+        else:
+            self.core.settle()
+            self._aid(item)
+            self._judge()
+
+    def _run(self, block: ImuBlock) -> None:
+        if not self._aligned:
+            self.levelling.add(block)
+            return
+        if block.stamps_ns[0] - self.core.t_ns > GAP_NS or (len(block) > 1 and np.diff(block.stamps_ns).max() > GAP_NS):
+            self.reset(f"inertial data missing for more than {1e-9 * GAP_NS:.1f} s")
+            return
+        start = 0
+        while start < len(block):
+            start = self.core.advance(block, start, self.output_period_ns)
+            epoch = self.core.t_ns // self.output_period_ns
+            if epoch != self._emitted:
+                self._emitted = epoch
+                self.force_b, self.rate_b = self.core.corrected(block.specific_force_b[start - 1], block.angular_rate_b[start - 1])
+                if self.settings.wheels.enabled and self._due("wheels", self.core.t_ns, self.settings.wheels.period_s):
+                    self.use_aid(self.wheel_aid, Measurement(self.core.t_ns, IMU))
+                self._judge()
+                self._out.append(self._solution(self.core.t_ns, self.core.nav, self.force_b, self.rate_b))
+        self.force_b, self.rate_b = self.core.corrected(block.specific_force_b[-1], block.angular_rate_b[-1])
+
+    def _aid(self, item: Measurement) -> None:
+        settings = self.settings
+        if isinstance(item, GpsPosition):
+            if self.use_aid(self.position_aid, item):
+                self._fused_fix_ns = item.stamp_ns
+        elif isinstance(item, GpsVelocity):
+            self.use_aid(self.velocity_aid, item)
+        elif isinstance(item, Pressure) and settings.baro.enabled and self._due("baro", item.stamp_ns, settings.baro.period_s):
+            self.use_aid(self.baro_aid, item)
+        elif isinstance(item, MagneticField) and settings.magnetic.enabled and self._due("mag", item.stamp_ns, settings.magnetic.period_s):
+            self.use_aid(self.magnetic_aid, item)
+        elif isinstance(item, AirVelocity) and settings.airdata.enabled and self._due("air", item.stamp_ns, settings.airdata.period_s):
+            self.use_aid(self.airspeed_aid, item)
+            self.use_aid(self.sideslip_aid, item)
+
+    def _due(self, what: str, stamp_ns: int, period_s: float) -> bool:
+        """Thin a source to one measurement a period: its errors are slow, more would only feign certainty."""
+        if stamp_ns - self._used_ns.get(what, -(10**18)) < 1e9 * period_s - 1e6:
+            return False
+        self._used_ns[what] = stamp_ns
+        return True
+
+    def _judge(self) -> None:
+        """Keep mode and reason in step with what was fused."""
+        now, last = self.core.t_ns, self._fused_fix_ns
+        sigma = self._horizontal_sigma()
+        if sigma > self.settings.failed_sigma_m:
+            self.mode, self.reason = "failed", f"horizontal sigma {sigma:.0f} m is past {self.settings.failed_sigma_m:.0f} m"
+        elif last is not None and now - last <= 1e9 * self.settings.gps.timeout_s:
+            self.mode, self.reason = "gps", "GPS position accepted"
+        else:
+            since = 0.0 if last is None else 1e-9 * (now - last)
+            why = self.position_aid.status.reason if self.position_aid.status.stamp_ns > now - 3_000_000_000 else "no GPS fix"
+            self.mode, self.reason = "coasting", f"{why or 'no GPS fix'} for {since:.0f} s"
+
+    def _horizontal_sigma(self) -> float:
+        return float(np.sqrt(max(self.P[0, 0] + self.P[1, 1], 0.0)))
+
+    # alignment ---------------------------------------------------------------------------------------------------------------
+
+    def _prepare(self, item: Measurement) -> None:
+        """Gather what alignment needs; align on a GPS velocity."""
+        if isinstance(item, MagneticField):
+            self._field_b = item.field_b
+        elif isinstance(item, GpsPosition):
+            self._fix = item
+            self.set_origin(item.lat, item.lon, item.height)
+        elif isinstance(item, GpsVelocity):
+            previous, self._velocity = self._velocity, item
+            self.mode, (self._aligned, self.reason) = "aligning", self._align(previous, item)
+            if self._aligned:
+                self._judge()
+
+    def _align(self, previous: GpsVelocity | None, velocity: GpsVelocity) -> tuple[bool, str]:
+        """Start the core when an attitude can be had; return whether, and the reason why not."""
+        choice = self.settings.alignment
+        if self._fix is None or velocity.stamp_ns - self._fix.stamp_ns > 2_000_000_000:
+            return False, "waiting for a GPS position"
+        speed = float(np.hypot(velocity.vel_n[0], velocity.vel_n[1]))
+        still = speed < choice.still_speed_mps
+        span_s = choice.still_s if still or previous is None else max(0.2, 1e-9 * (velocity.stamp_ns - previous.stamp_ns))
+        means = self.levelling.mean(span_s)
+        if means is None:
+            return False, "waiting for inertial data"
+        wrong = unit_error(*means)
+        if wrong:
+            return False, wrong
+        force_n = GRAVITY_N
+        if still:
+            if not self.levelling.still(span_s):
+                return False, "standing by GPS, but the inertial data moves"
+        elif speed < choice.moving_speed_mps or previous is None or span_s > 3.0:
+            return False, f"speed {speed:.1f} m/s: too fast to level, too slow for a track"
+        else:
+            force_n = (velocity.vel_n - previous.vel_n) / span_s + GRAVITY_N
+        heading, sigma = self._first_heading(means[0], force_n, velocity, still)
+        if heading is None:
+            return False, "levelled; waiting for a heading (magnetometer, motion or alignment.heading_deg)"
+        self._start(means[0], force_n, heading, sigma, velocity, still)
+        return True, ""
+
+    def _first_heading(self, f_b, force_n, velocity, still: bool) -> tuple[float | None, float]:
+        choice, fix = self.settings.alignment, self._fix
+        if self.settings.magnetic.enabled and self._field_b is not None:
+            reference = self.magnetic.at(fix.lat, fix.lon, fix.height)
+            if not reference.refusal(self._field_b):
+                heading = 0.0
+                for _ in range(5):  # tilt on the move depends on heading, and heading on tilt
+                    roll, pitch = tilt_from_specific_force(f_b, force_n, heading)
+                    heading = magnetic_heading(roll, pitch, self._field_b, reference.declination)
+                return heading, choice.magnetic_sigma_deg * DEG
+        if choice.heading_deg and still:
+            return choice.heading_deg[0] * DEG, choice.heading_sigma_deg * DEG
+        if still:
+            return None, 0.0
+        return float(np.arctan2(velocity.vel_n[1], velocity.vel_n[0])), choice.track_sigma_deg * DEG
+
+    def _start(self, f_b, force_n, heading: float, sigma: float, velocity: GpsVelocity, still: bool) -> None:
+        fix, choice = self._fix, self.settings.alignment
+        roll, pitch = tilt_from_specific_force(f_b, force_n, heading)
+        nav = np.array([fix.lat, fix.lon, fix.height, *velocity.vel_n, *euler_to_quat(roll, pitch, heading)])
+        lag_s = 1e-9 * (velocity.stamp_ns - fix.stamp_ns)
+        accel_sigma = np.hypot(self.settings.imu.accel_turn_on_mg, self.settings.imu.accel_bias_mg) * 1e-3
+        tilt = np.hypot(accel_sigma, 0.2 * DEG) if still else np.hypot(accel_sigma, choice.tilt_sigma_deg * DEG)
+        cov = np.zeros((CORE, CORE))
+        cov[POS, POS] = fix.cov_n + np.eye(3) * (0.5 + (lag_s * np.linalg.norm(velocity.vel_n)) ** 2)
+        cov[VEL, VEL] = velocity.cov_n + np.eye(3) * 0.1**2
+        cov[ATT, ATT] = np.diag([tilt**2, tilt**2, sigma**2])
+        self.core.start(velocity.stamp_ns, nav, cov)
+        self._emitted = velocity.stamp_ns // self.output_period_ns
+        self._fused_fix_ns = fix.stamp_ns
+
+    # outputs -----------------------------------------------------------------------------------------------------------------
+
+    def _predict(self) -> NavSolution | None:
+        if not self._aligned:
+            return None
+        block, _ = self.horizon.ahead()
+        t_ns, nav = self.core.predicted(block)
+        if block is None:
+            return self._solution(t_ns, nav, self.force_b, self.rate_b)
+        return self._solution(t_ns, nav, *self.core.corrected(block.specific_force_b[-1], block.angular_rate_b[-1]))
+
+    def _solution(self, t_ns: int, nav: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
+        P, estimate, layout = self.P, self.core.estimate, self.layout
+        wind = layout.get("wind")
+        sigma = np.sqrt(np.maximum(np.diag(P), 0.0))
+        states = {layout.labels[i]: (float(estimate[i]), float(sigma[i])) for i in range(CORE, layout.size)}
+        return NavSolution(
+            stamp_ns=int(t_ns),
+            source=self.name,
+            lat=float(nav[0]),
+            lon=float(nav[1]),
+            height=float(nav[2]),
+            vel_n=nav[3:6].copy(),
+            q_nb=nav[6:10].copy(),
+            angular_rate_b=rate_b,
+            specific_force_b=force_b,
+            cov_pos=P[POS, POS].copy(),
+            cov_vel=P[VEL, VEL].copy(),
+            cov_att=P[ATT, ATT].copy(),
+            wind_n=None if wind is None or not self.airspeed_aid.status.fused else estimate[wind].copy(),
+            cov_wind=None if wind is None or not self.airspeed_aid.status.fused else P[wind, wind].copy(),
+            mode=self.mode,
+            states=states,
+        )
+
+    def _sigmas(self) -> dict[str, float]:
+        if not self._aligned:
+            return {}
+        s = np.sqrt(np.maximum(np.diag(self.P), 0.0))
+        return {
+            "position_horizontal_m": float(np.hypot(s[0], s[1])),
+            "position_down_m": float(s[2]),
+            "velocity_horizontal_mps": float(np.hypot(s[3], s[4])),
+            "tilt_deg": float(np.hypot(s[6], s[7]) / DEG),
+            "heading_deg": float(s[8] / DEG),
+        }
+
+    def _level(self) -> int:
+        return ERROR if self.mode == "failed" else super()._level()
