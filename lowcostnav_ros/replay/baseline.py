@@ -28,6 +28,8 @@ from lowcostnav_ros.settings import nearest
 BETTER, SAME, WORSE = "better", "same", "worse"
 _KEYS = ("value", "tolerance", "limit", "best")
 _WRITTEN_SIZES = ("horizontal_m", "vertical_m", "velocity_mps", "roll_deg", "pitch_deg", "heading_deg", "wind_mps")
+_RESOLUTION = 0.005
+"""Below this, in the metric's unit, a difference is of no interest to anyone who flies."""
 _WRITTEN_RATIOS = ("north_m", "east_m", "down_m", "vn_mps", "ve_mps", "roll_deg", "pitch_deg", "heading_deg")
 
 
@@ -156,7 +158,8 @@ def _metrics(summary: Mapping[str, Any], name: str, tolerance: str) -> Iterator[
             for statistic in ("rms", "p95"):
                 metric = f"errors.{part}.{size}.{statistic}"
                 if (found := lookup(summary, name, metric)) is not None:
-                    yield metric, {"value": float(f"{found:.6g}"), "tolerance": tolerance}
+                    floor = _RESOLUTION if found < 20.0 * _RESOLUTION else tolerance
+                    yield metric, {"value": float(f"{found:.6g}"), "tolerance": floor}
         for axis in _WRITTEN_RATIOS:
             metric = f"errors.{part}.error_over_sigma.{axis}"
             if (found := lookup(summary, name, metric)) is not None:

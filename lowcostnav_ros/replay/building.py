@@ -36,4 +36,4 @@ def _build(name: str, settings_class: type, navigator_class: type[Navigator], co
     path = (config or config_files.config_dir()) / f"{name}.yaml"
     if config is None and not path.exists():
         return navigator_class(settings_class())
-    return navigator_class(config_files.load_settings(settings_class, path))
+    return navigator_class(config_files.load_settings(settings_class, path, name))

@@ -77,7 +77,8 @@ def truth_rows(columns: NavColumns) -> list[list[str]]:
 
 def wind_rows(columns: NavColumns) -> list[list[str]]:
     """Rows of :data:`TRUTH_WIND_HEADER`."""
-    return [[seconds_text(t), f"{n:.4f}", f"{e:.4f}"] for t, (n, e) in zip(columns.stamps_ns.tolist(), columns.wind_n.tolist(), strict=True)]
+    rows = zip(columns.stamps_ns.tolist(), columns.wind_n.tolist(), strict=True)
+    return [[seconds_text(stamp), f"{north:.4f}", f"{east:.4f}"] for stamp, (north, east) in rows]
 
 
 def error_rows(errors: Errors) -> list[list[str]]:

@@ -271,10 +271,28 @@ def replay_stream(
 
 
 def simulated(blocks: Iterable[tuple[TruthBlock, list[Measurement]]]) -> Iterator[Item]:
-    """Flatten what a simulation yields into the stream that :func:`replay_stream` takes."""
+    """Bring what a simulation yields into the order of arrival that :func:`replay_stream` takes.
+
+    Inertial blocks are cut at the stamps of the other measurements: fed whole, a second of samples would come after aids that it precedes,
+    and what one navigator hears from another would be late.
+    """
     for truth, measurements in blocks:
         yield truth
-        yield from measurements
+        inertial = [m for m in measurements if isinstance(m, ImuBlock)]
+        for aid in sorted((m for m in measurements if not isinstance(m, ImuBlock)), key=lambda m: m.stamp_ns):
+            for k, block in enumerate(inertial):
+                n = int(np.searchsorted(block.stamps_ns, aid.stamp_ns, side="right"))
+                if n:
+                    yield _cut(block, slice(0, n))
+                    inertial[k] = _cut(block, slice(n, None))
+            yield aid
+        yield from (block for block in inertial if len(block))
+
+
+def _cut(block: ImuBlock, rows: slice) -> ImuBlock:
+    stamps = block.stamps_ns[rows]
+    last = int(stamps[-1]) if len(stamps) else block.stamp_ns
+    return ImuBlock(last, block.source, stamps, block.specific_force_b[rows], block.angular_rate_b[rows])
 
 
 def times(summary: dict[str, Any], wall_s: float, decode_s: float) -> dict[str, Any]:

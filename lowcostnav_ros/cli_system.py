@@ -1,0 +1,54 @@
+"""Jobs that run the system: nodes, graphs, the demo, the self-check, conversion of recorded logs."""
+
+import argparse
+import importlib
+import importlib.util
+import pkgutil
+import sys
+from pathlib import Path
+
+from lowcostnav_ros.settings import SettingsError, nearest
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run one node in this process; returns the node's exit status."""
+    from lowcostnav_ros import nodes
+
+    known = sorted(m.name for m in pkgutil.iter_modules(nodes.__path__) if not m.name.startswith("_"))
+    if arguments.node not in known:
+        raise SettingsError(f"There is no node '{arguments.node}'{nearest(arguments.node, known)}.")
+    return importlib.import_module(f"lowcostnav_ros.nodes.{arguments.node}").main(arguments.ros_args) or 0
+
+
+def up(arguments: argparse.Namespace) -> int:
+    """Start a graph and keep it up."""
+    from lowcostnav_ros import graph_up
+    from lowcostnav_ros.graph import load_graph
+
+    out = Path(arguments.out) if arguments.out else None
+    show = False if arguments.no_table else None
+    return graph_up.up(load_graph(arguments.graph), out=out, show=show, until_finished=arguments.until_finished)
+
+
+def doctor(_: argparse.Namespace) -> int:
+    """Check the machine."""
+    from lowcostnav_ros import doctor as check
+
+    return check.main()
+
+
+def demo(arguments: argparse.Namespace) -> int:
+    """Fly the demonstration mission."""
+    from lowcostnav_ros import demo as mission
+
+    return mission.main(arguments.demo_args)
+
+
+def convert(arguments: argparse.Namespace) -> int:
+    """Turn a recorded log into a bag."""
+    from lowcostnav_ros import convert as conversion
+
+    report = conversion.convert(arguments.source, arguments.profile, arguments.output)
+    if report is not None:
+        print(report, file=sys.stdout)
+    return 0

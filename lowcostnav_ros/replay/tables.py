@@ -1,0 +1,140 @@
+"""A replay's result as tables that fit 100 columns of a terminal."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from lowcostnav_ros.replay.baseline import WORSE, Verdict
+
+WIDTH = 100
+_SIZES = (
+    ("horizontal_m", "rms"),
+    ("horizontal_m", "p95"),
+    ("horizontal_m", "max"),
+    ("vertical_m", "rms"),
+    ("velocity_mps", "rms"),
+    ("roll_deg", "rms"),
+    ("pitch_deg", "rms"),
+    ("heading_deg", "rms"),
+    ("wind_mps", "rms"),
+)
+_SIZE_HEADS = ("horiz\nRMS m", "\n95 % m", "\nmax m", "vert\nRMS m", "vel\nRMS m/s", "roll\ndeg", "pitch\ndeg", "hdg\ndeg", "wind\nm/s")
+_PARTS = {"flight": "flight", "withheld_gps": "withheld fixes", "without_gps": "without GPS"}
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number with ``digits`` significant digits, never in exponents; a dash for none."""
+    if value is None:
+        return "-"
+    whole = len(str(int(abs(value)))) if abs(value) >= 1.0 else 1
+    return f"{value:.{max(0, digits - whole)}f}"
+
+
+def print_summary(summary: Mapping[str, Any], console: Console) -> None:
+    """Print what was replayed, the errors, the outages, the aids and the speed."""
+    _print_head(summary, console)
+    for table in (error_table(summary), interval_table(summary), aid_table(summary), run_table(summary)):
+        if table.row_count:
+            console.print(table)
+
+
+def _print_head(summary: Mapping[str, Any], console: Console) -> None:
+    bag = summary.get("bag")
+    if bag:
+        console.print(f"[bold]{bag['name']}[/bold]  sha256 {bag['sha256'][:16]}", highlight=False)
+    span = f"stamps {summary['first_stamp_s']:.3f} to {summary['last_stamp_s']:.3f} s"
+    console.print(f"{summary['duration_s']:.1f} s, {span}, settings {summary['settings_hash']}", highlight=False)
+    lost = summary["without_gps"]["total_s"]
+    if lost > 0.0:
+        console.print(f"without GPS for {lost:.0f} s in {len(summary['without_gps']['intervals_s'])} outage(s)", highlight=False)
+    for text in summary["withheld"]:
+        console.print(text, highlight=False)
+    for name, reason in summary.get("left_out", {}).items():
+        console.print(f"{name} left out: {reason}", highlight=False)
+    for source, entry in summary.get("inputs", {}).items():
+        if entry["rejected"]:
+            reasons = ", ".join(f"{count} {reason}" for reason, count in entry["rejected"].items())
+            console.print(f"[yellow]{source}: of {entry['count']} messages rejected: {reasons}[/yellow]", highlight=False)
+    for phrase, count in summary.get("assumed", {}).items():
+        console.print(f"{phrase} ({count} times)", highlight=False)
+
+
+def _table(title: str, heads: Sequence[str], left: int) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for k, head in enumerate(heads):
+        table.add_column(head, justify="left" if k < left else "right", no_wrap=k > 0, overflow="fold")
+    return table
+
+
+def error_table(summary: Mapping[str, Any]) -> Table:
+    """Errors against the reference: a row per navigator and part of the flight."""
+    table = _table("Errors (estimate minus reference)", ("navigator", "over", *_SIZE_HEADS, "err/sigma\nN E"), left=2)
+    for name, navigator in summary["navigators"].items():
+        for part, words in _PARTS.items():
+            errors = navigator["errors"].get(part)
+            if errors:
+                sizes = [number((errors.get(size) or {}).get(statistic)) for size, statistic in _SIZES]
+                ratios = errors["error_over_sigma"]
+                ratio = f"{number(ratios.get('north_m'), 2)} {number(ratios.get('east_m'), 2)}"
+                table.add_row(name, words, *sizes, ratio)
+    return table
+
+
+def interval_table(summary: Mapping[str, Any]) -> Table:
+    """Outages and withheld windows: worst error and the error at the end."""
+    heads = ("navigator", "interval s", "what", "worst horiz m", "at end N m", "E m", "D m", "hdg deg")
+    table = _table("Outages and withheld windows", heads, left=3)
+    for name, navigator in summary["navigators"].items():
+        errors = navigator["errors"]
+        for what, intervals in (("without GPS", errors["outages"]), ("withheld", errors["windows"])):
+            for interval in (i for i in intervals if i["samples"]):
+                start = summary["first_stamp_s"] if interval["start_s"] is None else interval["start_s"]
+                end = interval["error_at_end"]
+                cells = [number(end.get(axis)) for axis in ("north_m", "east_m", "down_m", "heading_deg")]
+                table.add_row(name, f"{start:.1f}-{interval['end_s']:.1f}", what, number(interval["worst_horizontal_m"]), *cells)
+    return table
+
+
+def aid_table(summary: Mapping[str, Any]) -> Table:
+    """Innovations: used, not used and why, NIS per degree of freedom."""
+    table = _table("Aids", ("navigator", "aid", "used", "NIS/dof", "not used, or limited"), left=2)
+    table.columns[-1].justify, table.columns[-1].no_wrap = "left", False
+    for name, navigator in summary["navigators"].items():
+        for aid, entry in navigator["aids"].items():
+            reasons = ", ".join(f"{count} {reason}" for reason, count in entry["not_used_or_limited"].items())
+            table.add_row(name, aid, str(entry["used"]), number(entry.get("nis_per_dof")), reasons or "-")
+    return table
+
+
+def run_table(summary: Mapping[str, Any]) -> Table:
+    """What came out and how fast."""
+    heads = ("navigator", "mode at end", "as recorded", "solutions", "late", "rejected", "x real time", "sha256")
+    table = _table("Fused solutions", heads, left=3)
+    for name, navigator in summary["navigators"].items():
+        rejected = [(reason, count) for i in navigator["inputs"].values() for reason, count in i["rejected"].items()]
+        late = sum(count for reason, count in rejected if reason == "late")
+        factor = summary["time"]["real_time_factor_by_navigator"][name]
+        sha = navigator["fused"]["sha256"]
+        counts = (str(navigator["solutions"]), str(late), str(sum(c for _, c in rejected) - late), f"{factor:.0f}" if factor else "-")
+        table.add_row(name, navigator["mode_at_end"], _as_recorded(navigator["fused"]), *counts, sha[:12] if sha else "-")
+    return table
+
+
+def _as_recorded(fused: Mapping[str, Any]) -> str:
+    if fused["equals_recorded"] is None:
+        return "not recorded"
+    if fused["equals_recorded"]:
+        return f"equal ({fused['count_equal']})"
+    return f"differs from {fused['first_differing_stamp_s']:.3f} s"
+
+
+def verdict_table(verdicts: Sequence[Verdict]) -> Table:
+    """The baseline's verdicts, worse ones first."""
+    table = _table("Against the baseline", ("verdict", "navigator", "metric", "found", "expected"), left=3)
+    colours = {"better": "green", "same": "", "worse": "red"}
+    for v in sorted(verdicts, key=lambda v: v.verdict != WORSE):
+        found = "missing" if v.found is None else str(v.found).lower() if isinstance(v.found, bool) else f"{v.found:.4g}"
+        table.add_row(v.verdict, v.navigator, v.metric, found, v.expected, style=colours[v.verdict])
+    return table
