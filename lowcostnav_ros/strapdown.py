@@ -6,7 +6,8 @@ The step is of second order: every navigation-frame quantity (earth and transpor
 middle of the interval.  The middle is predicted from the state and the increments of this very interval, never remembered from
 the one before, so that a filter correction between two steps leaves nothing stale.  Rotation of the body and of the navigation
 frame multiply the attitude from the right and from the left, which is exact for constant rates.  Coning and sculling within the
-interval use the previous increments, assuming the rates vary linearly over the two.
+interval use the previous increments, assuming the rates vary linearly over the two.  Like every mechanisation that points north
+it is singular at the poles; keep 10 km away.
 
 References
 ----------
@@ -85,7 +86,8 @@ def strapdown_step(nav, dv, dtheta, dv_prev, dtheta_prev, dt):
     dv, dtheta : ndarray, shape (3,)
         Integral of specific force (m/s) and angular rate relative to i (rad) over the interval, body axes.
     dv_prev, dtheta_prev : ndarray, shape (3,)
-        The same of the preceding interval of equal length; zeros switch coning and sculling compensation off.
+        The same of the preceding interval, rescaled to ``dt`` where its length differed; zeros switch coning and sculling
+        compensation off.
     dt : float
         Length of the interval, s.
     """
@@ -159,9 +161,8 @@ def increments_between(nav0, nav1, dt):
 def _ideal_rows(dt, navs):
     count = navs.shape[0]
     force, rate = np.zeros((count, 3)), np.zeros((count, 3))
-    dv, dtheta = np.zeros(3), np.zeros(3)
-    for k in range(1, count):
-        dv, dtheta = increments_after(navs[k - 1], navs[k], dt[k], dv, dtheta)
+    for k in range(1, count):  # row 0 is still zero when row 1 is solved: nothing precedes the first interval
+        dv, dtheta = increments_after(navs[k - 1], navs[k], dt[k], force[k - 1] * dt[k], rate[k - 1] * dt[k])
         force[k] = dv / dt[k]
         rate[k] = dtheta / dt[k]
     if count > 1:
@@ -175,7 +176,7 @@ def ideal_increments(
     """What an ideal integrating IMU measures along a true trajectory: the inverse of the step, row by row.
 
     Feeding the result to :func:`strapdown_step` (first step with zero previous increments) gives velocity and attitude back
-    to rounding, whatever made the trajectory.
+    to rounding, whatever made the trajectory, at even or uneven stamps.
 
     Parameters
     ----------

@@ -302,3 +302,16 @@ def test_the_date_line_is_crossed_without_a_jump():
     strapdown.strapdown_step(ahead, np.array([0.0, 0.0, -0.098]), np.zeros(3), np.zeros(3), np.zeros(3), 0.01)
     assert -math.pi < ahead[strapdown.LON] < -3.0
     assert earth.difference_n(*ahead[:3], *nav[:3])[1] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_uneven_stamps_come_back_too():
+    truth = flight(high_dynamics, 100)[1][np.cumsum(np.tile([1, 2, 1, 3], 100))]
+    stamps = np.cumsum(np.tile([1, 2, 1, 3], 100)) * 10_000_000
+    force, rate = strapdown.ideal_increments(stamps, truth[:, 0], truth[:, 1], truth[:, 2], truth[:, 3:6], truth[:, 6:])
+    nav, last = truth[0].copy(), np.zeros((2, 3))
+    for k in range(1, len(stamps)):
+        dt = (stamps[k] - stamps[k - 1]) * 1e-9
+        strapdown.strapdown_step(nav, force[k] * dt, rate[k] * dt, last[0] * dt, last[1] * dt, dt)
+        last = np.array([force[k], rate[k]])
+    np.testing.assert_allclose(nav[3:], truth[-1, 3:], atol=1e-9)
+    assert np.linalg.norm(earth.difference_n(*nav[:3], *truth[-1, :3])) < 5e-3
