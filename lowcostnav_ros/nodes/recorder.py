@@ -2,6 +2,7 @@
 
 import struct
 import sys
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -44,6 +45,7 @@ class Recorder(NodeBase):
         settings: RecorderSettings = self.parameters.settings[0]
         self.path = Path(settings.path or f"recording_{self.get_clock().now().nanoseconds // 10**9}")
         self.trouble, self._last_ns = "", 0
+        self._early: deque[tuple[topics.TopicSpec, bytes]] = deque(maxlen=1000)
         names = settings.topics or all_topics()
         try:
             specs = [topics.spec(name) for name in names]
@@ -58,7 +60,18 @@ class Recorder(NodeBase):
     def _write(self, spec: topics.TopicSpec, monitor: InputMonitor, raw: bytes) -> None:
         stamp_ns = header_stamp_ns(raw)
         monitor.stamped(stamp_ns)
+        if spec.msgtype == topics.DIAGNOSTICS:  # stamped by each node's own clock, which a simulated flight need not share
+            if not self._last_ns:
+                self._early.append((spec, raw))
+                return
+            stamp_ns = 0
         self._last_ns = max(stamp_ns, self._last_ns + 1)
+        while self._early:
+            self._put(*self._early.popleft())
+            self._last_ns += 1
+        self._put(spec, raw)
+
+    def _put(self, spec: topics.TopicSpec, raw: bytes) -> None:
         try:
             self._writer.write(spec.name, spec.msgtype, self._last_ns, raw)
         except OSError as error:  # a full disk must be seen on the ground, not in the air

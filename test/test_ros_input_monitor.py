@@ -1,0 +1,84 @@
+"""Rate, age, gaps, silence of an input, on a clock the test turns."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lowcostnav_ros.ros.input_monitor import ERROR, OK, WARN, InputMonitor
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def fed(rate_hz: float, count: int, **kwargs) -> tuple[InputMonitor, Clock]:
+    clock = Clock()
+    monitor = InputMonitor("imu/data_raw", clock=clock, **kwargs)
+    for k in range(count):
+        clock.now = 100.0 + k / rate_hz
+        monitor.arrived()
+        monitor.stamped(round(1e9 * (1000.0 + k / rate_hz)))
+    return monitor, clock
+
+
+def test_rate_and_count():
+    monitor, _ = fed(100.0, 500)
+    status = monitor.status("ins_gps")
+    assert status.name == "ins_gps: input imu/data_raw" and status.level == OK
+    assert status.values["rate_hz"] == "100.0" and status.values["count"] == "500" and status.values["gaps"] == "0"
+
+
+def test_a_silent_sensor_is_named_with_its_silence_and_is_an_error_only_where_it_is_required():
+    for required, level in ((True, ERROR), (False, WARN)):
+        monitor, clock = fed(100.0, 50, required=required)
+        clock.now += 0.9
+        assert monitor.status("n").level == OK
+        clock.now += 1.2
+        assert monitor.status("n")[1:3] == (level, "imu/data_raw silent for 2.1 s")
+
+
+def test_a_slow_sensor_is_given_five_of_its_intervals():
+    monitor, clock = fed(1.0, 20)
+    clock.now += 4.9
+    assert monitor.status("n").level == OK
+    clock.now += 0.2
+    assert monitor.status("n").level == WARN
+
+
+def test_an_input_that_never_came_is_named_after_two_seconds():
+    clock = Clock()
+    monitor = InputMonitor("gps/fix", True, clock=clock)
+    assert monitor.status("n").level == OK
+    clock.now += 2.5
+    assert monitor.status("n")[1:3] == (ERROR, "gps/fix: nothing received yet after 2.5 s")
+
+
+def test_rejections_are_counted_by_reason_and_colour_the_status_for_a_while():
+    monitor, clock = fed(10.0, 10)
+    monitor.reject("no fix")
+    monitor.reject("no fix")
+    monitor.reject("wrong frame id")
+    status = monitor.status("n")
+    assert status.level == WARN and "wrong frame id (3 rejected of 10)" in status.message
+    assert status.values["rejected[no fix]"] == "2" and status.values["last_reject"] == "wrong frame id"
+    for _ in range(60):
+        clock.now += 0.1
+        monitor.arrived()
+    assert monitor.status("n").level == OK
+
+
+@given(lost=st.sets(st.integers(10, 180), max_size=40), jitter=st.floats(0.0, 0.2))
+def test_gaps_equal_the_samples_that_are_missing(lost, jitter):
+    monitor = InputMonitor("imu/data_raw", clock=Clock())
+    for k in range(200):
+        if k not in lost:
+            monitor.stamped(round(1e7 * (k + jitter * (k % 2))) + 10**18)
+    assert monitor.gaps == len(lost) and monitor.backward == 0
+
+
+def test_stamps_that_step_back_are_counted():
+    monitor, _ = fed(100.0, 10)
+    monitor.stamped(10**9)
+    assert monitor.backward == 1

@@ -1,0 +1,117 @@
+"""What every node does: counts and names bad messages, answers reset, reports a sensor that stops or cannot be heard."""
+
+import math
+import time
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
+from sensor_msgs.msg import Imu  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
+from lowcostnav_ros.ros.node_base import NodeBase  # noqa: E402
+
+
+class Listener(NodeBase):
+    """Keeps the inertial samples it gets."""
+
+    def __init__(self, **kwargs) -> None:
+        super().__init__("listener", **kwargs)
+        self.samples = []
+        self.listen("imu/data_raw", self.samples.append, required=True)
+
+
+def imu(stamp_s: float, frame: str = "imu_link", rate_x: float = 0.01, force_z: float = 9.81) -> Imu:
+    message = Imu()
+    message.header.frame_id = frame
+    message.header.stamp.sec, message.header.stamp.nanosec = int(stamp_s), round(1e9 * (stamp_s % 1.0))
+    message.orientation_covariance[0] = -1.0
+    message.angular_velocity.x, message.linear_acceleration.z = rate_x, force_z
+    return message
+
+
+def wired(ros, **parameters):
+    node = ros.make(Listener, **parameters)
+    publisher = ros.probe.create_publisher(Imu, "imu/data_raw", 50)
+    assert ros.spin_until(lambda: publisher.get_subscription_count() == 1)
+    return node, publisher
+
+
+def test_a_message_becomes_a_measurement_in_frd(ros):
+    node, publisher = wired(ros)
+    publisher.publish(imu(12.5))
+    assert ros.spin_until(lambda: node.samples)
+    block = node.samples[0]
+    assert block.stamp_ns == 12_500_000_000 and block.source == "imu/data_raw"
+    assert block.specific_force_b[0].tolist() == [0.0, -0.0, -9.81] and block.angular_rate_b[0, 0] == 0.01
+
+
+def test_bad_messages_are_counted_and_named_on_diagnostics_and_the_node_lives(ros):
+    table = ros.diagnostics()
+    node, publisher = wired(ros)
+    for bad in (imu(1.0, rate_x=math.nan), imu(1.1, frame="map"), imu(1.2, rate_x=60.0)):
+        publisher.publish(bad)
+    assert ros.spin_until(lambda: node.inputs["imu/data_raw"].count == 3)
+    assert not node.samples
+    publisher.publish(imu(1.3))
+    assert ros.spin_until(lambda: node.samples)
+    assert ros.spin_until(lambda: dict_of(table.get("listener: input imu/data_raw")).get("rejected") == "3")
+    values = dict_of(table["listener: input imu/data_raw"])
+    reasons = " ".join(key for key in values if key.startswith("rejected["))
+    assert "degrees" in reasons and "frame" in reasons and ("finite" in reasons or "NaN" in reasons)
+    assert table["listener: input imu/data_raw"].level == b"\x01"
+
+
+def dict_of(status) -> dict:
+    return {entry.key: entry.value for entry in status.values} if status else {}
+
+
+def test_a_sensor_that_stops_is_an_error_on_diagnostics_within_two_seconds(ros):
+    table = ros.diagnostics()
+    node, publisher = wired(ros)
+    for k in range(40):
+        publisher.publish(imu(1.0 + 0.01 * k))
+        ros.executor.spin_once(timeout_sec=0.01)
+    stopped = time.monotonic()
+    name = "listener: input imu/data_raw"
+    assert ros.spin_until(lambda: name in table and table[name].level == b"\x02", 3.0)
+    assert time.monotonic() - stopped < 2.0
+    assert table[name].message.startswith("imu/data_raw silent for ")
+
+
+def test_reset_answers_with_a_sentence(ros):
+    ros.make(Listener)
+    client = ros.probe.create_client(Trigger, "/listener/reset")
+    assert ros.spin_until(client.service_is_ready)
+    future = client.call_async(Trigger.Request())
+    assert ros.spin_until(future.done)
+    assert future.result().success and future.result().message == "listener keeps no state: nothing to reset."
+
+
+def test_a_best_effort_sensor_is_heard_by_default_and_named_where_lossless_cannot_hear_it(ros):
+    best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    publisher = ros.probe.create_publisher(Imu, "imu/data_raw", best_effort)
+    plain = ros.make(Listener)
+    assert ros.spin_until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(imu(1.0))
+    assert ros.spin_until(lambda: plain.samples)
+    ros.executor.remove_node(plain)
+    plain.destroy_node()
+    strict = ros.make(Listener, qos__lossless=True)
+    assert ros.spin_until(lambda: strict.inputs["imu/data_raw"].trouble)
+    assert "reliability" in strict.inputs["imu/data_raw"].trouble and "qos.lossless" in strict.inputs["imu/data_raw"].trouble
+
+
+def test_lossless_carries_every_message_of_a_flood(ros):
+    node = ros.make(Listener, qos__lossless=True)
+    sender = ros.make(lambda **kwargs: NodeBase("sender", **kwargs), qos__lossless=True)
+    output = sender.output("imu/data_raw")
+    assert ros.spin_until(lambda: output.publisher.get_subscription_count() == 1)
+    from rclpy.serialization import serialize_message
+
+    for k in range(2000):
+        output.send(serialize_message(imu(1.0 + 0.01 * k)))
+    assert ros.spin_until(lambda: len(node.samples) == 2000)
+    assert node.inputs["imu/data_raw"].gaps == 0 and output.count == 2000
