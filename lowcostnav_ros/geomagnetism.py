@@ -19,7 +19,7 @@ LOWEST_HEIGHT, HIGHEST_HEIGHT = -1_000.0, 850_000.0
 """Range of heights, m, that the model is published for."""
 
 _NANOTESLA = 1.0e-9
-_CELLS_PER_DEGREE = 10  # 11 km; linear interpolation over a cell is good to 1 nT, a ten-thousandth of the model's own error
+_CELLS_PER_DEGREE = 10  # 11 km; linear interpolation over a cell is good to 0.2 nT, a thousandth of the model's own error
 _CELL_HEIGHT = 2_000.0  # m
 
 
@@ -136,7 +136,7 @@ class MagneticModel:
         return _evaluate(self.name, self.year, i / _CELLS_PER_DEGREE, j / _CELLS_PER_DEGREE, k * _CELL_HEIGHT)
 
     def field_n(self, lat: float, lon: float, height: float) -> np.ndarray:
-        """Field, tesla, NED, shape (3,), within 1 nT of :func:`field_n`; rad, rad, m above the ellipsoid."""
+        """Field, tesla, NED, shape (3,), within 0.2 nT of :func:`field_n`; rad, rad, m above the ellipsoid."""
         _check_place(lat, lon, height)
         x, y, z = math.degrees(lat) * _CELLS_PER_DEGREE, math.degrees(lon) * _CELLS_PER_DEGREE, height / _CELL_HEIGHT
         i, j, k = math.floor(x), math.floor(y), math.floor(z)

@@ -82,11 +82,11 @@ def test_decimal_year():
     assert mag.decimal_year(2021.25) == 2021.25
 
 
-def test_interpolated_field_is_within_a_nanotesla_everywhere_flown():
+def test_interpolated_field_is_within_a_fifth_of_a_nanotesla_everywhere_flown():
     rng, model = np.random.default_rng(0), mag.MagneticModel(2026.5)
     for _ in range(40):
         place = rng.uniform(-1.4, 1.4), rng.uniform(-math.pi, math.pi), rng.uniform(-500.0, 15_000.0)
-        np.testing.assert_allclose(model.field_n(*place), mag.field_n(*place, 2026.5), atol=1e-9)
+        np.testing.assert_allclose(model.field_n(*place), mag.field_n(*place, 2026.5), atol=2e-10)
 
 
 def test_interpolated_field_does_not_step_nor_remember():
