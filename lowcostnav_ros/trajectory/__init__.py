@@ -33,7 +33,7 @@ def build(settings: TruthSettings, seed: int = 0) -> Trajectory:
     if settings.kind == "recorded":
         from lowcostnav_ros.trajectory.recorded import build_recorded
 
-        return build_recorded(settings)
+        return build_recorded(settings, seed)
     from lowcostnav_ros.trajectory.segments import build_segments
 
     return build_segments(settings, seed)
