@@ -1,0 +1,139 @@
+"""Reading one recorded table: named columns as arrays, malformed rows counted by line and left out."""
+
+import gzip
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from lowcostnav_ros.convert.profile import ConvertError, TableProfile
+from lowcostnav_ros.settings import nearest
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+@dataclass(slots=True)
+class Table:
+    """Columns of the usable rows.
+
+    Attributes
+    ----------
+    numbers : dict of column name to ndarray
+    written_ns : list of int
+        Time of each row, ns since 1970, where the profile reads it as text.
+    row_end : ndarray of int
+        Byte count of the file up to and including each row, as it was when recorded.
+    malformed : list of (line number, reason)
+    total : int
+        Data rows seen.
+    """
+
+    numbers: dict[str, np.ndarray]
+    written_ns: list[int]
+    row_end: np.ndarray
+    malformed: list[tuple[int, str]] = field(default_factory=list)
+    total: int = 0
+
+
+def read_table(path: Path, profile: TableProfile) -> Table:
+    """Read the columns a profile needs.
+
+    Raises
+    ------
+    ConvertError
+        For a file without rows, a column that is not there, or a file in which every row is malformed.
+    """
+    lines = _lines(path, profile.time.line_end_bytes)
+    names = profile.columns or _header(lines, profile, path)
+    wanted = sorted(profile.needed())
+    where = _places(wanted, names, path)
+    text_places = _places(profile.time.columns, names, path) if profile.time.text_format else []
+    rows: list[list[float]] = []
+    table = Table({}, [], np.zeros(0, int))
+    ends: list[int] = []
+    for number, end, line in lines:
+        if not line.strip() or line.lstrip()[0] in profile.comment:
+            continue
+        table.total += 1
+        cells = _cells(line, profile.delimiter)
+        values, reason = _numbers(cells, where, wanted, len(names))
+        if text_places and not reason:
+            written, reason = _written(" ".join(cells[k] for k in text_places), profile.time.text_format)
+        if reason:
+            table.malformed.append((number, reason))
+            continue
+        rows.append(values)
+        ends.append(end)
+        if text_places:
+            table.written_ns.append(written)
+    if not rows:
+        first = f"; the first is line {table.malformed[0][0]}: {table.malformed[0][1]}" if table.malformed else ""
+        raise ConvertError(f"{path} has no usable row{first}; check delimiter and columns of the profile.")
+    columns = np.array(rows).reshape(len(rows), len(wanted))
+    table.numbers = {name: np.ascontiguousarray(columns[:, k]) for k, name in enumerate(wanted)}
+    table.row_end = np.array(ends)
+    return table
+
+
+def _lines(path: Path, line_end_bytes: int) -> Iterator[tuple[int, int, str]]:
+    """Yield (line number, bytes so far, text)."""
+    opener = gzip.open if path.suffix == ".gz" else open
+    end = 0
+    try:
+        with opener(path, "rb") as file:
+            for number, raw in enumerate(file, 1):
+                body = raw.rstrip(b"\r\n")
+                end += len(body) + line_end_bytes
+                yield number, end, body.decode("utf-8", errors="replace")
+    except (OSError, EOFError) as error:
+        raise ConvertError(f"{path} cannot be read to its end: {error}.") from error
+
+
+def _header(lines: Iterator[tuple[int, int, str]], profile: TableProfile, path: Path) -> tuple[str, ...]:
+    for _number, _end, line in lines:
+        if line.strip() and line.lstrip()[0] not in profile.comment:
+            return tuple(name.strip() for name in _cells(line, profile.delimiter))
+    raise ConvertError(f"{path} is empty; check that it was recorded.")
+
+
+def _places(wanted: list[str] | tuple[str, ...], names: tuple[str, ...], path: Path) -> list[int]:
+    for name in wanted:
+        if name not in names:
+            raise ConvertError(f"{path} has no column '{name}'{nearest(name, names)}.")
+    return [names.index(name) for name in wanted]
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    return line.split() if delimiter == "whitespace" else line.split(delimiter)
+
+
+def _numbers(cells: list[str], where: list[int], wanted: list[str], width: int) -> tuple[list[float], str]:
+    if len(cells) < width:
+        return [], f"{len(cells)} columns instead of {width}"
+    try:
+        values = [float(cells[k]) for k in where]
+    except ValueError:
+        bad = next(name for name, k in zip(wanted, where, strict=True) if not _is_number(cells[k]))
+        return [], f"'{bad}' is not a number"
+    if not all(map(math.isfinite, values)):
+        return [], "a value is not finite"
+    return values, ""
+
+
+def _written(text: str, text_format: str) -> tuple[int, str]:
+    try:
+        since = datetime.strptime(text, text_format).replace(tzinfo=UTC) - _EPOCH
+    except ValueError:
+        return 0, f"'{text}' is not a time of the form '{text_format}'"
+    return (since.days * 86400 + since.seconds) * 1_000_000_000 + since.microseconds * 1000, ""
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
