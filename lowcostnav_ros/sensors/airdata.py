@@ -127,15 +127,15 @@ class AirDataSimulator:
         settings, stamp_ns, prefix = self.settings, int(stamp_ns), self._prefix
         altitude = height - settings.geoid_undulation_m
         pressure, kelvin = self._air(altitude)
-        seen_pressure = self._air(altitude + drift[1])[0] + settings.static_noise_pa * normals[0]
-        tas = max(math.sqrt(air_b @ air_b) + drift[0] + settings.airspeed_noise_mps * normals[1], 0.0)
+        seen_pressure = self._air(altitude + drift[1])[0] + settings.static_noise_pa * float(normals[0])
+        tas = max(math.sqrt(air_b @ air_b) + float(drift[0]) + settings.airspeed_noise_mps * float(normals[1]), 0.0)
         rho = float(atmosphere.density(pressure, kelvin))
         static_variance = (rho * atmosphere.STANDARD_GRAVITY * settings.altitude_error_m) ** 2 + settings.static_noise_pa**2
         speed_variance = settings.airspeed_error_mps**2 + settings.airspeed_noise_mps**2
         static = Pressure(stamp_ns, f"{prefix}/static_pressure", seen_pressure, static_variance)
         impact_pa = float(atmosphere.impact_from_tas(tas, pressure, kelvin))
         impact = Pressure(stamp_ns, f"{prefix}/dynamic_pressure", impact_pa, (rho * max(tas, SLOWEST_MPS)) ** 2 * speed_variance)
-        seen_kelvin = kelvin + settings.temperature_noise_k * normals[2]
+        seen_kelvin = kelvin + settings.temperature_noise_k * float(normals[2])
         temperature = AirTemperature(stamp_ns, f"{prefix}/temperature", seen_kelvin, settings.temperature_noise_k**2)
         velocity = air_velocity(static, impact, temperature, self._vanes(air_b, normals[3:5]), f"{prefix}/velocity")
         return [static, impact, temperature, velocity]

@@ -42,8 +42,8 @@ class RangeError:
     def __init__(self, settings: DmeSimulatorSettings, ident: str) -> None:
         self._settings = settings
         self._rng = stream(settings.seed, f"dme.{ident}")
-        self._bias = settings.bias_m * self._rng.standard_normal()
-        self._drift = settings.drift_m * self._rng.standard_normal()
+        self._bias = settings.bias_m * float(self._rng.standard_normal())
+        self._drift = settings.drift_m * float(self._rng.standard_normal())
         self._distance_m: float | None = None
 
     def draw(self, distance_m: float) -> float:
@@ -53,7 +53,7 @@ class RangeError:
         self._distance_m = distance_m
         decay = math.exp(-flown / settings.correlation_distance_m)
         kick = settings.drift_m * math.sqrt(1.0 - decay * decay)
-        normals = self._rng.standard_normal(2)
+        normals = self._rng.standard_normal(2).tolist()
         self._drift = decay * self._drift + kick * normals[0]
         return self._bias + self._drift + settings.noise_m * normals[1]
 

@@ -7,6 +7,8 @@ from lowcostnav_ros.radionav.stations import StationTable, stations_from_text
 from lowcostnav_ros.sensors.imu_profile import ImuProfile, imu_profile_from_text
 from lowcostnav_ros.settings import SettingsError, nearest
 
+SENSORS = ("imu", "magnetometer", "air_data", "gps", "dme")
+
 
 def load_imu_profile(name: str) -> ImuProfile:
     """Return an IMU profile by name (``config/profiles/<name>.yaml``) or by the path of a YAML file.
@@ -68,4 +70,4 @@ def build(sensor: str, settings: Any) -> Any:
         from lowcostnav_ros.sensors.airdata import AirDataSimulator
 
         return AirDataSimulator(settings)
-    raise SettingsError(f"There is no sensor '{sensor}'{nearest(sensor, ('imu', 'magnetometer', 'air_data', 'gps', 'dme'))}.")
+    raise SettingsError(f"There is no sensor '{sensor}'{nearest(sensor, SENSORS)}.")

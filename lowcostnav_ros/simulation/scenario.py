@@ -13,9 +13,8 @@ from lowcostnav_ros.sensors.gps import GpsSimulatorSettings
 from lowcostnav_ros.sensors.imu import ImuSimulatorSettings
 from lowcostnav_ros.sensors.magnetometer import MagnetometerSimulatorSettings
 from lowcostnav_ros.settings import SettingsError, from_mapping, group, nearest, setting
+from lowcostnav_ros.simulation.equipment import SENSORS
 from lowcostnav_ros.trajectory import TruthSettings
-
-SENSORS = ("imu", "magnetometer", "air_data", "gps", "dme")
 
 
 @dataclass(frozen=True)
