@@ -118,8 +118,12 @@ class Navigator:
 
     def reset(self, reason: str) -> None:
         """Start over: forget the state and what is held, keep the settings, the origin and the counters."""
-        self.restarts[reason] += 1
         self.horizon.clear()
+        self.realign(reason)
+
+    def realign(self, reason: str) -> None:
+        """Forget the state alone; what the horizon holds is used to align anew (so that this, too, repeats to the bit)."""
+        self.restarts[reason] += 1
         self.mode, self.reason = "initialising", reason
         self._restart()
 

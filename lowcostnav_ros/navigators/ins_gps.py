@@ -44,6 +44,8 @@ from lowcostnav_ros.settings import group, setting
 IMU, FIX, VELOCITY = "imu/data_raw", "gps/fix", "gps/vel"
 MAG, PRESSURE, AIR = "imu/mag", "air/static_pressure", "air/velocity"
 GRAVITY_N = np.array([0.0, 0.0, -9.80665])
+ACCELERATION_SPAN_NS = 2_100_000_000
+"""GPS velocities this far apart give the acceleration of an alignment on the move; shorter, their noise tilts it."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ class InsGps(Navigator):
     def _restart(self) -> None:
         self._aligned = False
         self._fix: GpsPosition | None = None
-        self._velocity: GpsVelocity | None = None
+        self._velocities: list[GpsVelocity] = []
         self._field_b: np.ndarray | None = None
         self._emitted = -1
         self._fused_fix_ns: int | None = None
@@ -155,11 +157,11 @@ class InsGps(Navigator):
             self._judge()
 
     def _run(self, block: ImuBlock) -> None:
+        before = np.concatenate(([self.core.t_ns], block.stamps_ns[:-1]))
+        if self._aligned and (block.stamps_ns - before).max() > GAP_NS:
+            self.realign(f"inertial data missing for more than {1e-9 * GAP_NS:.1f} s")
         if not self._aligned:
             self.levelling.add(block)
-            return
-        if block.stamps_ns[0] - self.core.t_ns > GAP_NS or (len(block) > 1 and np.diff(block.stamps_ns).max() > GAP_NS):
-            self.reset(f"inertial data missing for more than {1e-9 * GAP_NS:.1f} s")
             return
         start = 0
         while start < len(block):
@@ -222,20 +224,20 @@ class InsGps(Navigator):
             self._fix = item
             self.set_origin(item.lat, item.lon, item.height)
         elif isinstance(item, GpsVelocity):
-            previous, self._velocity = self._velocity, item
-            self.mode, (self._aligned, self.reason) = "aligning", self._align(previous, item)
+            self._velocities = [v for v in self._velocities if item.stamp_ns - v.stamp_ns <= ACCELERATION_SPAN_NS] + [item]
+            self.mode, (self._aligned, self.reason) = "aligning", self._align(self._velocities[0], item)
             if self._aligned:
                 self._judge()
 
-    def _align(self, previous: GpsVelocity | None, velocity: GpsVelocity) -> tuple[bool, str]:
+    def _align(self, earlier: GpsVelocity, velocity: GpsVelocity) -> tuple[bool, str]:
         """Start the core when an attitude can be had; return whether, and the reason why not."""
         choice = self.settings.alignment
         if self._fix is None or velocity.stamp_ns - self._fix.stamp_ns > 2_000_000_000:
             return False, "waiting for a GPS position"
         speed = float(np.hypot(velocity.vel_n[0], velocity.vel_n[1]))
         still = speed < choice.still_speed_mps
-        span_s = choice.still_s if still or previous is None else max(0.2, 1e-9 * (velocity.stamp_ns - previous.stamp_ns))
-        means = self.levelling.mean(span_s)
+        span_s = choice.still_s if still else 1e-9 * (velocity.stamp_ns - earlier.stamp_ns)
+        means = self.levelling.mean(max(span_s, 0.2))
         if means is None:
             return False, "waiting for inertial data"
         wrong = unit_error(*means)
@@ -245,10 +247,12 @@ class InsGps(Navigator):
         if still:
             if not self.levelling.still(span_s):
                 return False, "standing by GPS, but the inertial data moves"
-        elif speed < choice.moving_speed_mps or previous is None or span_s > 3.0:
+        elif speed < choice.moving_speed_mps:
             return False, f"speed {speed:.1f} m/s: too fast to level, too slow for a track"
+        elif span_s < 0.9:
+            return False, "waiting for two GPS velocities a second apart"
         else:
-            force_n = (velocity.vel_n - previous.vel_n) / span_s + GRAVITY_N
+            force_n = (velocity.vel_n - earlier.vel_n) / span_s + GRAVITY_N
         heading, sigma = self._first_heading(means[0], force_n, velocity, still)
         if heading is None:
             return False, "levelled; waiting for a heading (magnetometer, motion or alignment.heading_deg)"
@@ -277,7 +281,7 @@ class InsGps(Navigator):
         nav = np.array([fix.lat, fix.lon, fix.height, *velocity.vel_n, *euler_to_quat(roll, pitch, heading)])
         lag_s = 1e-9 * (velocity.stamp_ns - fix.stamp_ns)
         accel_sigma = np.hypot(self.settings.imu.accel_turn_on_mg, self.settings.imu.accel_bias_mg) * 1e-3
-        tilt = np.hypot(accel_sigma, 0.2 * DEG) if still else np.hypot(accel_sigma, choice.tilt_sigma_deg * DEG)
+        tilt = np.hypot(accel_sigma, (0.2 if still else choice.tilt_sigma_deg) * DEG)
         cov = np.zeros((CORE, CORE))
         cov[POS, POS] = fix.cov_n + np.eye(3) * (0.5 + (lag_s * np.linalg.norm(velocity.vel_n)) ** 2)
         cov[VEL, VEL] = velocity.cov_n + np.eye(3) * 0.1**2

@@ -41,7 +41,7 @@ class BaroSettings:
     enabled: bool = setting(True, "Use static pressure for height.")
     sigma_m: float = setting(2.0, "White noise of the pressure altitude.", unit="m", minimum=0.01, maximum=1e3)
     bias_m: float = setting(150.0, "Sigma of pressure altitude minus ellipsoid height before GPS has taught it.", unit="m", minimum=0.0)
-    walk_m_rts: float = setting(0.3, "Growth of that difference.", unit="m/sqrt(s)", minimum=0.0, maximum=100.0)
+    walk_m_rts: float = setting(1.6, "Growth of that difference (23 m in 400 s).", unit="m/sqrt(s)", minimum=0.0, maximum=100.0)
     period_s: float = setting(0.5, "Use at most one measurement in this time.", unit="s", minimum=0.0, maximum=60.0)
     gate: GateSettings = group(GateSettings)
 
@@ -65,7 +65,7 @@ class AirDataSettings:
     """Airspeed and sideslip: they teach the wind while GPS is good and hold the position in an outage."""
 
     enabled: bool = setting(True, "Use airspeed and sideslip.")
-    noise_mps: float = setting(0.5, "White noise of the true airspeed.", unit="m/s", minimum=0.01, maximum=50.0)
+    noise_mps: float = setting(1.0, "White noise of the true airspeed, turbulence included.", unit="m/s", minimum=0.01, maximum=50.0)
     bias_mps: float = setting(1.5, "Slow airspeed error, Gauss-Markov sigma.", unit="m/s", minimum=0.0, maximum=50.0)
     bias_tau_s: float = setting(400.0, "Correlation time of the slow airspeed error.", unit="s", minimum=1.0)
     sideslip_deg: float = setting(2.0, "Sigma of the sideslip where no vane measures it.", unit="deg", minimum=0.05, maximum=30.0)
