@@ -12,7 +12,7 @@ from lowcostnav_ros.messages.bag import BagError, BagReader
 from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay.building import Registry, build_navigators
-from lowcostnav_ros.replay.links import output_topic
+from lowcostnav_ros.replay.links import output_topic, output_topics
 from lowcostnav_ros.replay.selection import Selection, check_names, select
 from lowcostnav_ros.replay.session import ReplayResult, Session, first_stamp, times
 from lowcostnav_ros.replay.withhold import Withhold, check_sources, resolve
@@ -82,7 +82,7 @@ class _Replay:
         self.wind = TRUE_WIND if self.truth == DEFAULT_TRUTH and TRUE_WIND in reader.types else None
         self.recorded = {output_topic(name): name for name in self.navigators if output_topic(name) in reader.types}
         heard = {source for navigator in self.navigators.values() for source in navigator.inputs}
-        replaced = {output_topic(name) for name in self.navigators}
+        replaced = {topic for name in self.navigators for topic in output_topics(name)}
         self.fed = sorted(s for s in heard - replaced if s in reader.types)
         check_sources(options.withhold, self.fed)
         self.sources = _with_origins(reader, [*self.fed, *(s for s in (self.truth, self.wind) if s)])

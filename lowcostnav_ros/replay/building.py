@@ -1,14 +1,18 @@
 """Navigators as configured: settings from the same YAML files the nodes read."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from lowcostnav_ros import config_files
 from lowcostnav_ros.navigators.base import Navigator
-from lowcostnav_ros.settings import SettingsError
+from lowcostnav_ros.settings import SettingsError, from_mapping, to_mapping
 
-Registry = Mapping[str, tuple[type, type[Navigator]]]
+Registry = Mapping[str, tuple[type, Callable[..., Navigator]]]
 """Name to (settings class, navigator class), as :data:`lowcostnav_ros.navigators.registry.NAVIGATORS`."""
+
+_NODE_GROUPS = ("output.", "qos.", "input.")
+"""Parameters of the node around the estimator; they change no fused solution."""
 
 
 def build_navigators(names: Iterable[str], registry: Registry, config: Path | None) -> dict[str, Navigator]:
@@ -32,8 +36,29 @@ def build_navigators(names: Iterable[str], registry: Registry, config: Path | No
     return {name: _build(name, *registry[name], config) for name in names}
 
 
-def _build(name: str, settings_class: type, navigator_class: type[Navigator], config: Path | None) -> Navigator:
+def _build(name: str, settings_class: type, navigator_class: Callable[..., Navigator], config: Path | None) -> Navigator:
     path = (config or config_files.config_dir()) / f"{name}.yaml"
     if config is None and not path.exists():
-        return navigator_class(settings_class())
-    return navigator_class(config_files.load_settings(settings_class, path, name))
+        return make_navigator(settings_class(), navigator_class)
+    values = {
+        key: value
+        for key, value in config_files.read_parameters(path, name).items()
+        if not key.startswith(_NODE_GROUPS) and key != "use_sim_time"
+    }
+    return make_navigator(from_mapping(settings_class, values, str(path)), navigator_class)
+
+
+def make_navigator(settings: Any, navigator_class: Callable[..., Navigator]) -> Navigator:
+    """Make a navigator from its settings, with the station table they name, if any.
+
+    Raises
+    ------
+    ValueError
+        (SettingsError, StationError) when the station table is missing or cannot be flown on.
+    """
+    stations_file = to_mapping(settings).get("dme.stations_file")
+    if not stations_file:
+        return navigator_class(settings)
+    from lowcostnav_ros.simulation.equipment import load_stations
+
+    return navigator_class(settings, load_stations(stations_file))

@@ -1,23 +1,32 @@
 """How one navigator hears another in a replay: through the very messages that carry its solution in flight."""
 
-import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from lowcostnav_ros.measurements import Measurement, NavSolution
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.decode import DecodeRules, Rejected, decode
+from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay.digest import imu_record, odometry_record
 
 ATTITUDE_SOURCES = {"ahrs": "imu/data_fused"}
-"""Navigators whose fused solution is an attitude, and the topic it goes out on; all others publish ``<name>/odometry_fused``."""
+"""Navigators whose fused solution is an attitude, and the topic it goes out on; all others publish ``<room>/odometry_fused``."""
+
+
+def room_of(name: str) -> str:
+    """First part of a navigator's topics: its name, but ``nav`` for the supervisor."""
+    return "nav" if name == "supervisor" else name
 
 
 def output_topic(name: str) -> str:
     """Topic of a navigator's fused solution."""
-    return ATTITUDE_SOURCES.get(name, f"{name}/odometry_fused")
+    return ATTITUDE_SOURCES.get(name, f"{room_of(name)}/odometry_fused")
+
+
+def output_topics(name: str) -> tuple[str, ...]:
+    """All topics that carry a navigator's fused solution."""
+    return (output_topic(name),) if name in ATTITUDE_SOURCES else (output_topic(name), f"{room_of(name)}/wind_fused")
 
 
 def recorder_of(msgtype: str) -> Callable[[Any], bytes]:
@@ -25,46 +34,58 @@ def recorder_of(msgtype: str) -> Callable[[Any], bytes]:
     return imu_record if msgtype == topics.IMU else odometry_record
 
 
-@dataclasses.dataclass(slots=True)
 class Link:
     """Turns one navigator's solutions into messages, and messages into what the others are fed.
 
-    Attributes
+    Parameters
     ----------
+    name : str
+        Name of the navigator.
     navigator : Navigator
-    topic : str
-        Where its fused solution goes.
     rules : DecodeRules
         Shared by all links, so that a map origin is known to who decodes an odometry.
     """
 
-    navigator: Navigator
-    topic: str
-    rules: DecodeRules
-
-    @property
-    def is_attitude(self) -> bool:
-        """Whether the fused message is an Imu rather than an Odometry."""
-        return self.topic in ATTITUDE_SOURCES.values()
-
-    @property
-    def msgtype(self) -> str:
-        """Type of the fused message."""
-        return topics.IMU if self.is_attitude else topics.ODOMETRY
+    def __init__(self, name: str, navigator: Navigator, rules: DecodeRules) -> None:
+        self.navigator = navigator
+        self.topic = output_topic(name)
+        self.is_attitude = name in ATTITUDE_SOURCES
+        self.msgtype = topics.IMU if self.is_attitude else topics.ODOMETRY
+        self._room = room_of(name)
+        self._decoder = Decoder(rules)
+        self._origin: Any = None
 
     def message(self, solution: NavSolution) -> Any:
         """The fused message of a solution, as the live node would publish it; None while there is nothing to publish."""
         if self.is_attitude:
-            known = solution.q_nb is not None and solution.angular_rate_b is not None
-            return encode.imu_from_solution(solution) if known else None
-        if self.navigator.origin is None or solution.lat is None:
+            return None if solution.q_nb is None else encode.imu_from_solution(solution)
+        origin = self.navigator.origin
+        if origin is None:
             return None
-        self.rules.origins[self.navigator.name] = self.navigator.origin
-        return encode.odometry_from_solution(solution, self.navigator.origin)
+        if origin is not self._origin:
+            self._origin = origin  # listeners learn it from the message, in degrees, which is not always the same last bit
+            self._decoder.decode(f"{self._room}/origin", topics.NAV_SAT_FIX, to_cdr(encode.origin_fix(solution.stamp_ns, origin)))
+        return encode.odometry_from_solution(solution, origin)
 
-    def measurement(self, message: Any) -> Measurement | Rejected:
-        """What a listener gets from the message, decoded from its bytes as in flight."""
-        return decode(self.topic, self.msgtype, to_cdr(message), self.rules)
+    def heard(self, solution: NavSolution, message: Any, wanted: Collection[str]) -> Iterator[Measurement]:
+        """What listeners get, decoded from bytes as in flight.
+
+        Parameters
+        ----------
+        solution : NavSolution
+        message : message object
+            The fused message of the solution.
+        wanted : collection of str
+            Topics somebody listens to.
+        """
+        said = [(self.topic, self.msgtype, message)]
+        if not self.is_attitude:
+            said.append((f"{self._room}/wind_fused", topics.TWIST, encode.wind_from_solution(solution)))
+        for topic, msgtype, spoken in said:
+            if topic in wanted and spoken is not None:
+                measurement = self._decoder.decode(topic, msgtype, to_cdr(spoken))
+                if not isinstance(measurement, Rejected):
+                    yield measurement
 
 
 def in_order(navigators: Mapping[str, Navigator]) -> list[str]:
@@ -80,4 +101,4 @@ def in_order(navigators: Mapping[str, Navigator]) -> list[str]:
 
 
 def _heard(navigator: Navigator, names: Iterable[str]) -> list[str]:
-    return [name for name in names if output_topic(name) in navigator.inputs]
+    return [name for name in names if any(topic in navigator.inputs for topic in output_topics(name))]

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections import Counter, defaultdict
+from collections.abc import Collection
 from pathlib import Path
 from time import perf_counter
 
@@ -112,21 +113,21 @@ class NavigatorRun:
         self._innovations: dict[str, np.ndarray | None] = {}
         self.navigator.on_aid = self._on_aid
 
-    def feed(self, measurement: Measurement, heard: bool) -> list[Measurement]:
-        """Feed the navigator; return what its solutions become for who listens to it (nothing when nobody does).
+    def feed(self, measurement: Measurement, wanted: Collection[str]) -> list[Measurement]:
+        """Feed the navigator; return what its solutions become for those who listen to it.
 
         Parameters
         ----------
         measurement : Measurement
-        heard : bool
-            Whether another navigator of the replay listens to this one.
+        wanted : collection of str
+            Topics that some navigator of the replay listens to.
         """
         start = perf_counter()
         solutions = self.navigator.feed(measurement)
         self.seconds += perf_counter() - start
-        return [m for s in solutions if (m := self._take(s, heard)) is not None]
+        return [m for s in solutions for m in self._take(s, wanted)]
 
-    def _take(self, solution: NavSolution, heard: bool) -> Measurement | None:
+    def _take(self, solution: NavSolution, wanted: Collection[str]) -> list[Measurement]:
         self.solutions += 1
         if self._last is not None:
             self.mode_seconds[self._last[1]] += max(0.0, (solution.stamp_ns - self._last[0]) / 1e9)
@@ -134,10 +135,9 @@ class NavigatorRun:
         self._pending.append(solution)
         message = self.link.message(solution)
         if message is None:
-            return None
+            return []
         self.comparison.add_replayed(solution.stamp_ns, self._pack(message))
-        heard_as = self.link.measurement(message) if heard else None
-        return heard_as if isinstance(heard_as, Measurement) else None
+        return list(self.link.heard(solution, message, wanted))
 
     def flush(self) -> None:
         """Write and evaluate what has come since the last flush."""

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 
-from lowcostnav_ros.replay.links import output_topic
+from lowcostnav_ros.replay.links import output_topics
 from lowcostnav_ros.settings import nearest
 
 Inputs = Mapping[str, bool]
@@ -33,7 +33,7 @@ def missing_inputs(inputs: Inputs, sources: Collection[str], others: Collection[
     others : collection of str
         Names of the other navigators that run.
     """
-    available = {*sources, *(output_topic(name) for name in others)}
+    available = {*sources, *(topic for name in others for topic in output_topics(name))}
     return [source for source, required in inputs.items() if required and source not in available]
 
 

@@ -16,7 +16,7 @@ from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
 from lowcostnav_ros.replay.columns import NavColumns, columns_of
 from lowcostnav_ros.replay.evaluation import Evaluation, Truth, blank_columns, fix_columns, truth_columns
-from lowcostnav_ros.replay.links import Link, in_order, output_topic, recorder_of
+from lowcostnav_ros.replay.links import Link, in_order, output_topics, recorder_of
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.runs import NavigatorFiles, NavigatorRun
 from lowcostnav_ros.replay.withhold import Window, Withhold, resolve, split
@@ -121,12 +121,13 @@ class Session:
         rules, recorded = rules or DecodeRules(), set(recorded)
         self.runs: dict[str, NavigatorRun] = {}
         for name in in_order(navigators):
-            link = Link(navigators[name], output_topic(name), rules)
+            link = Link(name, navigators[name], rules)
             out_files = self.files.navigator(name)
             on_errors = out_files.add_errors if out_files else None
             evaluation = Evaluation(self.truth, self.gaps, self.windows, on_errors)
             self.runs[name] = NavigatorRun(link, evaluation, out_files, link.topic in recorded)
-        self.replaced = {run.link.topic for run in self.runs.values()}
+        self.replaced = {topic for name in self.runs for topic in output_topics(name)}
+        self._wanted = {source for run in self.runs.values() for source in run.navigator.inputs}
 
     def feed(self, measurement: Measurement) -> None:
         """Feed one measurement, less what is withheld, to every navigator that listens to its source."""
@@ -185,8 +186,7 @@ class Session:
     def _distribute(self, measurement: Measurement) -> None:
         for run in self.runs.values():
             if measurement.source in run.navigator.inputs:
-                heard = any(run.link.topic in other.navigator.inputs for other in self.runs.values())
-                for spoken in run.feed(measurement, heard):
+                for spoken in run.feed(measurement, self._wanted):
                     self._distribute(spoken)
 
     def flush(self) -> None:
