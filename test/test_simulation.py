@@ -77,6 +77,12 @@ def test_sections_inherit_seed_and_date_unless_they_give_their_own():
     assert scenario.gps.outages_s == [10.0, 20.0]
 
 
+def test_changes_replace_what_the_text_says():
+    scenario = scenario_from_text(SHORT, seed=3, **{"truth.duration_s": 5.0, "dme.seed": 4, "gps.rate_hz": 2.0})
+    assert (scenario.seed, scenario.imu.seed, scenario.dme.seed) == (3, 3, 4)
+    assert (scenario.truth.duration_s, scenario.truth.name, scenario.gps.rate_hz, scenario.gps.latency_s) == (5.0, "straight", 2.0, 0.25)
+
+
 def test_decimal_year_of_known_moments():
     assert decimal_year(0.0) == 1970.0
     assert decimal_year(1_719_878_400.0) == pytest.approx(2024.5, abs=1e-9)  # 2 July 2024: the middle of a leap year
@@ -94,6 +100,7 @@ def test_decimal_year_of_known_moments():
         ("gps: {rate_hz: 20}\ntruth: {rate_hz: 10}\nimu: {rate_hz: 10}", "magnetometer.rate_hz of 20 is above truth.rate_hz of 10"),
         ("gps: {outages_s: [[1, 2], [3]]}", "add the missing end"),
         ("sensors: [imu, radar]", "there is no sensor 'radar'"),
+        ("sensors: [imu, imu]", "a sensor is listed twice"),
         ("seed: -1", "must be at least 0"),
     ],
 )

@@ -36,6 +36,8 @@ class Scenario:
     dme: DmeSimulatorSettings = group(DmeSimulatorSettings)
 
     def __post_init__(self) -> None:
+        if len(set(self.sensors)) < len(self.sensors):
+            raise SettingsError(f"Scenario '{self.name}': a sensor is listed twice in 'sensors'; name each once.")
         ratio = self.truth.rate_hz / self.imu.rate_hz
         if "imu" in self.sensors and (ratio < 1.0 or abs(ratio - round(ratio)) > 1e-9):
             raise SettingsError(
@@ -59,7 +61,7 @@ def scenario_from_text(text: str, where: str = "scenario", **changes: Any) -> Sc
     where : str
         What to call the source in a refusal.
     **changes
-        Top-level values that replace those of the text, e.g. ``seed=3``.
+        Values that replace those of the text, e.g. ``seed=3`` or, dotted, ``**{"truth.duration_s": 60.0}``.
 
     Raises
     ------
@@ -72,7 +74,9 @@ def scenario_from_text(text: str, where: str = "scenario", **changes: Any) -> Sc
         raise SettingsError(f"{where}: not readable as YAML; correct it near {getattr(error, 'problem_mark', 'its start')}.") from error
     if not isinstance(values, Mapping):
         raise SettingsError(f"{where}: a scenario is a list of names and values; begin with 'name:'.")
-    return from_mapping(Scenario, _completed({**values, **changes}, where), where)
+    nested = {name: value for name, value in changes.items() if "." in name}
+    plain = {name: value for name, value in changes.items() if "." not in name}
+    return from_mapping(Scenario, {**_completed({**values, **plain}, where), **nested}, where)  # the last of two equal names counts
 
 
 def _completed(values: dict[str, Any], where: str) -> dict[str, Any]:
