@@ -1,0 +1,342 @@
+"""Attitude and heading reference (AHRS): gyros carry the attitude, accelerometers and the magnetometer keep it.
+
+Accelerometers show the vertical only once the acceleration is known.  It comes, in this order, from GPS velocity, from the velocity
+through the air, or it is taken to be zero while a manoeuvre switch sees steady flight.  The error state is that of the inertial
+core with gyro and accelerometer biases, a slow magnetic heading error, wind and airflow; velocity is carried because it links
+attitude to acceleration exactly, and is not reported: an AHRS owes attitude, heading, rates and specific force.
+
+``C_true = (I + [phi_n x]) C_est``; see :mod:`lowcostnav_ros.navigators.inertial` for the dynamics and
+:mod:`lowcostnav_ros.navigators.ahrs_aids` for the measurements (Gebre-Egziabher 2004, chapter 4: aided AHRS and its switch).
+"""
+
+import math
+
+import numpy as np
+
+from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.measurements import AirVelocity, GpsPosition, GpsVelocity, ImuBlock, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.navigators.ahrs_aids import AirflowAid, SteadyFlightAid
+from lowcostnav_ros.navigators.ahrs_alignment import Alignment, FirstAttitude
+from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings, chosen_blocks
+from lowcostnav_ros.navigators.ahrs_start import begin_core, restart_velocity_from_air
+from lowcostnav_ros.navigators.ahrs_switch import ManoeuvreSwitch
+from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, GAP_NS, VEL, InertialCore
+from lowcostnav_ros.navigators.ins_gps_aids import MagneticAid, VelocityAid
+from lowcostnav_ros.navigators.magnetic_heading import LocalField, MagneticReference
+from lowcostnav_ros.rotation import euler_jacobian_n, quat_to_dcm, quat_to_euler
+
+IMU, MAG, VELOCITY, FIX, AIR = "imu/data_raw", "imu/mag", "gps/vel", "gps/fix", "air/velocity"
+HEADING_TIMEOUT_NS = 5_000_000_000
+LEVEL_TIMEOUT_NS = 5_000_000_000
+HELD_VELOCITY_SIGMA = 0.01
+NEVER = -(10**18)
+
+
+class Ahrs(Navigator):
+    """Attitude and heading reference; see the module head.
+
+    Modes: ``initialising`` (no data), ``aligning``, ``calibrating`` (GPS velocity: the gyro biases converge), ``coasting`` (airspeed,
+    steady flight or magnetometer), ``gyro_only``, ``failed`` (wrong unit at the start, or a tilt sigma past the limit).
+    """
+
+    name = "ahrs"
+    inertial = IMU
+    inputs = {IMU: True, MAG: False, VELOCITY: False, FIX: False, AIR: False}
+
+    def __init__(self, settings: AhrsSettings) -> None:
+        super().__init__(settings, latency_s=settings.gps.latency_s)
+        self.layout = Layout(chosen_blocks(settings))
+        self.core = InertialCore(self.layout)
+        self.reference = MagneticReference(settings.magnetic.decimal_year, settings.magnetic.declination_deg)
+        self.velocity_aid, self.magnetic_aid = VelocityAid(settings.gps), MagneticAid(settings.magnetic)
+        self.airflow_aid, self.steady_aid = AirflowAid(settings.airflow), SteadyFlightAid(settings.level)
+        optional = ((settings.airflow.enabled, self.airflow_aid), (settings.magnetic.enabled, self.magnetic_aid))
+        self.aids = [self.velocity_aid, self.steady_aid, *(aid for enabled, aid in optional if enabled)]
+        self.airflow_states = self.layout.mask("wind", "updraught", "airspeed_bias", "sideslip", "incidence")
+        self.switch = ManoeuvreSwitch(settings.level)
+        self.alignment = Alignment(settings)
+        self._place = self._configured_place()
+        self._restart()
+
+    # what aids ask of their host ---------------------------------------------------------------------------------------------
+
+    @property
+    def P(self) -> np.ndarray:  # noqa: N802 - the covariance is P everywhere in the field
+        """Covariance of the whole error state."""
+        return self.core.P
+
+    @property
+    def magnetic(self) -> "Ahrs":
+        """Where the magnetic aid asks what field to expect: see :meth:`at`."""
+        return self
+
+    def at(self, lat: float, lon: float, height: float) -> LocalField | None:
+        """Field expected at the place last known, not at the core's position, which drifts without fixes."""
+        return self.reference.anywhere() if self._place is None else self.reference.at(*self._place)
+
+    def correct(self, dx: np.ndarray) -> None:
+        """Inject a correction (an aid calls this)."""
+        self.core.correct(dx)
+
+    def wind_n(self) -> np.ndarray:
+        """Estimated wind (3,), m/s, NED."""
+        estimate = self.core.estimate
+        return np.concatenate((estimate[self.layout["wind"]], estimate[self.layout["updraught"]]))
+
+    def gps_is_fresh(self, stamp_ns: int) -> bool:
+        """Whether a GPS velocity was accepted within the time-out."""
+        return stamp_ns - self._gps_ns <= 1e9 * self.settings.gps.timeout_s
+
+    # measurements ------------------------------------------------------------------------------------------------------------
+
+    def _configured_place(self) -> tuple[float, float, float] | None:
+        place = self.settings.place
+        return (place.lat_lon_deg[0] * DEG, place.lat_lon_deg[1] * DEG, place.height_m) if place.lat_lon_deg else None
+
+    def _restart(self) -> None:
+        self._aligned = False
+        self._imu_ns: int | None = None
+        self._gps_ns = self._air_ns = self._magnetic_ns = self._steady_ns = NEVER
+        self._tried_air_ns = self._tried_magnetic_ns = NEVER
+        self.level_since_ns: int | None = None
+        self.rate_b, self.force_b = np.zeros(3), np.zeros(3)
+        self._kept: tuple[np.ndarray, np.ndarray] | None = None
+        self.alignment.restart(None)
+
+    def _fuse(self, item: Measurement) -> None:
+        if isinstance(item, ImuBlock):
+            self._run(item)
+        elif isinstance(item, GpsPosition):
+            self._take_place(item)
+        elif self._imu_ns != item.stamp_ns:
+            self.input_status[item.source].reject("inertial data missing")
+        elif not self._aligned:
+            self._prepare(item)
+        else:
+            self._aid(item)
+            self._judge()
+
+    def _take_place(self, fix: GpsPosition) -> None:
+        """A position serves declination, gravity and the earth's rate; it is not fused."""
+        self._place = (fix.lat, fix.lon, fix.height)
+        if self._aligned:
+            self.core.nav[0:3] = self._place
+
+    def _run(self, block: ImuBlock) -> None:
+        block = self._finite(block)
+        start = 0
+        while block is not None and start < len(block):
+            if self._in_gap(block, start):
+                start += 1
+            elif self._aligned:
+                start = self._advance(block, start)
+            else:
+                start = self._align(block, start)
+
+    def _finite(self, block: ImuBlock) -> ImuBlock | None:
+        good = np.isfinite(block.specific_force_b).all(axis=1) & np.isfinite(block.angular_rate_b).all(axis=1)
+        if good.all():
+            return block
+        self.input_status[IMU].reject("not finite")
+        if not good.any():
+            return None
+        return ImuBlock.of(block.source, block.stamps_ns[good], block.specific_force_b[good], block.angular_rate_b[good])
+
+    def _in_gap(self, block: ImuBlock, start: int) -> bool:
+        """Whether the sample at ``start`` ends a hole in the inertial data; if so, align anew, keeping the sensor biases.
+
+        A sample that an aid splits comes in pieces; the hole is the whole sample's, whose end is still held by the horizon.
+        """
+        end = int(block.stamps_ns[start])
+        first = self._imu_ns is None
+        if not first and len(block) == 1:
+            held, _ = self.horizon.ahead()
+            later = [] if held is None else held.stamps_ns[held.stamps_ns > end]
+            same = len(later) and np.array_equal(held.specific_force_b[held.stamps_ns > end][0], block.specific_force_b[0])
+            whole = int(later[0]) if same else end
+        else:
+            whole = end
+        if first or whole - self._imu_ns <= GAP_NS:
+            return False
+        if self._aligned:
+            self._realign(f"inertial data missing for {1e-9 * (whole - self._imu_ns):.1f} s")
+        if whole == end:
+            self._imu_ns = end
+            self.alignment.restart(end, self.reason)
+        return True
+
+    def _realign(self, reason: str) -> None:
+        self.restarts["inertial gap"] += 1
+        sensors = slice(CORE, self.layout["gyro_bias"].stop)
+        self._kept = (self.core.estimate[sensors].copy(), self.P[sensors, sensors].copy())
+        self._aligned = False
+        self.mode, self.reason = "aligning", reason
+
+    # alignment ---------------------------------------------------------------------------------------------------------------
+
+    def _align(self, block: ImuBlock, start: int) -> int:
+        following = self.alignment.gather(block, start)
+        self._imu_ns = int(block.stamps_ns[following - 1])
+        self._start(self.alignment.unaided(self.at(0.0, 0.0, 0.0)))
+        return following
+
+    def _prepare(self, item: Measurement) -> None:
+        if isinstance(item, MagneticField):
+            self.alignment.magnetic(item)
+        elif isinstance(item, GpsVelocity):
+            self._start(self.alignment.gps(item, self.at(0.0, 0.0, 0.0)))
+        elif isinstance(item, AirVelocity) and self.settings.airflow.enabled:
+            self._start(self.alignment.air(item, self.at(0.0, 0.0, 0.0)))
+
+    def _start(self, first: FirstAttitude | None) -> None:
+        """Begin to navigate when the alignment has an attitude; else say what it waits for."""
+        if first is None:
+            self.mode = "failed" if self.alignment.wrong_unit else "aligning"
+            self.reason = self.alignment.reason
+            return
+        begin_core(self.core, self.settings, first, self._place, self._kept)
+        self._aligned, self._kept = True, None
+        self._gps_ns = first.t_ns if first.gps is not None else NEVER
+        self._air_ns = first.t_ns if first.air is not None else NEVER
+        self._magnetic_ns = first.t_ns if first.is_magnetic else NEVER
+        self._steady_ns = first.t_ns
+        self.level_since_ns = None
+        self.switch.restart(first.t_ns)
+        self._judge()
+
+    # navigation --------------------------------------------------------------------------------------------------------------
+
+    def _advance(self, block: ImuBlock, start: int) -> int:
+        before = self.core.t_ns
+        following = self.core.advance(block, start, self.output_period_ns)
+        self.switch.follow(block, start, following)
+        self._imu_ns = self.core.t_ns
+        self.force_b, self.rate_b = self.core.corrected(block.specific_force_b[following - 1], block.angular_rate_b[following - 1])
+        if self.core.t_ns // self.output_period_ns != before // self.output_period_ns:
+            self._tick()
+            if self._aligned:
+                self._out.append(self._solution(self.core.t_ns, self.core.nav[6:10], self.force_b, self.rate_b))
+        return following
+
+    def _tick(self) -> None:
+        """At every output: judge the motion, level by steady flight when nothing measures velocity, keep the mode."""
+        now, nav = self.core.t_ns, self.core.nav
+        if not (np.isfinite(nav).all() and np.isfinite(self.P[ATT, ATT]).all()):
+            self._realign("state not finite")
+            self._kept = None
+            self.alignment.restart(now, self.reason)
+            return
+        self.switch.decide(quat_to_dcm(nav[6:10]), self.core.errors()[1])
+        if self.gps_is_fresh(now) or now - self._air_ns <= 1e9 * self.settings.airflow.timeout_s:
+            self.level_since_ns = None
+        elif self.level_since_ns is None:
+            self._hold_velocity(now)
+        elif now - self.level_since_ns >= 1e9 * self.settings.level.period_s:
+            if self.use_aid(self.steady_aid, Measurement(now, IMU)):
+                self._steady_ns = now
+            self._hold_velocity(now)
+        self._judge()
+
+    def _hold_velocity(self, now: int) -> None:
+        """Without any measure of velocity, count it from zero: only its change over the next span matters."""
+        self.core.settle()
+        self.core.nav[VEL] = 0.0
+        if self._place is not None:
+            self.core.nav[0:3] = self._place
+        kalman.reset_block(self.P, VEL, np.eye(3) * HELD_VELOCITY_SIGMA**2)
+        self.level_since_ns = now
+
+    def _aid(self, item: Measurement) -> None:
+        if isinstance(item, GpsVelocity):
+            self._aid_velocity(item)
+        elif isinstance(item, AirVelocity):
+            self._aid_airflow(item)
+        elif isinstance(item, MagneticField) and self.settings.magnetic.enabled:
+            self._aid_magnetic(item)
+
+    def _aid_velocity(self, item: GpsVelocity) -> None:
+        self.core.settle()
+        if self.level_since_ns is not None and np.isfinite(item.vel_n).all() and np.isfinite(item.cov_n).all():
+            self.core.nav[VEL] = item.vel_n  # the velocity counted from zero means nothing beside a measured one
+            kalman.reset_block(self.P, VEL, item.cov_n + np.eye(3) * self.settings.gps.velocity_floor_mps**2)
+            self.level_since_ns = None
+        if self.use_aid(self.velocity_aid, item):
+            self._gps_ns = item.stamp_ns
+
+    def _aid_airflow(self, item: AirVelocity) -> None:
+        air = self.settings.airflow
+        if not air.enabled or item.stamp_ns - self._tried_air_ns < 1e9 * air.period_s - 1e6:
+            return
+        self._tried_air_ns = item.stamp_ns
+        self.core.settle()
+        if self.level_since_ns is not None and np.linalg.norm(item.vel_b) >= air.minimum_mps:
+            restart_velocity_from_air(self.core, item, self.wind_n())
+            self.level_since_ns = None
+        if self.use_aid(self.airflow_aid, item):
+            self._air_ns = item.stamp_ns
+
+    def _aid_magnetic(self, item: MagneticField) -> None:
+        if item.stamp_ns - self._tried_magnetic_ns < 1e9 * self.settings.magnetic.period_s - 1e6:
+            return
+        self._tried_magnetic_ns = item.stamp_ns
+        if self.at(0.0, 0.0, 0.0) is None:
+            self.magnetic_aid.status.reason = "declination unknown; wait for a fix, or set place.lat_lon_deg or magnetic.declination_deg"
+            return
+        self.core.settle()
+        if self.use_aid(self.magnetic_aid, item):
+            self._magnetic_ns = item.stamp_ns
+
+    # outputs -----------------------------------------------------------------------------------------------------------------
+
+    def _judge(self) -> None:
+        """Keep mode and reason in step with what was fused."""
+        now = self.core.t_ns
+        tilt_sigma_deg = math.sqrt(max(self.P[6, 6], self.P[7, 7], 0.0)) / DEG
+        heading = "" if now - self._magnetic_ns <= HEADING_TIMEOUT_NS else ", no magnetic heading"
+        if tilt_sigma_deg > self.settings.failed_tilt_deg:
+            limit = self.settings.failed_tilt_deg
+            self.mode, self.reason = "failed", f"roll or pitch sigma {tilt_sigma_deg:.0f} deg is past {limit:.0f} deg"
+        elif self.gps_is_fresh(now):
+            self.mode, self.reason = "calibrating", "GPS velocity gives the acceleration" + heading
+        elif now - self._air_ns <= 1e9 * self.settings.airflow.timeout_s:
+            self.mode, self.reason = "coasting", "no GPS velocity, airspeed gives the acceleration" + heading
+        elif now - self._steady_ns <= LEVEL_TIMEOUT_NS:
+            self.mode, self.reason = "coasting", "no GPS velocity or airspeed, levelled in steady flight" + heading
+        elif not heading:
+            self.mode, self.reason = "coasting", "magnetic heading only: roll and pitch run on the gyros while manoeuvring"
+        else:
+            self.mode, self.reason = "gyro_only", "manoeuvring without GPS velocity, airspeed and magnetic heading"
+
+    def _predict(self) -> NavSolution | None:
+        if not self._aligned:
+            return None
+        block, _ = self.horizon.ahead()
+        t_ns, nav = self.core.predicted(block)
+        if block is None:
+            return self._solution(t_ns, nav[6:10], self.force_b, self.rate_b)
+        return self._solution(t_ns, nav[6:10], *self.core.corrected(block.specific_force_b[-1], block.angular_rate_b[-1]))
+
+    def _solution(self, t_ns: int, q_nb: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
+        sigma = np.sqrt(np.maximum(np.diag(self.P), 0.0))
+        reported = range(CORE, self.layout["heading_bias"].stop if "heading_bias" in self.layout else self.layout["gyro_bias"].stop)
+        states = {self.layout.labels[i]: (float(self.core.estimate[i]), float(sigma[i])) for i in reported}
+        return NavSolution(
+            stamp_ns=int(t_ns),
+            source=self.name,
+            q_nb=q_nb.copy(),
+            angular_rate_b=rate_b,
+            specific_force_b=force_b,
+            cov_att=self.P[ATT, ATT].copy(),
+            mode=self.mode,
+            states=states,
+        )
+
+    def _sigmas(self) -> dict[str, float]:
+        if not self._aligned:
+            return {}
+        J = euler_jacobian_n(*quat_to_euler(self.core.nav[6:10]))
+        euler = np.sqrt(np.maximum(np.diag(J @ self.P[ATT, ATT] @ J.T), 0.0)) / DEG
+        bias = np.sqrt(np.diag(self.P)[self.layout["gyro_bias"]].max()) / DEG
+        return {"roll_deg": float(euler[0]), "pitch_deg": float(euler[1]), "heading_deg": float(euler[2]), "gyro_bias_dps": float(bias)}
