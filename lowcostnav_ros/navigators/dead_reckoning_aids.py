@@ -1,0 +1,142 @@
+"""Aids of the dead-reckoning navigator: GPS position and velocity that teach, pressure altitude and DME ranges that remain."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.atmosphere import pressure_altitude
+from lowcostnav_ros.earth import difference_n
+from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Innovation
+from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, Pressure, SlantRange
+from lowcostnav_ros.navigators.dead_reckoning_model import NM, POS
+from lowcostnav_ros.navigators.dead_reckoning_settings import DmeSettings, GpsSettings, HeightSettings, WindSettings
+from lowcostnav_ros.radionav.geometry import range_and_direction
+from lowcostnav_ros.radionav.stations import StationTable
+
+FAR_BEYOND = 9.0
+"""Test ratio (three times the gate in sigmas) above which even the last aid left is rejected, not limited."""
+
+
+def correlation_factor(dt_s: float, tau_s: float) -> float:
+    """Factor on the noise variance of one of many samples ``dt_s`` apart whose errors stay correlated over ``tau_s``.
+
+    coth(dt / (2 tau)): fused as if white, such samples then give a slowly varying state the information they really hold (the variance
+    of the mean of a first-order autoregression, (1 + r) / (1 - r) with r = exp(-dt / tau)).
+    """
+    if tau_s <= 0.0 or dt_s >= 20.0 * tau_s:
+        return 1.0
+    return 1.0 / math.tanh(max(dt_s, 1e-3) / (2.0 * tau_s))
+
+
+class GpsPositionAid(Aid):
+    """GPS position, all three axes; after a long run of rejections the position starts over and the wind stays."""
+
+    def __init__(self, settings: GpsSettings) -> None:
+        super().__init__("gps_position", ("north_m", "east_m", "down_m"), settings.gate)
+        self.settings = settings
+
+    def noise(self, fix: GpsPosition) -> np.ndarray:
+        """Covariance (3, 3) of one fix with the floor on its variances, m^2."""
+        return fix.cov_n + np.diag(np.maximum(self.settings.position_floor_m**2 - np.diag(fix.cov_n), 0.0))
+
+    def innovation(self, measurement: GpsPosition, host: Any) -> Innovation | str:
+        y = difference_n(measurement.lat, measurement.lon, measurement.height, *host.state.nav)
+        H = np.zeros((3, host.state.layout.size))
+        H[:, POS] = np.eye(3)
+        factor = correlation_factor(_since_s(self, measurement), self.settings.correlation_s)
+        return Innovation(y, H, factor * self.noise(measurement), y.copy())
+
+    def recover(self, measurement: GpsPosition, innovation: Innovation, host: Any) -> None:
+        """Put the position on the fix and forget its correlations: what was learned of wind and sensors is not kicked."""
+        dx = np.zeros(host.state.layout.size)
+        dx[POS] = innovation.y
+        kalman.reset_block(host.P, POS, self.noise(measurement))
+        host.correct(dx)
+
+
+class GpsVelocityAid(Aid):
+    """GPS velocity: teaches wind, heading bias and airspeed errors while it lasts."""
+
+    def __init__(self, settings: GpsSettings, wind: WindSettings) -> None:
+        super().__init__("gps_velocity", ("north_mps", "east_mps", "down_mps"), settings.gate)
+        self.settings, self.wind = settings, wind
+
+    def innovation(self, measurement: GpsVelocity, host: Any) -> Innovation | str:
+        if not host.held.airborne:
+            return "below the minimum airspeed"
+        silent = host.state.silent(host.held)
+        if silent:
+            return silent
+        velocity, H = host.state.velocity(host.held)
+        floor = np.maximum(self.settings.velocity_floor_mps**2 - np.diag(measurement.cov_n), 0.0)
+        tau_s = max(self.settings.correlation_s, self.wind.gust_tau_s)
+        R = measurement.cov_n + np.diag(floor) + host.state.velocity_noise(host.held)
+        return Innovation(measurement.vel_n - velocity, H, correlation_factor(_since_s(self, measurement), tau_s) * R, measurement.vel_n)
+
+
+class BaroAid(Aid):
+    """Pressure altitude: height plus a bias that GPS teaches."""
+
+    def __init__(self, settings: HeightSettings, gate: GateSettings) -> None:
+        super().__init__("baro", ("pressure_altitude_m",), gate)
+        self.settings = settings
+
+    def innovation(self, measurement: Pressure, host: Any) -> Innovation | str:
+        altitude = float(pressure_altitude(measurement.pressure_pa))
+        slope = float(pressure_altitude(measurement.pressure_pa + 1.0)) - altitude
+        index = host.state.layout["baro_bias"].start
+        H = np.zeros((1, host.state.layout.size))
+        H[0, 2], H[0, index] = -1.0, 1.0
+        variance = max(slope * slope * measurement.variance, self.settings.baro_noise_m**2)
+        y = altitude - (host.state.nav[2] + host.state.estimate[index])
+        return Innovation(np.array([y]), H, np.array([[variance]]), np.array([altitude]))
+
+
+class DmeAid(Aid):
+    """One slant range at a time, in full geometry; it never moves height.
+
+    While DME is all there is, a range outside the gate is limited to the gate rather than rejected, unless it lies far beyond.
+    """
+
+    def __init__(self, settings: DmeSettings, stations: StationTable | None) -> None:
+        super().__init__("dme", ("slant_range_m",), settings.gate)
+        self.settings, self.stations = settings, stations
+
+    def innovation(self, measurement: SlantRange, host: Any) -> Innovation | str:
+        if self.stations is None:
+            return "no station table"
+        if measurement.station not in self.stations:
+            return f"station unknown ({measurement.station})"
+        station = self.stations[measurement.station]
+        predicted, direction = range_and_direction(*host.state.nav, station.lat, station.lon, station.height)
+        if predicted <= 0.0:
+            return "over the station"
+        H = np.zeros((1, host.state.layout.size))
+        H[0, POS] = direction
+        R = max(measurement.variance, (self.settings.noise_nm * NM) ** 2) + _curvature(host.P, direction, predicted)
+        bias = host.state.range_bias_index(measurement.station)
+        if bias is None:
+            R += (self.settings.bias_nm * NM) ** 2
+        else:
+            H[0, bias] = 1.0
+            predicted += host.state.estimate[bias]
+        y = np.array([measurement.range_m - predicted])
+        return Innovation(y, H, np.array([[R]]), np.array([measurement.range_m]), host.state.free_for_ranges)
+
+    def control(self, stamp_ns: int, test_ratio: float, host: Any) -> tuple[Decision, str]:
+        self.limit_instead_of_reject = test_ratio < FAR_BEYOND and not host.gps_good()
+        return super().control(stamp_ns, test_ratio, host)
+
+
+def _since_s(aid: Aid, measurement: Any) -> float:
+    age = aid.status.age_s(measurement.stamp_ns)
+    return math.inf if age is None else age
+
+
+def _curvature(P: np.ndarray, direction: np.ndarray, range_m: float) -> float:
+    """Variance, m^2, that the curvature of the range circle adds when position is known poorly against the range."""
+    across = np.array([-direction[1], direction[0]])
+    variance = float(across @ P[0:2, 0:2] @ across)
+    return 0.75 * (variance / range_m) ** 2  # mean square of d^2 / (2 R) for a Gaussian cross-range error d

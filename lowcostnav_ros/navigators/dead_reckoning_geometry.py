@@ -1,0 +1,65 @@
+"""What the DME stations heard lately can tell, in words: one station, stations in line with the track, a mirror solution nearby."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from lowcostnav_ros.radionav.geometry import collinear_with_track, mirror_point, range_and_direction
+from lowcostnav_ros.radionav.stations import StationTable
+
+SINGLE = "single station"
+COLLINEAR = "stations collinear with track"
+MIRROR = "mirror ambiguity possible"
+SIGMAS = 3.0
+
+
+class HeardStations:
+    """Stations with an accepted range in the last ``window_s`` seconds."""
+
+    def __init__(self, stations: StationTable | None, window_s: float) -> None:
+        self.stations, self.window_ns = stations, round(1e9 * window_s)
+        self._heard: dict[str, int] = {}
+
+    def heard(self, ident: str, stamp_ns: int) -> None:
+        """Note an accepted range."""
+        self._heard[ident] = stamp_ns
+
+    def idents(self, now_ns: int) -> list[str]:
+        """Stations heard within the window, by name."""
+        return sorted(name for name, stamp in self._heard.items() if now_ns - stamp <= self.window_ns)
+
+    def judge(self, now_ns: int, nav: np.ndarray, course: float, sigma_towards: Callable[[np.ndarray], float]) -> str:
+        """Name what is wrong with the geometry, empty when nothing is.
+
+        Parameters
+        ----------
+        nav : ndarray (3,)
+            lat, lon [rad], height [m].
+        course : float
+            Course over ground, rad.
+        sigma_towards : callable
+            Believed position sigma, m, along a horizontal unit vector (2,), north east.
+        """
+        idents = self.idents(now_ns)
+        if not idents or self.stations is None:
+            return ""
+        if len(idents) == 1:
+            return SINGLE
+        lines = [range_and_direction(*nav, s.lat, s.lon, s.height) for s in (self.stations[i] for i in idents)]
+        directions = np.array([direction for _, direction in lines])
+        if collinear_with_track(course, directions):
+            return COLLINEAR
+        if len(idents) > 2:
+            return ""
+        places = [-distance * direction[0:2] for distance, direction in lines]
+        return MIRROR if _mirror_is_near(places[0], places[1], sigma_towards) else ""
+
+
+def _mirror_is_near(station_a: np.ndarray, station_b: np.ndarray, sigma_towards: Callable[[np.ndarray], float]) -> bool:
+    """Whether the mirror point of the aircraft (at the origin) about the baseline is within the believed error."""
+    mirror = mirror_point(np.zeros(2), station_a, station_b)
+    distance = math.hypot(*mirror)
+    if distance == 0.0:
+        return True
+    return distance < 2.0 * SIGMAS * sigma_towards(mirror / distance)
