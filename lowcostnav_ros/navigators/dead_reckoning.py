@@ -219,12 +219,11 @@ class DeadReckoning(Navigator):
 
     def _states(self, state: DeadReckoningState) -> dict[str, tuple[float, float]]:
         total = state.totals()
-        states = {
+        return {
             "heading_bias_rad": (float(total[2]), state.sigma_of(Kind.HEADING_BIAS)),
             "airspeed_scale": (float(total[3]), state.sigma_of(Kind.AIRSPEED_SCALE)),
             "airspeed_bias_mps": (float(total[4]), state.sigma_of(Kind.AIRSPEED_BIAS)),
         }
-        return states
 
     def _sigmas(self) -> dict[str, float]:
         if self.state.t_ns is None:

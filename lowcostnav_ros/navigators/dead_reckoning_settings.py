@@ -24,7 +24,7 @@ class HeadingSettings:
 
     bias_deg: float = setting(2.5, "Slowly varying heading error, Gauss-Markov sigma.", unit="deg", minimum=0.0, maximum=45.0)
     bias_tau_s: float = setting(120.0, "Correlation time of the heading error.", unit="s", minimum=1.0)
-    offset_deg: float = setting(3.0, "Constant heading error (mounting, declination), sigma; 0 leaves it out.", unit="deg", minimum=0.0, maximum=45.0)
+    offset_deg: float = setting(3.0, "Constant heading error (mounting), sigma; 0 leaves it out.", unit="deg", minimum=0.0, maximum=45.0)
     noise_deg: float = setting(0.8, "White heading noise, sigma at 1 Hz.", unit="deg", minimum=0.0, maximum=45.0)
     timeout_s: float = setting(1.0, "Attitude older than this is not trusted any more.", unit="s", minimum=0.05, maximum=30.0)
 
@@ -38,7 +38,7 @@ class AirspeedSettings:
     scale: float = setting(0.03, "Constant scale-factor error, sigma as a fraction; 0 leaves it out.", minimum=0.0, maximum=0.5)
     noise_mps: float = setting(0.3, "White airspeed noise, sigma at 1 Hz.", unit="m/s", minimum=0.0, maximum=10.0)
     incidence_deg: float = setting(0.0, "Incidence in level flight, used without a vane.", unit="deg", minimum=-20.0, maximum=20.0)
-    slip_deg: float = setting(0.0, "Steady sideslip, wind from the right positive, without a vane.", unit="deg", minimum=-20.0, maximum=20.0)
+    slip_deg: float = setting(0.0, "Steady sideslip, air from the right positive, no vane.", unit="deg", minimum=-20.0, maximum=20.0)
     minimum_mps: float = setting(8.0, "Below this airspeed the aircraft counts as on the ground.", unit="m/s", minimum=0.1, maximum=100.0)
     timeout_s: float = setting(2.0, "Airspeed older than this is not trusted any more.", unit="s", minimum=0.05, maximum=30.0)
 
@@ -49,7 +49,7 @@ class WindSettings:
 
     sigma_mps: float = setting(5.0, "Variation of each component, Gauss-Markov sigma.", unit="m/s", minimum=0.01, maximum=50.0)
     tau_s: float = setting(400.0, "Correlation time of the variation.", unit="s", minimum=1.0)
-    mean_mps: float = setting(10.0, "Constant part, sigma before GPS has taught it; 0 leaves it out.", unit="m/s", minimum=0.0, maximum=100.0)
+    mean_mps: float = setting(10.0, "Constant part, sigma before GPS taught it; 0 leaves it out.", unit="m/s", minimum=0.0, maximum=100.0)
     gust_mps: float = setting(1.0, "Turbulence that is not estimated, sigma of each component.", unit="m/s", minimum=0.0, maximum=20.0)
     gust_tau_s: float = setting(5.0, "Correlation time of the turbulence.", unit="s", minimum=0.1, maximum=100.0)
 
@@ -72,7 +72,7 @@ class GpsSettings:
 
     position_floor_m: float = setting(1.5, "Smallest horizontal sigma a fix is given.", unit="m", minimum=0.0, maximum=100.0)
     velocity_floor_mps: float = setting(0.1, "Smallest sigma a GPS velocity is given.", unit="m/s", minimum=0.0, maximum=10.0)
-    correlation_s: float = setting(5.0, "Correlation time of receiver errors; fast fixes say little new.", unit="s", minimum=0.0, maximum=600.0)
+    correlation_s: float = setting(5.0, "Correlation time of receiver errors: fast fixes say little.", unit="s", minimum=0.0, maximum=600.0)
     timeout_s: float = setting(3.0, "Without an accepted fix for this long GPS counts as lost.", unit="s", minimum=0.2, maximum=60.0)
     gate: GateSettings = group(GateSettings)
 
@@ -101,8 +101,8 @@ class DeadReckoningSettings:
         "Error model: full, or reduced to position and wind with range bias as noise (G53).",
         choices=("full", "reduced"),
     )
-    alert_nm: float = setting(0.5, "Believed horizontal sigma above which the navigator raises an alert.", unit="NM", minimum=0.01, maximum=100.0)
-    ground_walk_mps: float = setting(5.0, "Unknown motion below the minimum airspeed, sigma at 1 Hz.", unit="m/s", minimum=0.0, maximum=50.0)
+    alert_nm: float = setting(0.5, "Believed horizontal sigma above which an alert is raised.", unit="NM", minimum=0.01, maximum=100.0)
+    ground_walk_mps: float = setting(5.0, "Unknown motion below minimum airspeed, sigma at 1 Hz.", unit="m/s", minimum=0.0, maximum=50.0)
     horizon: DeadReckoningHorizon = group(DeadReckoningHorizon)
     heading: HeadingSettings = group(HeadingSettings)
     airspeed: AirspeedSettings = group(AirspeedSettings)
