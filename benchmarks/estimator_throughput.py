@@ -1,0 +1,56 @@
+"""How many inertial samples a second the 15-state GPS/INS filter takes, arrays in memory, one core, fixes at 1 Hz included."""
+
+import time
+
+import numpy as np
+from common import run
+
+from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, ImuBlock
+from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
+from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
+from lowcostnav_ros.trajectory import build
+from lowcostnav_ros.trajectory.missions import standard
+
+PLAIN = InsGpsSettings(baro=BaroSettings(enabled=False), magnetic=MagneticSettings(enabled=False), airdata=AirDataSettings(enabled=False))
+
+
+def stream(seconds: int) -> list:
+    """A banked flight at 100 Hz in blocks of one second with a fix each, sensor noise included."""
+    truth = build(standard("banked_turns", kind="segments", duration_s=float(seconds))).table()
+    rng = np.random.default_rng(1)
+    measurements = []
+    for start in range(0, len(truth) - 99, 100):
+        t = truth[start : start + 100]
+        last = t[99:100]
+        velocity = last.vel_n[0] + 0.1 * rng.standard_normal(3)
+        stamp = int(last.stamps_ns[0])
+        measurements.append(GpsPosition(stamp, "gps/fix", last.lat[0], last.lon[0], last.height[0], np.eye(3) * 4.0))
+        measurements.append(GpsVelocity(stamp, "gps/vel", velocity, np.eye(3) * 0.01))
+        force = t.specific_force_b + 0.02 * rng.standard_normal((100, 3))
+        measurements.append(ImuBlock.of("imu/data_raw", t.stamps_ns, force, t.angular_rate_b + 0.002 * rng.standard_normal((100, 3))))
+    return measurements
+
+
+def measure(options) -> dict:
+    """Best and median of several passes."""
+    flight = stream(120 if options.quick else 600)
+    samples = sum(len(m) for m in flight if isinstance(m, ImuBlock))
+    seconds = []
+    for _ in range(2 if options.quick else 6):  # the first pass compiles or loads the kernels
+        navigator = InsGps(PLAIN)
+        start = time.perf_counter()
+        solutions = navigator.feed_all(flight)
+        seconds.append(time.perf_counter() - start)
+    if navigator.mode != "gps" or navigator.layout.size != 15 or len(solutions) < samples / 11:
+        raise SystemExit(f"The filter did not run as it should: mode {navigator.mode}, {navigator.layout.size} states.")
+    return {
+        "samples_per_s": samples / float(np.median(seconds[1:])),
+        "best_samples_per_s": samples / min(seconds[1:]),
+        "samples": samples,
+        "states": navigator.layout.size,
+        "fused_solutions": len(solutions),
+    }
+
+
+if __name__ == "__main__":
+    run(__doc__, measure)
