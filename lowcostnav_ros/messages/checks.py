@@ -29,6 +29,8 @@ def frame(source: str, frame_id: str, rules: DecodeRules, kind: str = "") -> Non
 
 def finite(values: tuple[float, ...] | np.ndarray, what: str) -> None:
     """Refuse NaN and infinity."""
+    if math.isfinite(sum(values)):
+        return
     for value in values:
         if not math.isfinite(value):
             raise Refusal(f"{what} is not finite", value)
@@ -51,12 +53,12 @@ def quaternion(x: float, y: float, z: float, w: float) -> None:
         raise Refusal("orientation is not a unit quaternion", f"norm {norm:g}")
 
 
-def covariance(flat: np.ndarray, what: str, may_be_zero: bool = False) -> np.ndarray | None:
+def covariance(flat: np.ndarray | list[float], what: str, may_be_zero: bool = False) -> np.ndarray | None:
     """Return a (3, 3) covariance or None where it is unknown.
 
     Parameters
     ----------
-    flat : ndarray, shape (9,)
+    flat : ndarray or list, shape (9,)
         Row-major as in the message.  All zeros means unknown, first element -1 means that the datum is absent.
     what : str
         Name of the datum for the phrase.
@@ -68,30 +70,36 @@ def covariance(flat: np.ndarray, what: str, may_be_zero: bool = False) -> np.nda
     Refusal
         Absent, not finite, absurd, negative, asymmetric, or not positive semi-definite.
     """
-    values = flat.tolist()
+    values = flat if isinstance(flat, list) else flat.tolist()
     if values[0] == -1.0:
         raise Refusal(f"{what} is absent")
-    if not any(values):
+    total = sum(map(abs, values))
+    if total == 0.0:
         return np.zeros((3, 3)) if may_be_zero else None
-    finite(values, f"{what} covariance")
-    magnitude(values, ABSURD, f"{what} covariance is absurd")
+    if not total < ABSURD:  # one comparison in the usual case; NaN fails it as well
+        finite(values, f"{what} covariance")
+        raise Refusal(f"{what} covariance is absurd", f"{total:g}")
     xx, xy, xz, yx, yy, yz, zx, zy, zz = values
-    if min(xx, yy, zz) < 0.0:
-        raise Refusal(f"{what} covariance is negative", f"{min(xx, yy, zz):g}")
-    if min(xx, yy, zz) == 0.0:
+    least = min(xx, yy, zz)
+    if least < 0.0:
+        raise Refusal(f"{what} covariance is negative", f"{least:g}")
+    if least == 0.0:
         raise Refusal(f"{what} covariance has a zero variance")
-    scale = 1e-6 * math.sqrt(max(xx, yy, zz)) * math.sqrt(max(xx, yy, zz))
-    if max(abs(xy - yx), abs(xz - zx), abs(yz - zy)) > scale:
-        raise Refusal(f"{what} covariance is asymmetric")
     matrix = np.array(values).reshape(3, 3)
-    if xy or xz or yz:
-        _refuse_indefinite(matrix, what)
-    return 0.5 * (matrix + matrix.T)
+    if not (xy or xz or yz or yx or zx or zy):
+        return matrix
+    if max(abs(xy - yx), abs(xz - zx), abs(yz - zy)) > 1e-6 * max(xx, yy, zz):
+        raise Refusal(f"{what} covariance is asymmetric")
+    matrix = 0.5 * (matrix + matrix.T)
+    _refuse_indefinite(matrix, what)
+    return matrix
 
 
 def _refuse_indefinite(matrix: np.ndarray, what: str) -> None:
-    sigma = np.sqrt(np.diag(matrix))
-    if np.linalg.eigvalsh(matrix / np.outer(sigma, sigma))[0] < -1e-9:  # as correlations, so that unequal units do not hide it
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = matrix.tolist()
+    a, b, c = xy / math.sqrt(xx * yy), xz / math.sqrt(xx * zz), yz / math.sqrt(yy * zz)  # as correlations, so that units do not matter
+    determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
+    if max(abs(a), abs(b), abs(c)) > 1.0 + 1e-9 or determinant < -1e-9:  # principal minors of a matrix with ones on its diagonal
         raise Refusal(f"{what} covariance is not positive")
 
 

@@ -50,6 +50,10 @@ def decode(
     msgtype = full_type(msgtype)
     if msgtype == topics.IMU and source.endswith("data_raw"):
         return decode_imu(raw, source, rules)
+    if msgtype == topics.IMU and source in _ATTITUDES:
+        attitude = imu_columns.attitude(raw, source, rules)
+        if attitude is not None:
+            return attitude
     last = source.rpartition("/")[2]
     handler = _BY_NAME.get(source) or _BY_LAST.get(last)
     if handler is None:
@@ -158,6 +162,8 @@ def _guarded(source: str, raw: bytes | memoryview, handler: tuple, rules: Decode
     except Refusal as refusal:
         return Rejected(source, refusal.reason, refusal.detail, stamp_ns)
 
+
+_ATTITUDES = ("imu/data", "imu/data_fused")
 
 _BY_NAME: dict[str, tuple[str, Callable]] = {
     "imu/data": (topics.IMU, sensor.attitude),

@@ -1,4 +1,4 @@
-"""The fast way through ``imu/data_raw``: the fixed CDR layout read by offset, one message or many at a time.
+"""The fast way through Imu messages: the fixed CDR layout read by offset, one message or many at a time.
 
 Little-endian CDR of sensor_msgs/Imu: 4 bytes of encapsulation, then sec (int32), nanosec (uint32), length of frame_id with its zero
 (uint32), the text, padding to 8, and 37 doubles: orientation 4, covariance 9, angular rate 3, covariance 9, acceleration 3,
@@ -10,40 +10,74 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lowcostnav_ros.measurements import ImuBlock
-from lowcostnav_ros.messages.checks import ABSURD
-from lowcostnav_ros.messages.rules import DecodeRules
+from lowcostnav_ros.measurements import Attitude, ImuBlock
+from lowcostnav_ros.messages.checks import ABSURD, covariance
+from lowcostnav_ros.messages.conversions import quat_from_ros, swap_world_cov
+from lowcostnav_ros.messages.rules import DecodeRules, Refusal
 
 _HEAD = struct.Struct("<iII")
+_TO_RATE = struct.Struct("<13d")
 _RATE_TO_END = struct.Struct("<24d")
 _DOUBLES = 37
 _RATE, _RATE_COV, _FORCE, _FORCE_COV = slice(13, 16), slice(16, 25), slice(25, 28), slice(28, 37)
-_DIAGONAL, _OFF_DIAGONAL = [0, 4, 8], [1, 2, 3, 5, 6, 7]
 _ZERO = (0.0,) * 9
 _TO_FRD = np.array([1.0, -1.0, -1.0])
 
 
 def one(raw: bytes | memoryview, source: str, rules: DecodeRules) -> ImuBlock | None:
     """Return a block of one sample, or None where the message needs the careful decoder."""
+    head = _head(raw, source, "imu/data_raw", rules)
+    if head is None:
+        return None
+    stamp, start = head
+    v = _RATE_TO_END.unpack_from(raw, start + 8 * _RATE.start)
+    if not _sound_vectors(v, rules):
+        return None
+    f, w = np.array(((v[12], -v[13], -v[14]),)), np.array(((v[0], -v[1], -v[2]),))
+    return ImuBlock(stamp, source, np.array((stamp,)), f, w)
+
+
+def attitude(raw: bytes | memoryview, source: str, rules: DecodeRules) -> Attitude | None:
+    """Return the attitude of an ``imu/data`` message, or None where it needs the careful decoder."""
+    head = _head(raw, source, "imu/data", rules)
+    if head is None:
+        return None
+    stamp, start = head
+    x, y, z, w, *cov = _TO_RATE.unpack_from(raw, start)
+    v = _RATE_TO_END.unpack_from(raw, start + 8 * _RATE.start)
+    norm2 = x * x + y * y + z * z + w * w
+    if not _sound_vectors(v, rules) or not 0.981 < norm2 < 1.019:
+        return None
+    try:
+        matrix = covariance(cov, "orientation")
+    except Refusal:
+        return None  # the careful decoder finds the same and names it
+    if matrix is None:
+        return None
+    force, rate = np.array((v[12], -v[13], -v[14])), np.array((v[0], -v[1], -v[2]))
+    return Attitude(stamp, source, quat_from_ros(x, y, z, w), swap_world_cov(matrix), rate, force)
+
+
+def _head(raw: bytes | memoryview, source: str, kind: str, rules: DecodeRules) -> tuple[int, int] | None:
+    """Return (stamp ns, offset of the doubles) of a message that looks right so far."""
     size = len(raw)
     if size < 16 or raw[0] != 0 or raw[1] != 1:
         return None
     sec, nanosec, frame_size = _HEAD.unpack_from(raw, 4)
     start = _doubles_start(frame_size)
-    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raw, frame_size, source, rules):
+    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raw, frame_size, source, kind, rules):
         return None
-    v = _RATE_TO_END.unpack_from(raw, start + 8 * _RATE.start)
-    most_rate, most_force = rules.max_angular_rate, rules.max_specific_force
-    rate, force = v[0:3], v[12:15]
-    if not (all(-most_rate <= x <= most_rate for x in rate) and all(-most_force <= x <= most_force for x in force)):
+    if sec < 0 or nanosec >= 1_000_000_000 or sec == nanosec == 0:
         return None
-    if not (_plain(v[3:12]) and _plain(v[15:24]) and sec >= 0 and nanosec < 1_000_000_000):
-        return None
-    stamp = sec * 1_000_000_000 + nanosec
-    if stamp == 0:
-        return None
-    f, w = np.array(((force[0], -force[1], -force[2]),)), np.array(((rate[0], -rate[1], -rate[2]),))
-    return ImuBlock(stamp, source, np.array((stamp,)), f, w)
+    return sec * 1_000_000_000 + nanosec, start
+
+
+def _sound_vectors(v: tuple[float, ...], rules: DecodeRules) -> bool:
+    """Say whether rate, force and their covariances (24 numbers) are plausible and plain; NaN fails every comparison."""
+    rate, force = rules.max_angular_rate, rules.max_specific_force
+    small = -rate <= v[0] <= rate and -rate <= v[1] <= rate and -rate <= v[2] <= rate
+    light = -force <= v[12] <= force and -force <= v[13] <= force and -force <= v[14] <= force
+    return small and light and _plain(v[3:12]) and _plain(v[15:24])
 
 
 def many(raws: Sequence[bytes], source: str, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -69,7 +103,7 @@ def _columns(raws: Sequence[bytes], size: int, source: str, rules: DecodeRules) 
     table = np.frombuffer(b"".join(raws), np.uint8).reshape(len(raws), size)
     frame_size = _HEAD.unpack_from(raws[0], 4)[2]
     start = _doubles_start(frame_size)
-    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raws[0], frame_size, source, rules):
+    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raws[0], frame_size, source, "imu/data_raw", rules):
         return None
     sec_nanosec = np.ascontiguousarray(table[:, 4:12])
     sec = sec_nanosec.view("<i4")[:, 0].astype(np.int64)
@@ -86,8 +120,8 @@ def _doubles_start(frame_size: int) -> int:
     return 4 + ((12 + frame_size + 7) & -8)  # alignment counts from behind the encapsulation
 
 
-def _frame_is_known(raw: bytes | memoryview, frame_size: int, source: str, rules: DecodeRules) -> bool:
-    expected = rules.frames.get(source) or rules.frames.get("imu/data_raw")
+def _frame_is_known(raw: bytes | memoryview, frame_size: int, source: str, kind: str, rules: DecodeRules) -> bool:
+    expected = rules.frames.get(source) or rules.frames.get(kind)
     if not expected or not 1 < frame_size < 200:
         return False
     name = bytes(raw[16 : 15 + frame_size])
