@@ -1,0 +1,1 @@
+"""Calibration and identification of sensors from recorded samples: pure mathematics, no files and no plots."""

@@ -1,0 +1,202 @@
+"""One registry of results: each entry says what was printed where, with which tolerance, and how to compute it again.
+
+A result module decorates plain functions; the tolerance stands in the decorator, so it is written before the run::
+
+    @result("GR10", "Angle random walk", source="Figure 4.2", thesis="0.194 deg ...", tolerance="5 %")
+    def angle_random_walk(context: Context) -> Outcome:
+        ...
+        return judged("0.195 deg", abs(ours / 0.194 - 1.0) < 0.05, "why it differs, in one sentence", figure=draw)
+"""
+
+import importlib
+import importlib.util
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lowcostnav_ros.sensors.seeds import stream
+from lowcostnav_ros.settings import nearest
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MODULES = (
+    "gebre_error_models",
+    "gebre_magnetometer",
+    "gebre_experiment",
+    "gebre_attitude",
+    "gebre_dead_reckoning",
+    "gebre_fixing",
+)
+"""Modules of this package that hold results; the part of a name before the first underscore is the study."""
+
+STUDIES = {
+    "gebre": "D. Gebre-Egziabher, Design and Performance Analysis of a Low-Cost Aided Dead Reckoning Navigator, PhD, Stanford, 2004",
+}
+"""What each study is, for headings."""
+
+REPRODUCED = "reproduced"
+DIFFERS = "differs"
+NOT_IN_NUMBERS = "not in the thesis in numbers"
+CRASHED = "crashed"
+VERDICTS = (REPRODUCED, DIFFERS, NOT_IN_NUMBERS, CRASHED)
+
+DrawFunction = Callable[["Figure"], None]
+
+
+class ReproduceError(ValueError):
+    """A request that cannot be served; the message is one sentence that says what to do."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a result function returns.
+
+    Attributes
+    ----------
+    ours : str
+        Our numbers with their units, as a reader compares them with the thesis.
+    verdict : str
+        One of :data:`VERDICTS`; ``differs`` and ``not in the thesis in numbers`` need a reason.
+    reason : str
+        One sentence; empty where there is nothing to explain.
+    figure : callable, optional
+        Draws the result on the matplotlib figure it is given; called only when figures are wanted.
+    """
+
+    ours: str
+    verdict: str
+    reason: str = ""
+    figure: DrawFunction | None = None
+
+    def __post_init__(self) -> None:
+        if self.verdict not in VERDICTS:
+            raise ReproduceError(f"A verdict must be one of {', '.join(VERDICTS)}; got '{self.verdict}'.")
+        if self.verdict != REPRODUCED and not self.reason:
+            raise ReproduceError(f"The verdict '{self.verdict}' needs a reason; say in one sentence why.")
+
+
+def judged(ours: str, within: bool, reason: str = "", figure: DrawFunction | None = None) -> Outcome:
+    """Return the outcome of a comparison: reproduced when ``within`` the tolerance, else differs for ``reason``."""
+    why = reason or "outside the tolerance, and the cause is not known"
+    return Outcome(ours, REPRODUCED, "", figure) if within else Outcome(ours, DIFFERS, why, figure)
+
+
+@dataclass
+class Context:
+    """What a result function may use.
+
+    Attributes
+    ----------
+    quick : bool
+        True asks for fewer runs: about a second per result, the same verdict wherever chance allows.
+    seed : int
+        Seed of everything random; use :meth:`rng`.
+    run : callable
+        ``run(function, cases) -> list``: apply a module-level function to picklable cases on all workers, results in the order of
+        the cases whatever the number of workers.
+    """
+
+    quick: bool = False
+    seed: int = 1
+    run: Callable[[Callable[[Any], Any], Sequence[Any]], list] = lambda function, cases: [function(case) for case in cases]
+    _kept: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    def rng(self, name: str) -> np.random.Generator:
+        """Return the random generator of one named purpose, independent of all others."""
+        return stream(self.seed, f"reproduce.{name}")
+
+    def seeds(self, name: str, count: int) -> list[int]:
+        """Return ``count`` seeds for the cases of a campaign."""
+        return [int(s) for s in self.rng(name).integers(0, 2**62, count)]
+
+    def once(self, name: str, compute: Callable[[], Any]) -> Any:
+        """Compute something that several results share, once in a run."""
+        if name not in self._kept:
+            self._kept[name] = compute()
+        return self._kept[name]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One registered result."""
+
+    id: str
+    title: str
+    source: str
+    thesis: str
+    tolerance: str
+    study: str
+    function: Callable[[Context], Outcome]
+
+
+_ENTRIES: dict[str, Entry] = {}
+
+
+def result(
+    id: str, title: str, *, source: str, thesis: str, tolerance: str
+) -> Callable[[Callable[[Context], Outcome]], Callable[[Context], Outcome]]:
+    """Register a function as a result.
+
+    Parameters
+    ----------
+    id : str
+        Letters and a number, unique (``GR12``).
+    title : str
+        What is computed.
+    source : str
+        Figure, table, equation or page.
+    thesis : str
+        The printed number or claim; a number the thesis does not print itself is marked as recomputed from its model.
+    tolerance : str
+        What counts as reproduced.
+    """
+
+    def register(function: Callable[[Context], Outcome]) -> Callable[[Context], Outcome]:
+        study = function.__module__.rpartition(".")[2].partition("_")[0]
+        known = _ENTRIES.get(id)
+        if known is not None and known.function.__qualname__ != function.__qualname__:
+            raise ReproduceError(f"Result {id} is registered twice; give '{title}' an id of its own.")
+        _ENTRIES[id] = Entry(id, title, source, thesis, tolerance, study, function)
+        return function
+
+    return register
+
+
+def all_results() -> list[Entry]:
+    """Import every result module and list the entries, by letters then by number."""
+    for name in MODULES:
+        full = f"{__package__}.{name}"
+        if importlib.util.find_spec(full) is not None:  # a study may be installed in part
+            importlib.import_module(full)
+    return sorted(_ENTRIES.values(), key=lambda entry: _natural(entry.id))
+
+
+def selected(names: Sequence[str], entries: Sequence[Entry] | None = None) -> list[Entry]:
+    """Pick results by study or id, case ignored; all where ``names`` is empty.
+
+    Raises
+    ------
+    ReproduceError
+        For a name that is neither, with the nearest that exists.
+    """
+    entries = all_results() if entries is None else entries
+    chosen: set[str] = set()
+    studies = {entry.study for entry in entries}
+    by_id = {entry.id.upper(): entry.id for entry in entries}
+    for name in names:
+        if name.lower() in studies:
+            chosen |= {entry.id for entry in entries if entry.study == name.lower()}
+        elif name.upper() in by_id:
+            chosen.add(by_id[name.upper()])
+        else:
+            raise ReproduceError(f"There is no result or study '{name}'{nearest(name, [*studies, *by_id.values()])}.")
+    return [entry for entry in entries if not names or entry.id in chosen]
+
+
+def _natural(text: str) -> tuple[str, int, str]:
+    match = re.match(r"([^0-9]*)([0-9]*)(.*)", text)
+    return match[1], int(match[2] or 0), match[3]
