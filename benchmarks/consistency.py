@@ -1,0 +1,126 @@
+"""Are the sigmas honest? Monte Carlo flights of every navigator: NIS, NEES, error over sigma, and the accuracy that goes with them.
+
+ins_gps         automotive IMU, GPS at 1 Hz, the 15-state filter without other aids; then the same flights with 10 s outages.
+dead_reckoning  30 minutes, GPS lost after ten, one DME receiver that alternates stations every 15 s, heading from the AHRS.
+ahrs            20 minutes of repeated turns, DMU-6X grade, calibrated magnetometer; with GPS velocity, then with GPS withheld.
+
+The simulated receiver and IMU have the errors the filters are told of; nothing here is tuned to these flights.
+"""
+
+import dataclasses
+
+import numpy as np
+from common import compare, fly, rms, run, scenario
+
+from lowcostnav_ros import config_files
+from lowcostnav_ros.estimation.consistency import acceptance_band, nees
+from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, NavSolution, SlantRange
+from lowcostnav_ros.navigators.inertial import imu_settings
+from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
+from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, GpsSettings, MagneticSettings
+from lowcostnav_ros.replay.campaign import run_campaign
+from lowcostnav_ros.replay.columns import NavColumns
+from lowcostnav_ros.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
+from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
+from lowcostnav_ros.truth import TruthBlock
+
+SETTLED_S = 120.0
+EVERY_S = 10.0
+"""NEES is taken this far apart, about as long as the errors stay correlated."""
+OUTAGE_S = 10.0
+
+
+def profile(name: str):
+    """IMU profile shipped under this name."""
+    path = config_files.config_dir() / "profiles" / f"{name}.yaml"
+    return imu_profile_from_text(path.read_text(), path.name)
+
+
+def plain_filter() -> InsGpsSettings:
+    """The 15-state filter told exactly what the simulated sensors are."""
+    return InsGpsSettings(
+        imu=imu_settings(profile("automotive").filter_noise()),
+        gps=GpsSettings(latency_s=0.2),
+        baro=BaroSettings(enabled=False),
+        magnetic=MagneticSettings(enabled=False),
+        airdata=AirDataSettings(enabled=False),
+    )
+
+
+def nees_of(truth: TruthBlock, estimate: NavColumns) -> np.ndarray:
+    """NEES of position, velocity and attitude at each solution, shape (n, 3); 3 is expected of each."""
+    rows = np.searchsorted(truth.stamps_ns, estimate.stamps_ns)
+    from lowcostnav_ros.replay.columns import position_difference_n
+
+    true_position = np.column_stack((truth.lat, truth.lon, truth.height))[rows]
+    position = -position_difference_n(estimate.position, true_position)
+    attitude = np.array([
+        rotvec_from_quat(quat_multiply(true, quat_conjugate(est))) for true, est in zip(truth.q_nb[rows], estimate.q_nb, strict=True)
+    ])
+    return np.column_stack((
+        nees(position, estimate.cov_pos),
+        nees(truth.vel_n[rows] - estimate.vel_n, estimate.cov_vel),
+        nees(attitude, estimate.cov_att),
+    ))
+
+
+def ins_gps_flight(case: tuple[int, float]) -> dict:
+    """One flight of ins_gps without and with outages."""
+    seed, duration_s = case
+    changes = {"gps.rate_hz": 1.0, "truth.duration_s": duration_s, "imu.profile": "automotive", "sensors": ["imu", "gps"]}
+    truth, heard = fly(scenario("turns", seed, **changes))
+    navigator, nis = InsGps(plain_filter()), {"gps_position": [], "gps_velocity": []}
+    navigator.on_aid = lambda status: nis[status.name].append((status.stamp_ns, status.nis))
+    errors, estimate = compare(truth, navigator.feed_all(heard))
+    start = truth.stamps_ns[0]
+    settled = estimate.stamps_ns - start > 1e9 * SETTLED_S
+    spaced = settled & ((estimate.stamps_ns - start) % round(1e9 * EVERY_S) < 100_000_000)
+    outage_ends = []
+    first, period = SETTLED_S + 20.0, 60.0
+    starts = np.arange(first, duration_s - OUTAGE_S - 5.0, period)
+    gaps = [(start + 1e9 * s, start + 1e9 * (s + OUTAGE_S)) for s in starts]
+    cut = [m for m in heard if not (isinstance(m, GpsPosition | GpsVelocity) and any(a <= m.stamp_ns < b for a, b in gaps))]
+    coasted, _ = compare(truth, InsGps(plain_filter()).feed_all(cut))
+    for _, end in gaps:
+        row = np.searchsorted(coasted.stamps_ns, end) - 1
+        outage_ends.append(float(np.hypot(*coasted.values[row, :2])))
+    return {
+        "nis": {name: [v for t, v in values if t - start > 1e9 * SETTLED_S] for name, values in nis.items()},
+        "nees": nees_of(truth, estimate[spaced]).tolist(),
+        "attitude_deg": [rms(errors[settled].axis(a)) for a in ("roll_deg", "pitch_deg", "heading_deg")],
+        "error_over_sigma": np.sqrt(np.mean((errors.values[settled, :9] / errors.sigmas[settled, :9]) ** 2, axis=0)).tolist(),
+        "outage_end_m": outage_ends,
+    }
+
+
+def ins_gps(runs: int, duration_s: float) -> dict:
+    """Consistency and accuracy of ins_gps over Monte Carlo flights."""
+    flights = run_campaign(ins_gps_flight, [(seed, duration_s) for seed in range(101, 101 + runs)], label="ins_gps flights")
+    scores = np.array([f["nees"] for f in flights])  # runs, epochs, 3
+    band = acceptance_band(3, runs)
+    per_epoch = scores.mean(axis=0)
+    nis = {name: float(np.mean(np.concatenate([f["nis"][name] for f in flights]))) for name in ("gps_position", "gps_velocity")}
+    samples = {name: sum(len(f["nis"][name]) for f in flights) for name in nis}
+    ends = np.concatenate([f["outage_end_m"] for f in flights])
+    return {
+        "flights": runs,
+        "nees_band_95": band,
+        "nees": dict(zip(("position", "velocity", "attitude"), scores.mean(axis=(0, 1)).tolist(), strict=True)),
+        "nees_epochs_inside": float(np.mean((per_epoch >= band[0]) & (per_epoch <= band[1]))),
+        "nis_band_95": {name: acceptance_band(3, count) for name, count in samples.items()},
+        "nis_band_95_one_epoch": band,
+        "nis": nis,
+        "attitude_rms_deg": dict(zip(("roll", "pitch", "heading"), [rms([f["attitude_deg"][i] for f in flights]) for i in range(3)], strict=True)),
+        "error_over_sigma": np.sqrt(np.mean([np.square(f["error_over_sigma"]) for f in flights], axis=0)).tolist(),
+        "outage_10s_end_m": {"median": float(np.median(ends)), "p95": float(np.percentile(ends, 95)), "max": float(ends.max())},
+    }
+
+
+def measure(options) -> dict:
+    """All navigators."""
+    quick = options.quick
+    return {"ins_gps": ins_gps(4 if quick else 20, 300.0 if quick else 600.0)}
+
+
+if __name__ == "__main__":
+    run(__doc__, measure)
