@@ -195,6 +195,29 @@ def test_truncated_and_scribbled_messages_never_raise_nor_give_nan(source, data)
             assert isinstance(value, str) or np.all(np.isfinite(value))
 
 
+ORIGIN = LocalFrame(0.6, -2.0, 10.0)
+SOLUTION = m.NavSolution(STAMP, "ins_gps", 0.62, -2.02, 2500.0, np.array([40.0, -30.0, 2.0]), Q, RATE, FORCE, 1e3 * COV, COV, 1e-4 * COV)
+NAVIGATION = {
+    "ins_gps/odometry_fused": e.odometry_from_solution(SOLUTION, ORIGIN),
+    "ins_gps/fix": e.fix_from_solution(SOLUTION),
+    "ins_gps/wind": e.wind_message(STAMP, np.array([3.0, -7.0]), np.eye(2)),
+    "truth/imu": e.imu_from_solution(SOLUTION),
+}
+
+
+@given(st.sampled_from(sorted(NAVIGATION)), st.data())
+def test_scribbled_solutions_never_raise_nor_give_nan(source, data):
+    raw = bytearray(to_cdr(NAVIGATION[source]))
+    for _ in range(data.draw(st.integers(0, 6))):
+        raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.sampled_from([0, 1, 63, 127, 128, 191, 240, 255]))
+    result = d.decode(source, NAVIGATION[source].__msgtype__, bytes(raw), d.DecodeRules(origins={"ins_gps": ORIGIN}))
+    if isinstance(result, d.Rejected):
+        return
+    for name in ("lat", "lon", "height", "vel_n", "q_nb", "angular_rate_b", "cov_pos", "cov_vel", "cov_att", "wind_n", "cov_wind"):
+        value = getattr(result, name, None)
+        assert value is None or np.all(np.isfinite(value)), name
+
+
 def imu_messages(seed, n):
     """Random inertial messages: different frame ids, sometimes big-endian, sometimes bad, with scribbled padding."""
     rng = np.random.default_rng(seed)
