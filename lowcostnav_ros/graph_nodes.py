@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lowcostnav_ros.messages.topics import TOPICS
+from lowcostnav_ros.messages.topics import NAVIGATOR_TOPICS, TOPICS
 
 if TYPE_CHECKING:
     from lowcostnav_ros.graph import Graph, GraphNode
@@ -31,10 +31,18 @@ STOP_ORDER = (SOURCES, tuple(SIMULATOR_INPUTS), NAVIGATOR_NAMES, ("recorder",), 
 """Who is stopped first: what feeds before what is fed, so that the recording holds everything that was said."""
 
 
+def recorded_topics() -> list[str]:
+    """Topics a recording holds: all but /clock, which the player makes anew, and truth/imu, which truth/odometry covers."""
+    fixed = [name for name in TOPICS if name not in ("clock", "truth/imu")]
+    return fixed + [f"{room}/{part}" for room in ("dead_reckoning", "ins_gps", "nav") for part in NAVIGATOR_TOPICS]
+
+
 def inputs_of(node: "GraphNode") -> tuple[str, ...]:
-    """Topics a node of a graph listens to (the recorder's own list excepted)."""
+    """Topics a node of a graph listens to."""
     if node.executable in SIMULATOR_INPUTS:
         return SIMULATOR_INPUTS[node.executable]
+    if node.executable == "recorder":
+        return tuple(node.parameters.get("topics") or recorded_topics())
     if node.executable in NAVIGATOR_NAMES:
         return tuple(_navigator(node.executable, node.config, node.parameters).inputs)
     return ()
@@ -46,9 +54,8 @@ def expected_subscribers(graph: "Graph") -> list[str]:
     Topics of navigators are left out: nothing travels on them before the sensors do.
     """
     listeners = Counter(topic for node in graph.nodes for topic in inputs_of(node))
-    published = [topic for topic in listeners if topic in TOPICS and topic not in AHRS_OUTPUTS]
-    recorders = sum(node.executable == "recorder" for node in graph.nodes)
-    return [f"{topic}:{listeners[topic] + recorders}" for topic in sorted(published)]
+    published = [topic for topic in listeners if topic in TOPICS and topic not in (*AHRS_OUTPUTS, "diagnostics")]
+    return [f"{topic}:{listeners[topic]}" for topic in sorted(published)]
 
 
 def _navigator(name: str, config: Path | None, parameters: Any) -> Any:

@@ -53,6 +53,8 @@ class GraphRunner:
 
     def __enter__(self) -> Self:
         self.log_dir.mkdir(parents=True, exist_ok=True)
+        if any(n.executable == "recorder" for n in self.graph.nodes) and (self.out / "recording").exists():
+            raise GraphError(f"{self.out / 'recording'} exists already; choose another folder or remove it first.")
         self.domain = self._domain.enter_context(free_domain(self.graph.domain))
         environment = node_environment(self.domain, self.log_dir)
         try:
@@ -172,12 +174,11 @@ class GraphRunner:
 
     def _drain(self, quiet_s: float = 2.2, longest_s: float = 15.0) -> None:
         """Wait until the counts of two rounds of diagnostics agree: nothing is on its way any more."""
-        before, since = self.counts(), time.monotonic()
+        before, since = {}, time.monotonic()
         deadline = since + longest_s
         while time.monotonic() < min(since + quiet_s, deadline):
             self.watch()
-            now = self.counts()
-            now.pop("clock", None)
+            now = {topic: entry for topic, entry in self.counts().items() if topic != "diagnostics"}
             if now != before:
                 before, since = now, time.monotonic()
             time.sleep(WATCH_S)
@@ -195,7 +196,7 @@ class GraphRunner:
             values["real_time_factor"] = self.graph.real_time_factor
             values["start.expected_subscribers"] = expected_subscribers(self.graph)
         if node.executable == "recorder":
-            values["path"] = str(self.out / "recording")
+            values |= {"path": str(self.out / "recording"), "numbered": True}  # a recorder that is started again must not be refused
         return values | dict(node.parameters)
 
     def _start_monitor(self, environment: dict[str, str]) -> None:

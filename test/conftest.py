@@ -47,8 +47,12 @@ class Harness:
         while time.monotonic() < deadline:
             if condition():
                 return True
-            self.executor.spin_once(timeout_sec=0.02)
+            self.spin_once()
         return condition()
+
+    def spin_once(self) -> None:
+        polled = sum(node.poll() for node in self.executor.get_nodes() if hasattr(node, "poll"))
+        self.executor.spin_once(timeout_sec=0.0 if polled else 0.01)
 
     def diagnostics(self) -> dict:
         """A table of the last status by name, filled as the executor spins."""

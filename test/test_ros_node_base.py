@@ -73,7 +73,7 @@ def test_a_sensor_that_stops_is_an_error_on_diagnostics_within_two_seconds(ros):
     node, publisher = wired(ros)
     for k in range(40):
         publisher.publish(imu(1.0 + 0.01 * k))
-        ros.executor.spin_once(timeout_sec=0.01)
+        ros.spin_once()
     stopped = time.monotonic()
     name = "listener: input imu/data_raw"
     assert ros.spin_until(lambda: name in table and table[name].level == b"\x02", 3.0)
@@ -101,7 +101,7 @@ def test_a_best_effort_sensor_is_heard_by_default_and_named_where_lossless_canno
     plain.destroy_node()
     strict = ros.make(Listener, qos__lossless=True)
     assert ros.spin_until(lambda: strict.inputs["imu/data_raw"].trouble)
-    assert "reliability" in strict.inputs["imu/data_raw"].trouble and "qos.lossless" in strict.inputs["imu/data_raw"].trouble
+    assert "reliab" in strict.inputs["imu/data_raw"].trouble.lower() and "qos.lossless" in strict.inputs["imu/data_raw"].trouble
 
 
 def test_lossless_carries_every_message_of_a_flood(ros):

@@ -1,17 +1,15 @@
 """Simulate the DME interrogator: dme/range."""
 
 import sys
-from functools import partial
 
-from lowcostnav_ros.ros.run import run
-from lowcostnav_ros.ros.simulator_node import SimulatorNode
+from lowcostnav_ros.ros.run_simulator import run_simulator
 
-make = partial(SimulatorNode, "dme_simulator", "dme", ("dme/range",))
+OUTPUTS = ("dme/range",)
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the node."""
-    return run(make, args)
+    return run_simulator("dme_simulator", "dme", OUTPUTS, args)
 
 
 if __name__ == "__main__":

@@ -1,17 +1,15 @@
 """Simulate the GPS receiver: gps/fix, gps/vel."""
 
 import sys
-from functools import partial
 
-from lowcostnav_ros.ros.run import run
-from lowcostnav_ros.ros.simulator_node import SimulatorNode
+from lowcostnav_ros.ros.run_simulator import run_simulator
 
-make = partial(SimulatorNode, "gps_simulator", "gps", ("gps/fix", "gps/vel"))
+OUTPUTS = ("gps/fix", "gps/vel")
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the node."""
-    return run(make, args)
+    return run_simulator("gps_simulator", "gps", OUTPUTS, args)
 
 
 if __name__ == "__main__":

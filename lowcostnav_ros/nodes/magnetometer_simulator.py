@@ -1,17 +1,15 @@
 """Simulate the magnetometer: imu/mag."""
 
 import sys
-from functools import partial
 
-from lowcostnav_ros.ros.run import run
-from lowcostnav_ros.ros.simulator_node import SimulatorNode
+from lowcostnav_ros.ros.run_simulator import run_simulator
 
-make = partial(SimulatorNode, "magnetometer_simulator", "magnetometer", ("imu/mag",))
+OUTPUTS = ("imu/mag",)
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the node."""
-    return run(make, args)
+    return run_simulator("magnetometer_simulator", "magnetometer", OUTPUTS, args)
 
 
 if __name__ == "__main__":

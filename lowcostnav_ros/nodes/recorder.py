@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lowcostnav_ros.graph_nodes import recorded_topics
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import BagError, BagWriter
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status
@@ -17,18 +18,12 @@ from lowcostnav_ros.ros.run import run
 from lowcostnav_ros.settings import SettingsError, setting
 
 
-def all_topics() -> list[str]:
-    """Topics a recording of the whole graph holds (/clock is left out: the player makes a new one)."""
-    fixed = [name for name in topics.TOPICS if name not in ("clock", "truth/imu")]
-    own = [f"{room}/{part}" for room in ("dead_reckoning", "ins_gps", "nav") for part in topics.NAVIGATOR_TOPICS]
-    return fixed + own
-
-
 @dataclass(frozen=True)
 class RecorderSettings:
     """Settings of the recorder."""
 
     path: str = setting("", "Directory of the recording; it must not exist.  Empty names it after the time of day.")
+    numbered: bool = setting(False, "When the directory exists, write to <path>_2, <path>_3, ... instead of refusing.")
     storage: str = setting("mcap", "Format of the bag file.", choices=("mcap", "sqlite3"))
     topics: list[str] = setting([], "Topics to record; empty records every sensor, truth and navigator topic except truth/imu.")
 
@@ -40,13 +35,17 @@ class Recorder(NodeBase):
     flight time whatever the pace of the simulation.
     """
 
+    poll_period_s = 0.02
+
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("recorder", [RecorderSettings()], **kwargs)
         settings: RecorderSettings = self.parameters.settings[0]
         self.path = Path(settings.path or f"recording_{self.get_clock().now().nanoseconds // 10**9}")
+        if settings.numbered:
+            self.path = free_path(self.path)
         self.trouble, self._last_ns = "", 0
         self._early: deque[tuple[topics.TopicSpec, bytes]] = deque(maxlen=1000)
-        names = settings.topics or all_topics()
+        names = settings.topics or recorded_topics()
         try:
             specs = [topics.spec(name) for name in names]
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -91,8 +90,18 @@ class Recorder(NodeBase):
     def destroy_node(self) -> None:
         """Close the bag, then the node."""
         if hasattr(self, "_writer"):
+            self.poll()
             self._writer.close()
         super().destroy_node()
+
+
+def free_path(path: Path) -> Path:
+    """Return ``path``, or the first of ``<path>_2``, ``<path>_3``, ... that does not exist."""
+    taken, number = path, 1
+    while taken.exists():
+        number += 1
+        taken = path.with_name(f"{path.name}_{number}")
+    return taken
 
 
 def header_stamp_ns(cdr: bytes) -> int:

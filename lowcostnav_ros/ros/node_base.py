@@ -7,21 +7,25 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import rclpy
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.qos import qos_policy_name_from_kind
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from std_srvs.srv import Trigger
 
 from lowcostnav_ros.measurements import Measurement
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.decode import Decoder, Rejected
-from lowcostnav_ros.ros import qos
+from lowcostnav_ros.ros import polling, qos
 from lowcostnav_ros.ros.diagnostics import DiagnosticsPublisher
-from lowcostnav_ros.ros.input_monitor import InputMonitor, Status
+from lowcostnav_ros.ros.input_monitor import OK, InputMonitor, Status
 from lowcostnav_ros.ros.parameters import Parameters, given_parameters
 from lowcostnav_ros.settings import group, setting
 
+# every event handler is one more thing to wait for: 15 us of each message on each topic
+NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
 ABSOLUTE = ("clock", "diagnostics")  # ROS knows these two outside all namespaces
 Bases = Sequence[Any] | Callable[[dict[str, Any]], Sequence[Any]]
 RCLError = rclpy_implementation.RCLError
@@ -60,11 +64,10 @@ class Output:
     """One publisher of serialised messages that counts what it sent and, lossless, waits for slow listeners."""
 
     def __init__(self, node: Node, spec: topics.TopicSpec, name: str, is_lossless: bool) -> None:
-        self.topic, self.count, self.waited, self.trouble = spec.name, 0, 0, ""
+        self.topic, self.count, self.waited = spec.name, 0, 0
         self._is_lossless, self._ok = is_lossless, node.context.ok
-        events = PublisherEventCallbacks(incompatible_qos=self._incompatible)
         profile = qos.for_publisher(spec, is_lossless)
-        self.publisher = node.create_publisher(message_class(spec.msgtype), name, profile, event_callbacks=events)
+        self.publisher = node.create_publisher(message_class(spec.msgtype), name, profile, event_callbacks=NO_PUBLISHER_EVENTS)
 
     def send(self, cdr: bytes) -> None:
         """Publish serialised bytes; lossless, try again for as long as the history of a listener is full."""
@@ -79,14 +82,10 @@ class Output:
             self.count += 1
             return
 
-    def _incompatible(self, event: Any) -> None:
-        self.trouble = f"a listener asks for {qos_policy_name_from_kind(event.last_policy_kind).lower()} this publisher does not offer"
-
     def status(self, prefix: str) -> Status:
         """Return the diagnostics row."""
-        message = f"{self.topic}: {self.trouble}" if self.trouble else f"{self.topic}: {self.count} sent"
         values = {"count": str(self.count), "waited": str(self.waited)}
-        return Status(f"{prefix}: output {self.topic}", int(bool(self.trouble)), message, values)
+        return Status(f"{prefix}: output {self.topic}", OK, f"{self.topic}: {self.count} sent", values)
 
 
 class OriginGate:
@@ -99,7 +98,7 @@ class OriginGate:
         self._held: deque[tuple[Callable, InputMonitor, bytes]] = deque(maxlen=self.HELD)
         self._open = False
         spec = topics.spec(self._origin)
-        node.create_subscription(message_class(spec.msgtype), spec.name, self._arrived, qos.latched(), raw=True)
+        node.subscribe(message_class(spec.msgtype), spec.name, self._arrived, qos.latched())
 
     def pass_on(self, take: Callable[[InputMonitor, bytes], None], monitor: InputMonitor, raw: bytes) -> None:
         """Hand a message on, or hold it."""
@@ -136,6 +135,8 @@ class NodeBase(Node):
         When a parameter is unknown or cannot be used.
     """
 
+    poll_period_s = 0.005
+
     def __init__(self, name: str, settings: Bases = (), **kwargs: Any) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **kwargs)
         try:
@@ -144,6 +145,7 @@ class NodeBase(Node):
         except Exception:
             self.destroy_node()
             raise
+        self._poller = polling.Poller()
         self.decoder = Decoder()
         self._gates: dict[str, OriginGate] = {}
         self.inputs: dict[str, InputMonitor] = {}
@@ -190,12 +192,29 @@ class NodeBase(Node):
             except (ValueError, ArithmeticError, LookupError) as error:  # bad data in flight never ends a node
                 monitor.reject(f"{type(error).__name__}: {error}")
 
-        events = SubscriptionEventCallbacks(incompatible_qos=lambda event: self._incompatible(monitor, event))
         profile = qos.for_subscription(spec, self.node_settings.qos.lossless)
         name = f"/{spec.name}" if spec.name in ABSOLUTE else spec.name
-        self.create_subscription(message_class(spec.msgtype), name, arrived, profile, event_callbacks=events, raw=True)
         self.inputs[source] = monitor
+        self.subscribe(message_class(spec.msgtype), name, arrived, profile)
         return monitor
+
+    def subscribe(self, kind: type, name: str, handler: Callable[[bytes], None], profile: QoSProfile) -> None:
+        """Subscribe to the bytes of a topic; :meth:`poll` hands them to ``handler``."""
+        subscription = self.create_subscription(
+            kind, name, handler, profile, callback_group=self._poller.group, event_callbacks=NO_SUBSCRIPTION_EVENTS, raw=True
+        )
+        self._poller.add(subscription, handler)
+
+    def poll(self) -> int:
+        """Handle what has come on the inputs; return how many messages.  Who spins this node in an executor of its own calls it, too."""
+        return self._poller.take()
+
+    def spin(self) -> None:
+        """Run until the context is shut down."""
+        if self._poller:
+            polling.spin(self, self.poll, self.poll_period_s)
+        else:
+            rclpy.spin(self)
 
     def output(self, source: str, topic: str | None = None) -> Output:
         """Return the publisher of a topic, made on first use."""
@@ -206,6 +225,7 @@ class NodeBase(Node):
     def rows(self) -> Iterable[Status]:
         """Diagnostics rows; a subclass adds its own."""
         prefix = self.get_name()
+        self._look_for_unheard()
         yield from (monitor.status(prefix) for monitor in self.inputs.values())
         yield from (output.status(prefix) for output in self.outputs.values())
 
@@ -233,10 +253,16 @@ class NodeBase(Node):
             monitor.silent_after_s = settings[-1].input.silent_after_s
         self.on_settings(settings)
 
-    def _incompatible(self, monitor: InputMonitor, event: Any) -> None:
-        policy = qos_policy_name_from_kind(event.last_policy_kind).lower()
-        monitor.trouble = f"a publisher offers {policy} too weak for this listener (set qos.lossless alike on both sides)"
-        self.get_logger().error(f"{monitor.topic}: {monitor.trouble}")
+    def _look_for_unheard(self) -> None:
+        """Explain silence from the start: nobody publishes, or only with a quality of service that this node cannot hear."""
+        is_lossless = self.node_settings.qos.lossless
+        for source, monitor in self.inputs.items():
+            if monitor.count:
+                continue
+            publishers = self.get_publishers_info_by_topic(source)
+            offers = [qos_check_compatible(p.qos_profile, qos.for_subscription(topics.spec(source), is_lossless)) for p in publishers]
+            deaf = [why for verdict, why in offers if verdict == QoSCompatibility.ERROR]
+            monitor.trouble = f"its publisher cannot be heard with qos.lossless={is_lossless} ({deaf[0].strip()})" if deaf else ""
 
 
 def message_class(msgtype: str) -> type:

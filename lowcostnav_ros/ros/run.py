@@ -34,7 +34,7 @@ def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
     node = None
     try:
         node = make_node()
-        rclpy.spin(node)
+        node.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except SettingsError as error:

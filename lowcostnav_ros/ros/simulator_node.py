@@ -8,7 +8,8 @@ import numpy as np
 
 from lowcostnav_ros.graph_nodes import SIMULATOR_INPUTS
 from lowcostnav_ros.measurements import Attitude, Measurement, NavSolution
-from lowcostnav_ros.messages.encode import encode_cdr
+from lowcostnav_ros.messages.encode import encode
+from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.ros.node_base import NodeBase
 from lowcostnav_ros.ros.scenario import sensor_bases
 from lowcostnav_ros.simulation.equipment import build
@@ -46,6 +47,7 @@ class SimulatorNode(NodeBase):
         self._wind: dict[int, np.ndarray] = {}
         self._waiting: dict[int, NavSolution] = {}
         handlers = {"truth/imu": self._on_imu, "truth/odometry": self._on_odometry, "truth/wind": self._on_wind}
+        self.poll_period_s = 0.005 if "truth/imu" in SIMULATOR_INPUTS[name] else 0.01  # the state comes at 20 Hz only
         self._needs_wind = "truth/wind" in SIMULATOR_INPUTS[name]
         for topic in SIMULATOR_INPUTS[name]:
             self.listen(topic, handlers[topic], required=True)
@@ -82,8 +84,7 @@ class SimulatorNode(NodeBase):
 
     def _simulate(self, truth: TruthBlock) -> None:
         for measurement in self._simulator.simulate(truth):
-            for _stamp, topic, _msgtype, cdr in encode_cdr(measurement):
-                self.output(topic).send(cdr)
+            self.output(measurement.source).send(to_cdr(encode(measurement)))  # one row of truth, so at most one sample
 
 
 def _row(

@@ -1,0 +1,87 @@
+"""Take messages at a steady beat instead of waking an executor for each.
+
+One turn of the executor costs about 0.6 ms of processor time whatever it finds, a look at a subscription 5 us.  So a node looks at its
+inputs every 5 ms (a recorder every 20 ms) and gives the executor, which serves timers and services, twenty turns a second.  That divides
+the processor time of a node with a 100 Hz input by four and delays a message by 2.5 ms on average.  Each message comes with
+the time it was received, so what one look finds is handed on in order of arrival.
+"""
+
+import time
+from collections.abc import Callable
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+AT_ONCE = 100  # messages of one topic per look: a flood must not keep the services waiting
+SERVICE_PERIOD_S = 0.05
+
+
+class NeverWoken(CallbackGroup):
+    """Subscriptions in this group are not waited for."""
+
+    def can_execute(self, entity) -> bool:
+        """Never: the poller takes their messages."""
+        return False
+
+    def beginning_execution(self, entity) -> bool:
+        """Never."""
+        return False
+
+    def ending_execution(self, entity) -> None:
+        """Nothing to end."""
+
+
+class Poller:
+    """The polled subscriptions of one node."""
+
+    def __init__(self) -> None:
+        self.group = NeverWoken()
+        self._entries: list[tuple[Subscription, Callable[[bytes], None]]] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._entries)
+
+    def add(self, subscription: Subscription, handler: Callable[[bytes], None]) -> None:
+        """Take on a raw subscription that was made in :attr:`group`."""
+        self._entries.append((subscription, handler))
+
+    def take(self) -> int:
+        """Hand on what has come, in order of arrival; return how many messages there were."""
+        batch = []
+        for subscription, handler in self._entries:
+            handle = subscription.handle
+            with handle:  # it must not be destroyed meanwhile
+                for _ in range(AT_ONCE):
+                    taken = handle.take_message(subscription.msg_type, True)
+                    if taken is None:
+                        break
+                    batch.append((taken[1]["received_timestamp"], len(batch), handler, taken[0]))
+        batch.sort(key=lambda entry: entry[:2])
+        for _received, _count, handler, raw in batch:
+            handler(raw)
+        return len(batch)
+
+
+def spin(node: Node, take: Callable[[], int], period_s: float) -> None:
+    """Poll and serve until the node's context is shut down.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    take : callable
+        Handles what has come.
+    period_s : float
+        Time between two looks, s.
+    """
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    serve_at = 0.0
+    while node.context.ok():
+        take()
+        now = time.monotonic()
+        if now >= serve_at:
+            executor.spin_once(timeout_sec=0.0)
+            serve_at = now + SERVICE_PERIOD_S
+        time.sleep(period_s)
