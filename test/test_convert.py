@@ -54,7 +54,7 @@ def test_units_frames_and_malformed_rows(tmp_path):
     assert report.messages == {"gps/fix": 2, "gps/vel": 2}
     assert report.malformed == {"gps.csv": [(3, "'alt' is not a number"), (5, "2 columns instead of 7")]}
     assert report.not_increasing == {"gps.csv": 1}
-    assert "line 3: 'alt' is not a number" in report.text()
+    assert "line 3: 'alt' is not a number" in str(report)
     fix, velocity = measurements[:2]
     assert (fix.stamp_ns, measurements[2].stamp_ns) == (1_000_000_000_000, 1_000_400_000_000)
     np.testing.assert_allclose([fix.lat, fix.lon, fix.height], [np.pi / 4, -93 * np.pi / 180, 304.8], rtol=1e-15)

@@ -36,7 +36,7 @@ class ConversionReport:
     skipped: dict[str, int] = field(default_factory=dict)
     not_increasing: dict[str, int] = field(default_factory=dict)
 
-    def text(self) -> str:
+    def __str__(self) -> str:
         """Say it in lines for a terminal."""
         lines = [f"{count:8d}  {topic}" for topic, count in self.messages.items()]
         for file, rows in self.malformed.items():
