@@ -83,6 +83,7 @@ class Guidance:
         for manoeuvre in mission:
             self.order.bank_ahead = 0.0
             yield from _FLIERS[type(manoeuvre)](self, manoeuvre)
+        self.order.bank_ahead = 0.0  # beyond its end the flight goes straight on, level
 
     def _straight(self, s: m.Straight) -> Flying:
         yield from self._wait(s.duration_s)

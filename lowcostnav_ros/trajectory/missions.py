@@ -12,16 +12,15 @@ _TURNS_LAT_DEG, _TURNS_LON_DEG = 37.7770, -121.5280
 
 MISSIONS: dict[str, tuple[StartSettings, tuple[str, ...]]] = {
     "demo": (
-        StartSettings(lat_deg=37.69, lon_deg=-121.82, height_m=300.0, heading_deg=250.0, airspeed_mps=45.0),
+        StartSettings(lat_deg=37.69, lon_deg=-121.82, height_m=600.0, heading_deg=250.0, airspeed_mps=50.0),
         (
-            "climb to_height_m=600 rate_mps=2.5",
+            "climb to_height_m=800 rate_mps=2.5",
             "turn by_deg=60 bank_deg=20",
-            "speed to_mps=52",
+            "speed to_mps=54",
             "s_turns count=4 by_deg=60 bank_deg=25",
-            "heading to_deg=285 bank_deg=20",
-            "straight duration_s=100",
+            "goto lat_deg=37.725 lon_deg=-121.975",
             "hold inbound_deg=100 leg_s=30 laps=1 bank_deg=20",
-            "descend to_height_m=500 rate_mps=2",
+            "descend to_height_m=480 rate_mps=4.5",
             f"{_RUNWAY_25L} glide_deg=3 end_above_m=150",
         ),
     ),

@@ -31,6 +31,8 @@ STEEPEST_CLIMB = 0.5
 """Sine of the largest flight path angle a mission may ask for."""
 _PLAN_STEP_S = 0.25
 _CORRECT_EVERY_S = 40.0  # between heading corrections on the way to a point
+_CLOSE_IN_M = 2000.0
+_MOST_SPIRALS, _SPIRAL_MPS, _SPIRAL_MARGIN_M = 6, 4.0, 40.0  # descending turns before an approach that begins too high
 
 
 @dataclass(frozen=True)
@@ -251,8 +253,9 @@ def _goto(motion: SegmentMotion, s: m.Goto) -> None:
 
 def _fly_toward(motion: SegmentMotion, s: m.Goto | m.Approach, stop_m: float) -> None:
     """Fly to ``stop_m`` metres before a point, correcting the heading every so often as the wind changes."""
-    while (distance := _aim(motion, s.lat_deg, s.lon_deg, s.bank_deg)) > stop_m:
-        to_go = (distance - stop_m) / _ground_speed(motion)
+    before = math.inf
+    while stop_m < (distance := _aim(motion, s.lat_deg, s.lon_deg, s.bank_deg)) < before:  # no nearer than before: passed
+        before, to_go = distance, (distance - stop_m) / _ground_speed(motion)
         motion.fly(Primitive(min(to_go, _CORRECT_EVERY_S)))
         if to_go <= _CORRECT_EVERY_S:
             return
@@ -293,16 +296,38 @@ def _orbit(motion: SegmentMotion, s: m.Orbit) -> None:
 
 
 def _approach(motion: SegmentMotion, s: m.Approach) -> None:
-    distance, slope = _aim(motion, s.lat_deg, s.lon_deg, s.bank_deg), math.tan(math.radians(s.glide_deg))
-    above = motion.columns.height - s.height_m
-    if above <= s.end_above_m:
+    slope = math.tan(math.radians(s.glide_deg))
+    if motion.columns.height - s.height_m <= s.end_above_m:
+        above = motion.columns.height - s.height_m
         raise SettingsError(f"the approach begins only {above:.0f} m above the threshold; begin higher or lower end_above_m.")
-    if distance < above / slope:
-        raise SettingsError(f"the approach begins {above / slope - distance:.0f} m too near for its glide; begin lower or farther out.")
+    _lose_height(motion, s, slope)
+    above = motion.columns.height - s.height_m
     _fly_toward(motion, s, above / slope)
-    _climb_at(motion, -slope * _ground_speed(motion))
-    _fly_toward(motion, s, s.end_above_m / slope)
+    _descend_toward(motion, s, slope * _ground_speed(motion))
+
+
+def _descend_toward(motion: SegmentMotion, s: m.Approach, rate_mps: float) -> None:
+    """Descend to the height where the approach ends, heading corrected on the way but not close in, where corrections are large."""
+    _climb_at(motion, -rate_mps)
+    bottom = s.height_m + s.end_above_m + 0.5 * rate_mps * _climb_entry(rate_mps)
+    while (left_s := (motion.columns.height - bottom) / rate_mps) > 0.1:
+        motion.fly(Primitive(min(left_s, _CORRECT_EVERY_S)))
+        if left_s > _CORRECT_EVERY_S and math.hypot(*_to_point(motion, s.lat_deg, s.lon_deg)[:2]) > _CLOSE_IN_M:
+            _aim(motion, s.lat_deg, s.lon_deg, s.bank_deg)
     _climb_at(motion, 0.0)
+
+
+def _lose_height(motion: SegmentMotion, s: m.Approach, slope: float) -> None:
+    """Descend in full turns while the approach is too near for its glide path."""
+    for _ in range(_MOST_SPIRALS):
+        excess = motion.columns.height - s.height_m - slope * _aim(motion, s.lat_deg, s.lon_deg, s.bank_deg)
+        if excess < 0.0:
+            return
+        turn_s = 2.0 * math.pi * motion.columns.airspeed / (STANDARD_GRAVITY * math.tan(math.radians(s.bank_deg)))
+        _climb_at(motion, -min(_SPIRAL_MPS, (excess + _SPIRAL_MARGIN_M) / turn_s))
+        _turn_by(motion, 2.0 * math.pi, s.bank_deg)
+        _climb_at(motion, 0.0)
+    raise SettingsError(f"the approach begins {excess:.0f} m too high for its glide path; begin lower or farther out.")
 
 
 _PLANNERS = {

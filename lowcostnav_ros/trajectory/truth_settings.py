@@ -31,7 +31,7 @@ class WindSettings:
     shear_north_per_s: float = setting(0.0, "Growth of the northward wind with height", unit="1/s", minimum=-0.05, maximum=0.05)
     shear_east_per_s: float = setting(0.0, "Growth of the eastward wind with height", unit="1/s", minimum=-0.05, maximum=0.05)
     turbulence_sigma_mps: float = setting(
-        0.0, "Turbulence, sigma of each component of the air's motion; 1 is light", unit="m/s", minimum=0.0, maximum=6.0
+        0.0, "Turbulence, sigma of each component (segments: level ones); 1 is light", unit="m/s", minimum=0.0, maximum=6.0
     )
 
 

@@ -1,4 +1,4 @@
-"""The air mass of a closed-form flight: mean wind, shear with height, slow Gauss-Markov variation, turbulence.
+"""The air mass of a closed-form flight: mean wind, shear with height, slow Gauss-Markov variation, level turbulence.
 
 A Gauss-Markov path has no derivative, and an aircraft riding on one would feel infinite acceleration.  So the process is drawn
 exactly at knots much closer than its correlation time and joined by a uniform cubic B-spline, which is twice continuously
@@ -72,7 +72,7 @@ class Wind:
     """
 
     def __init__(self, settings: WindSettings, seed: int, height_ref: float, airspeed: float) -> None:
-        streams = [np.random.default_rng([seed, 0x71D, i]) for i in range(5)]
+        streams = [np.random.default_rng([seed, 0x71D, i]) for i in range(4)]
         self._settings = settings
         self._height_ref = height_ref
         self._slow = [SmoothGaussMarkov(settings.variation_sigma_mps, settings.variation_tau_s, s) for s in streams[:2]]
@@ -88,5 +88,8 @@ class Wind:
         return out
 
     def at(self, t_s: np.ndarray, height: np.ndarray) -> np.ndarray:
-        """Wind with turbulence, shape (n, 3)."""
-        return self.steady(t_s, height) + np.column_stack([g.at(t_s) for g in self._gusts])
+        """Wind with turbulence, shape (n, 3); level, so that a closed-form flight is at the height its mission says."""
+        out = self.steady(t_s, height)
+        for axis, gust in enumerate(self._gusts):
+            out[:, axis] += gust.at(t_s)
+        return out
