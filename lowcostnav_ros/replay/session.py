@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -219,8 +220,15 @@ class Session:
             "duration_s": (self.newest_ns - first_ns) / 1e9,
             "withheld": [w.text for w in self.windows],
             "without_gps": {"intervals_s": outages, "total_s": sum(end - start for start, end in outages)},
+            "stations": [s for run in self.runs.values() for s in _stations(run.navigator)],
             "navigators": {name: run.as_dict(self.newest_ns) for name, run in self.runs.items()},
         }
+
+
+def _stations(navigator: Navigator) -> list[dict[str, Any]]:
+    """The radio stations a navigator knows, for the map."""
+    table = getattr(navigator, "stations", None) or ()
+    return [{"ident": s.ident, "lat_deg": math.degrees(s.lat), "lon_deg": math.degrees(s.lon)} for s in table]
 
 
 def _ten_hertz(columns: NavColumns) -> NavColumns:

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from lowcostnav_ros.replay.baseline import WORSE, Verdict
+from lowcostnav_ros.replay.words import sentence
 
 WIDTH = 100
 _SIZES = (
@@ -21,7 +22,7 @@ _SIZES = (
     ("wind_mps", "rms"),
 )
 _SIZE_HEADS = ("horiz\nRMS m", "\n95 % m", "\nmax m", "vert\nRMS m", "vel\nRMS m/s", "roll\ndeg", "pitch\ndeg", "hdg\ndeg", "wind\nm/s")
-_PARTS = {"flight": "flight", "withheld_gps": "withheld fixes", "without_gps": "without GPS"}
+_PARTS = {"flight": "flight", "withheld_gps": "withheld", "without_gps": "no GPS"}
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -38,6 +39,9 @@ def print_summary(summary: Mapping[str, Any], console: Console) -> None:
     for table in (error_table(summary), interval_table(summary), aid_table(summary), run_table(summary)):
         if table.row_count:
             console.print(table)
+            console.print()
+    for name, navigator in summary["navigators"].items():
+        console.print(sentence(name, navigator, summary["without_gps"]["total_s"]), highlight=False)
 
 
 def _print_head(summary: Mapping[str, Any], console: Console) -> None:
@@ -59,12 +63,13 @@ def _print_head(summary: Mapping[str, Any], console: Console) -> None:
             console.print(f"[yellow]{source}: of {entry['count']} messages rejected: {reasons}[/yellow]", highlight=False)
     for phrase, count in summary.get("assumed", {}).items():
         console.print(f"{phrase} ({count} times)", highlight=False)
+    console.print()
 
 
 def _table(title: str, heads: Sequence[str], left: int) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 1, 0, 0))
     for k, head in enumerate(heads):
-        table.add_column(head, justify="left" if k < left else "right", no_wrap=k > 0, overflow="fold")
+        table.add_column(head, justify="left" if k < left else "right", no_wrap=True)
     return table
 
 
@@ -84,16 +89,17 @@ def error_table(summary: Mapping[str, Any]) -> Table:
 
 def interval_table(summary: Mapping[str, Any]) -> Table:
     """Outages and withheld windows: worst error and the error at the end."""
-    heads = ("navigator", "interval s", "what", "worst horiz m", "at end N m", "E m", "D m", "hdg deg")
+    heads = ("navigator", "s from start", "what", "worst horiz m", "at end N m", "E m", "D m", "hdg deg")
     table = _table("Outages and withheld windows", heads, left=3)
     for name, navigator in summary["navigators"].items():
         errors = navigator["errors"]
         for what, intervals in (("without GPS", errors["outages"]), ("withheld", errors["windows"])):
             for interval in (i for i in intervals if i["samples"]):
-                start = summary["first_stamp_s"] if interval["start_s"] is None else interval["start_s"]
+                zero = summary["first_stamp_s"]
+                start = 0.0 if interval["start_s"] is None else interval["start_s"] - zero
                 end = interval["error_at_end"]
                 cells = [number(end.get(axis)) for axis in ("north_m", "east_m", "down_m", "heading_deg")]
-                table.add_row(name, f"{start:.1f}-{interval['end_s']:.1f}", what, number(interval["worst_horizontal_m"]), *cells)
+                table.add_row(name, f"{start:.1f}-{interval['end_s'] - zero:.1f}", what, number(interval["worst_horizontal_m"]), *cells)
     return table
 
 

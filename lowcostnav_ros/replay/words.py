@@ -1,0 +1,72 @@
+"""One sentence per navigator, in plain words: what it had, how far off it was, whether its sigmas are honest."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+METRES_PER_NM = 1852.0
+HONEST = (0.5, 1.5)
+"""Error over sigma, RMS: between these the sigmas are called honest."""
+
+
+def distance(metres: float) -> str:
+    """A distance as a pilot would say it: metres, from 2000 m on kilometres and nautical miles."""
+    if metres >= 2000.0:
+        return f"{metres / 1000.0:.1f} km ({metres / METRES_PER_NM:.1f} NM)"
+    return f"{metres:.0f} m" if metres >= 10.0 else f"{metres:.1f} m"
+
+
+def sentence(name: str, navigator: Mapping[str, Any], without_gps_s: float) -> str:
+    """Sum up one navigator.
+
+    Parameters
+    ----------
+    name : str
+    navigator : mapping
+        Its part of the replay's summary.
+    without_gps_s : float
+        How long there was no GPS, s.
+    """
+    if navigator["solutions"] == 0:
+        return f"{name}: no solution at all; it ended {navigator['mode_at_end']} ({navigator['reason_at_end']})."
+    errors = navigator["errors"]
+    lost = errors.get("without_gps")
+    part = lost or errors.get("flight") or errors.get("withheld_gps")
+    if part is None:
+        return f"{name}: nothing to compare with; it ended {navigator['mode_at_end']}{_refused(navigator)}."
+    when = f"{without_gps_s:.0f} s without GPS" if lost else ("against withheld fixes" if "withheld_gps" in errors else "GPS all flight")
+    return f"{name}: {when}, {_sizes(part)}, {_honesty(part['error_over_sigma'])}{_refused(navigator)}."
+
+
+def _sizes(part: Mapping[str, Any]) -> str:
+    if "horizontal_m" in part:
+        size = part["horizontal_m"]
+        return f"worst {distance(size['max'])}, 95 % within {distance(size['p95'])}"
+    angles = [f"{axis} {part[f'{axis}_deg']['p95']:.1f}\N{DEGREE SIGN}" for axis in ("heading", "pitch", "roll") if f"{axis}_deg" in part]
+    return f"95 % within {', '.join(angles)}" if angles else "nothing comparable"
+
+
+def error_over_sigma(ratios: Mapping[str, float]) -> float | None:
+    """RMS over the axes that matter most: north and east, else the attitude; None without sigmas."""
+    for axes in (("north_m", "east_m"), ("roll_deg", "pitch_deg", "heading_deg")):
+        known = [ratios[a] for a in axes if a in ratios]
+        if known:
+            return math.sqrt(sum(r * r for r in known) / len(known))
+    return None
+
+
+def _honesty(ratios: Mapping[str, float]) -> str:
+    ratio = error_over_sigma(ratios)
+    if ratio is None:
+        return "no sigma given"
+    low, high = HONEST
+    word = "honest" if low <= ratio <= high else ("too small" if ratio > high else "cautious")
+    return f"sigma {word} (error/sigma {ratio:.1f})"
+
+
+def _refused(navigator: Mapping[str, Any]) -> str:
+    worst = max(
+        ((count, aid, reason) for aid, entry in navigator["aids"].items() for reason, count in entry["not_used_or_limited"].items()),
+        default=None,
+    )
+    return f"; most refused: {worst[1]}, {worst[0]} times '{worst[2]}'" if worst else ""

@@ -1,0 +1,44 @@
+"""Thinning a curve for a plot without losing its extremes."""
+
+import numpy as np
+
+BUCKETS = 700
+"""Buckets per curve; two points each, so a curve never has more than 1400."""
+
+
+def thin(x: np.ndarray, y: np.ndarray, buckets: int = BUCKETS) -> tuple[np.ndarray, np.ndarray]:
+    """Keep, of every bucket of x, the smallest and the largest y, in order of x; gaps (NaN) are kept as one NaN.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        ``x`` not decreasing.
+    buckets : int
+        At most two points of each are kept.
+    """
+    if len(x) <= 2 * buckets:
+        return x, y
+    edges = np.linspace(x[0], x[-1], buckets + 1)
+    starts = np.unique(np.searchsorted(x, edges[:-1], side="left"))
+    keep: list[int] = []
+    for first, last in zip(starts, [*starts[1:], len(x)], strict=True):
+        part = y[first:last]
+        if np.isnan(part).all():
+            keep.append(int(first))
+            continue
+        pair = {int(first + np.nanargmin(part)), int(first + np.nanargmax(part))}
+        gap = {int(first + np.flatnonzero(np.isnan(part))[0])} if np.isnan(part).any() else set()
+        keep += sorted(pair | gap)
+    return x[keep], y[keep]
+
+
+def thin_envelope(x: np.ndarray, y: np.ndarray, buckets: int = BUCKETS // 2) -> tuple[np.ndarray, np.ndarray]:
+    """Keep the largest y of every bucket of x: for the edge of a sigma band, which must not look smaller than it was."""
+    if len(x) <= buckets:
+        return x, y
+    starts = np.unique(np.searchsorted(x, np.linspace(x[0], x[-1], buckets + 1)[:-1], side="left"))
+    keep = [
+        int(first + np.nanargmax(part)) if np.isfinite(part := y[first:last]).any() else int(first)
+        for first, last in zip(starts, [*starts[1:], len(x)], strict=True)
+    ]
+    return x[keep], y[keep]

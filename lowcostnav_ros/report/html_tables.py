@@ -1,0 +1,130 @@
+"""The tables of a report."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from lowcostnav_ros.replay.tables import number
+from lowcostnav_ros.replay.words import error_over_sigma
+from lowcostnav_ros.report.svg import escape
+
+_PARTS = {"flight": "whole flight", "withheld_gps": "at withheld fixes", "without_gps": "without GPS"}
+_SIZES = {
+    "horizontal_m": "horizontal [m]",
+    "vertical_m": "vertical [m]",
+    "velocity_mps": "velocity [m/s]",
+    "roll_deg": "roll [deg]",
+    "pitch_deg": "pitch [deg]",
+    "heading_deg": "heading [deg]",
+    "wind_mps": "wind [m/s]",
+}
+_AXES_OF = {
+    "horizontal_m": ("north_m", "east_m"),
+    "vertical_m": ("down_m",),
+    "velocity_mps": ("vn_mps", "ve_mps", "vd_mps"),
+    "roll_deg": ("roll_deg",),
+    "pitch_deg": ("pitch_deg",),
+    "heading_deg": ("heading_deg",),
+    "wind_mps": ("wind_north_mps", "wind_east_mps"),
+}
+
+
+def table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
+    """An HTML table; an empty string without rows."""
+    rows = list(rows)
+    if not rows:
+        return ""
+
+    def cells(tag: str, row: Sequence[str]) -> str:
+        return "".join(f'<{tag} class="{"l" if k < left else "r"}">{escape(c)}</{tag}>' for k, c in enumerate(row))
+
+    body = "".join(f"<tr>{cells('td', row)}</tr>" for row in rows)
+    return f"<table><caption>{escape(caption)}</caption><thead><tr>{cells('th', heads)}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def errors(summary: dict[str, Any]) -> str:
+    """Error sizes with their honesty: RMS, median, 95 %, maximum, error over sigma per axis."""
+    rows = []
+    for name, navigator in summary["navigators"].items():
+        for part, words in _PARTS.items():
+            found = navigator["errors"].get(part)
+            for size, label in _SIZES.items() if found else ():
+                if size in found:
+                    s = found[size]
+                    ratios = [number(found["error_over_sigma"].get(axis), 2) for axis in _AXES_OF[size]]
+                    sizes = [number(s[k]) for k in ("rms", "median", "p95", "max")]
+                    rows.append((name, words, label, *sizes, f"{s['max_at_s']:.1f}", " ".join(ratios)))
+    heads = ("navigator", "over", "error", "RMS", "median", "95 %", "max", "max at t [s]", "error/sigma per axis")
+    return table("Errors, estimate minus reference", heads, rows, left=3)
+
+
+def overview(summary: dict[str, Any]) -> str:
+    """The errors at a glance: RMS and 95 % of every size, a row per navigator and part of the flight."""
+    rows = []
+    for name, navigator in summary["navigators"].items():
+        for part, words in _PARTS.items():
+            found = navigator["errors"].get(part)
+            if found:
+                sizes = [f"{number(found[s]['rms'])} / {number(found[s]['p95'])}" if s in found else "-" for s in _SIZES]
+                ratio = error_over_sigma(found["error_over_sigma"])
+                rows.append((name, words, *sizes, number(ratio, 2)))
+    heads = ("navigator", "over", *_SIZES.values(), "error/sigma")
+    return table("Errors, RMS / 95 %, estimate minus reference", heads, rows, left=2)
+
+
+def intervals(summary: dict[str, Any]) -> str:
+    """Outages and withheld windows with the error at their end."""
+    rows = []
+    for name, navigator in summary["navigators"].items():
+        for what, found in (("without GPS", navigator["errors"]["outages"]), ("withheld", navigator["errors"]["windows"])):
+            for i in (i for i in found if i["samples"]):
+                start = summary["first_stamp_s"] if i["start_s"] is None else i["start_s"]
+                end = [number(i["error_at_end"].get(axis)) for axis in ("north_m", "east_m", "down_m", "heading_deg")]
+                times = (f"{start:.1f}", f"{i['end_s']:.1f}", f"{i['end_s'] - start:.0f}")
+                rows.append((name, what, *times, number(i["worst_horizontal_m"]), *end))
+    times = ("from t [s]", "to t [s]", "length [s]")
+    heads = ("navigator", "what", *times, "worst horizontal [m]", "at end N [m]", "E [m]", "D [m]", "heading [deg]")
+    return table("Outages and withheld windows", heads, rows, left=2)
+
+
+def inputs(summary: dict[str, Any]) -> str:
+    """What each navigator received and refused at its door, and what the decoder refused."""
+    rows = [
+        ("recording", source, "", str(entry["count"]), _reasons(entry["rejected"])) for source, entry in summary.get("inputs", {}).items()
+    ]
+    for name, navigator in summary["navigators"].items():
+        for source, entry in navigator["inputs"].items():
+            rows.append((name, source, "required" if entry["required"] else "", str(entry["received"]), _reasons(entry["rejected"])))
+    return table("Inputs", ("at", "source", "", "messages or samples", "rejected"), rows, left=3)
+
+
+def aids(summary: dict[str, Any]) -> str:
+    """Use of the aids: NIS per degree of freedom near 1 says that the predicted innovations are honest."""
+    rows = []
+    for name, navigator in summary["navigators"].items():
+        for aid, entry in navigator["aids"].items():
+            rms = ", ".join(f"{label} {number(value)}" for label, value in entry.get("innovation_rms", {}).items())
+            rows.append((name, aid, str(entry["used"]), number(entry.get("nis_per_dof")), rms, _reasons(entry["not_used_or_limited"])))
+    heads = ("navigator", "aid", "used", "NIS per degree of freedom", "RMS innovation", "not used, or limited")
+    return table("Aids", heads, rows, left=2)
+
+
+def runs(summary: dict[str, Any]) -> str:
+    """Fused solutions, their fingerprint, the comparison with the recording, speed."""
+    rows = []
+    for name, navigator in summary["navigators"].items():
+        fused = navigator["fused"]
+        same = {None: "not recorded", True: f"equal, {fused['count_equal']} of {fused['count_recorded']}"}
+        first = fused["first_differing_stamp_s"]
+        recorded = same.get(fused["equals_recorded"], f"differs from t = {first} s, {fused['count_equal']} equal")
+        factor = summary["time"]["real_time_factor_by_navigator"].get(name)
+        nees = next((e["nees_horizontal"] for p in _PARTS if (e := navigator["errors"].get(p))), None)
+        sha = (fused["sha256"] or "-")[:16]
+        numbers = (str(navigator["solutions"]), number(nees), f"{factor:.0f}" if factor else "-")
+        rows.append((name, navigator["mode_at_end"], recorded, sha, *numbers))
+    outcome = ("mode at end", "as recorded in flight", "sha256 of fused output")
+    heads = ("navigator", *outcome, "solutions", "horizontal NEES (2 expected)", "x real time")
+    return table("Fused solutions", heads, rows, left=4)
+
+
+def _reasons(counts: dict[str, int]) -> str:
+    return ", ".join(f"{count} \N{MULTIPLICATION SIGN} {reason}" for reason, count in counts.items()) or "-"

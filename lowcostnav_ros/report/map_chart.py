@@ -1,0 +1,210 @@
+"""The map: truth, solutions, fixes and stations, north up, equal scale both ways."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from lowcostnav_ros.replay.columns import position_difference_n
+from lowcostnav_ros.report import svg
+
+METRES_PER_NM = 1852.0
+WIDTH, MARGIN = 960, 46
+MAX_POINTS = 1800
+
+
+@dataclasses.dataclass(frozen=True)
+class Track:
+    """A ground track: degrees, with how to draw it."""
+
+    lat_deg: np.ndarray
+    lon_deg: np.ndarray
+    colour: str
+    label: str
+    width: float = 1.8
+    dash: str | None = None
+    dots: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Ellipse:
+    """Two-sigma region of a solution: centre in degrees, one-sigma north and east in metres."""
+
+    lat_deg: float
+    lon_deg: float
+    sigma_north_m: float
+    sigma_east_m: float
+    colour: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Station:
+    """A radio station with its ident."""
+
+    ident: str
+    lat_deg: float
+    lon_deg: float
+
+
+class _Ground:
+    """Metres north and east of the middle of the tracks, and pixels of them."""
+
+    def __init__(self, tracks: Sequence[Track]) -> None:
+        lat = np.concatenate([t.lat_deg[np.isfinite(t.lat_deg)] for t in tracks])
+        lon = np.concatenate([t.lon_deg[np.isfinite(t.lat_deg)] for t in tracks])
+        self.lat0, self.lon0 = math.radians(0.5 * (lat.min() + lat.max())), math.radians(lon[0])
+        north, east = self.metres(lat, lon)
+        self.south, self.north, self.west, self.east = north.min(), north.max(), east.min(), east.max()
+        margin = max(0.06 * max(self.north - self.south, self.east - self.west), 50.0)
+        self.south, self.north, self.west, self.east = self.south - margin, self.north + margin, self.west - margin, self.east + margin
+        inner = WIDTH - 2 * MARGIN
+        self.scale = min(inner / (self.east - self.west), 620.0 / (self.north - self.south))
+        shown_height = max(260.0, self.scale * (self.north - self.south))
+        self._widen(inner / self.scale, shown_height / self.scale)
+        self.height = round(shown_height) + 2 * MARGIN
+
+    def _widen(self, width_m: float, height_m: float) -> None:
+        middle_e, middle_n = 0.5 * (self.east + self.west), 0.5 * (self.north + self.south)
+        self.west, self.east = middle_e - 0.5 * width_m, middle_e + 0.5 * width_m
+        self.south, self.north = middle_n - 0.5 * height_m, middle_n + 0.5 * height_m
+
+    def metres(self, lat_deg: np.ndarray, lon_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Metres north and east of the middle."""
+        position = np.column_stack([np.radians(lat_deg), np.radians(lon_deg), np.zeros(len(lat_deg))])
+        reference = np.tile([self.lat0, self.lon0, 0.0], (len(position), 1))
+        offset = position_difference_n(position, reference)
+        return offset[:, 0], offset[:, 1]
+
+    def pixels(self, lat_deg: np.ndarray, lon_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels of positions."""
+        north, east = self.metres(np.atleast_1d(lat_deg), np.atleast_1d(lon_deg))
+        return MARGIN + (east - self.west) * self.scale, MARGIN + (self.north - north) * self.scale
+
+
+def map_chart(tracks: Sequence[Track], stations: Sequence[Station] = (), ellipses: Sequence[Ellipse] = ()) -> str:
+    """Draw the map; an empty string without positions.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        Drawn in this order; together they decide the extent.
+    stations : sequence of Station
+        Those inside the extent are drawn, the rest is named below with distance and bearing.
+    ellipses : sequence of Ellipse
+    """
+    tracks = [t for t in tracks if np.isfinite(t.lat_deg).any()]
+    if not tracks:
+        return ""
+    ground = _Ground(tracks)
+    parts = [_graticule(ground), *(_ellipse(ground, e) for e in ellipses), *(_track(ground, t) for t in tracks)]
+    shown, outside = _stations(ground, stations)
+    parts += [shown, _ends(ground, tracks[0]), _scale_bar(ground), _north(), _legend(tracks, bool(ellipses))]
+    box = f'viewBox="0 0 {WIDTH} {ground.height}" width="{WIDTH}" height="{ground.height}"'
+    note = f'<p class="note">Stations outside the map: {svg.escape(", ".join(outside))}.</p>' if outside else ""
+    inner = svg.element("rect", x=MARGIN, y=MARGIN, width=WIDTH - 2 * MARGIN, height=ground.height - 2 * MARGIN)
+    clip = svg.element("clipPath", inner, id="map")
+    return f'<svg class="map" role="img" aria-label="map" {box}>{clip}{"".join(parts)}</svg>{note}'
+
+
+def _track(ground: _Ground, track: Track) -> str:
+    step = max(1, math.ceil(len(track.lat_deg) / MAX_POINTS))
+    x, y = ground.pixels(track.lat_deg[::step], track.lon_deg[::step])
+    if track.dots:
+        return svg.path(svg.dots_data(x, y), fill="none", stroke=track.colour, stroke_width=3.2, stroke_linecap="round")
+    data = svg.path_data(x, y)
+    return svg.path(data, fill="none", stroke=track.colour, stroke_width=track.width, stroke_dasharray=track.dash, stroke_linejoin="round")
+
+
+def _ellipse(ground: _Ground, e: Ellipse) -> str:
+    (x,), (y,) = ground.pixels(e.lat_deg, e.lon_deg)
+    rx, ry = 2.0 * e.sigma_east_m * ground.scale, 2.0 * e.sigma_north_m * ground.scale
+    colours = {"fill": e.colour, "fill_opacity": 0.06, "stroke": e.colour, "stroke_opacity": 0.5}
+    return svg.element("ellipse", cx=f"{x:.1f}", cy=f"{y:.1f}", rx=f"{rx:.1f}", ry=f"{ry:.1f}", clip_path="url(#map)", **colours)
+
+
+def _stations(ground: _Ground, stations: Sequence[Station]) -> tuple[str, list[str]]:
+    parts, outside = [], []
+    for s in stations:
+        (north,), (east,) = ground.metres(np.array([s.lat_deg]), np.array([s.lon_deg]))
+        if ground.south < north < ground.north and ground.west < east < ground.east:
+            (x,), (y,) = ground.pixels(s.lat_deg, s.lon_deg)
+            hexagon = " ".join(f"{x + 6 * math.cos(k * math.pi / 3):.1f},{y + 6 * math.sin(k * math.pi / 3):.1f}" for k in range(6))
+            parts.append(svg.element("polygon", points=hexagon, class_="station"))
+            parts.append(svg.text(x + 9, y + 4, s.ident, class_="station-name"))
+        else:
+            distance = math.hypot(north, east) / METRES_PER_NM
+            outside.append(f"{s.ident} {distance:.0f} NM, {math.degrees(math.atan2(east, north)) % 360:03.0f}\N{DEGREE SIGN}")
+    return "".join(parts), outside
+
+
+def _ends(ground: _Ground, track: Track) -> str:
+    known = np.flatnonzero(np.isfinite(track.lat_deg))
+    parts = []
+    for row, word in ((known[0], "start"), (known[-1], "end")):
+        (x,), (y,) = ground.pixels(track.lat_deg[row], track.lon_deg[row])
+        parts.append(svg.element("circle", cx=f"{x:.1f}", cy=f"{y:.1f}", r=4, class_="end"))
+        parts.append(svg.text(x + 7, y - 6, word, class_="tick"))
+    return "".join(parts)
+
+
+def _graticule(ground: _Ground) -> str:
+    """Grid lines every round number of nautical miles from the south-west corner's round values, labelled on the edges."""
+    parts = []
+    right, base = WIDTH - MARGIN, ground.height - MARGIN
+    ticks = svg.nice_ticks(ground.west / METRES_PER_NM, ground.east / METRES_PER_NM, 8)
+    for value in ticks:
+        x = MARGIN + (value * METRES_PER_NM - ground.west) * ground.scale
+        parts.append(svg.element("line", x1=f"{x:.1f}", x2=f"{x:.1f}", y1=MARGIN, y2=base, class_="grid"))
+        parts.append(svg.text(x, base + 14, svg.tick_label(value, ticks), class_="tick", text_anchor="middle"))
+    step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
+    first = math.ceil(ground.south / METRES_PER_NM / step)
+    for value in [k * step for k in range(first, math.floor(ground.north / METRES_PER_NM / step) + 1)]:
+        y = MARGIN + (ground.north - value * METRES_PER_NM) * ground.scale
+        parts.append(svg.element("line", x1=MARGIN, x2=right, y1=f"{y:.1f}", y2=f"{y:.1f}", class_="grid"))
+        parts.append(svg.text(MARGIN - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick", text_anchor="end"))
+    parts.append(svg.element("rect", x=MARGIN, y=MARGIN, width=right - MARGIN, height=base - MARGIN, class_="frame"))
+    origin = f"{_side(ground.lat0, 'NS')}, {_side(ground.lon0, 'EW')}"
+    parts.append(svg.text(WIDTH / 2, base + 30, f"east of {origin} [NM]", class_="tick", text_anchor="middle"))
+    middle = ground.height / 2
+    parts.append(svg.text(14, middle, "north [NM]", class_="tick", text_anchor="middle", transform=f"rotate(-90 14 {middle:.0f})"))
+    return "".join(parts)
+
+
+def _side(angle: float, letters: str) -> str:
+    return f"{letters[angle < 0.0]} {abs(math.degrees(angle)):.4f}\N{DEGREE SIGN}"
+
+
+def _scale_bar(ground: _Ground) -> str:
+    """Two bars, one in nautical miles and one in kilometres, each about a sixth of the width."""
+    parts = []
+    for row, (unit, metres) in enumerate((("NM", METRES_PER_NM), ("km", 1000.0))):
+        longest = (WIDTH - 2 * MARGIN) / ground.scale / metres / 6.0
+        power = 10.0 ** math.floor(math.log10(longest))
+        length = max(s * power for s in (1.0, 2.0, 5.0) if s * power <= longest)
+        pixels = length * metres * ground.scale
+        x, y = MARGIN + 14, ground.height - MARGIN - 14 - 18 * row
+        parts.append(svg.element("path", d=f"M{x} {y - 4}v4h{pixels:.1f}v-4", class_="scale"))
+        parts.append(svg.text(x + pixels + 6, y + 1, f"{length:g} {unit}", class_="tick"))
+    return "".join(parts)
+
+
+def _north() -> str:
+    x, y = WIDTH - MARGIN - 22, MARGIN + 34
+    arrow = svg.element("path", d=f"M{x} {y - 24}l6 20l-6 -4l-6 4z", class_="north")
+    return arrow + svg.text(x, y + 10, "N", class_="station-name", text_anchor="middle")
+
+
+def _legend(tracks: Sequence[Track], has_ellipses: bool) -> str:
+    parts, x = [], float(MARGIN)
+    for track in tracks:
+        if track.dots:
+            parts.append(svg.element("circle", cx=x + 10, cy=MARGIN - 18, r=2.5, fill=track.colour))
+        else:
+            line = {"stroke": track.colour, "stroke_width": 3, "stroke_dasharray": track.dash}
+            parts.append(svg.element("line", x1=x, x2=x + 20, y1=MARGIN - 18, y2=MARGIN - 18, **line))
+        parts.append(svg.text(x + 26, MARGIN - 14, track.label, class_="legend"))
+        x += 44 + 6.6 * len(track.label)
+    if has_ellipses:
+        parts.append(svg.text(x, MARGIN - 14, "ellipses: 2 sigma, every minute without GPS", class_="legend"))
+    return "".join(parts)
