@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from lowcostnav_ros.config_files import find_config, load_settings
 from lowcostnav_ros.rotation import quat_conjugate, quat_rotate, quats_to_euler
 from lowcostnav_ros.settings import SettingsError, from_mapping
 from lowcostnav_ros.strapdown import strapdown_step
@@ -250,3 +251,7 @@ def test_standard_missions_plan_in_the_wind_of_the_thesis(seed, name):
 def test_standard_missions_last_as_long_as_they_should(name, minutes):
     truth = build(dataclasses.replace(standard(name), rate_hz=10)).table()
     assert len(truth) / 600.0 == pytest.approx(minutes, abs=1.6)
+
+
+def test_shipped_configuration_is_the_declared_one():
+    assert load_settings(TruthSettings, find_config("truth_source.yaml")) == TruthSettings()
