@@ -97,6 +97,7 @@ class BaroAid(Aid):
 class DmeAid(Aid):
     """One slant range at a time, in full geometry; it never moves height.
 
+    The variance of a reply is that of its whole error; what the bias model explains of it is not counted twice.
     While DME is all there is, a range outside the gate is limited to the gate rather than rejected, unless it lies far beyond.
     """
 
@@ -115,10 +116,11 @@ class DmeAid(Aid):
             return "over the station"
         H = np.zeros((1, host.state.layout.size))
         H[0, POS] = direction
-        R = max(measurement.variance, (self.settings.noise_nm * NM) ** 2) + _curvature(host.P, direction, predicted)
+        slow = (self.settings.bias_nm * NM) ** 2
+        R = max(measurement.variance - slow, (self.settings.noise_nm * NM) ** 2) + _curvature(host.P, direction, predicted)
         bias = host.state.range_bias_index(measurement.station)
         if bias is None:
-            R += (self.settings.bias_nm * NM) ** 2
+            R += slow
         else:
             H[0, bias] = 1.0
             predicted += host.state.estimate[bias]

@@ -39,7 +39,7 @@ class HeldInputs:
     def take_air(self, air: AirVelocity, settings: AirspeedSettings) -> None:
         """Hold a new air-relative velocity and decide whether the aircraft flies."""
         self.vel_b = body_velocity(air, settings)
-        self.speed, self.air_ns = float(np.linalg.norm(self.vel_b)), air.stamp_ns
+        self.speed, self.air_ns = math.sqrt(self.vel_b @ self.vel_b), air.stamp_ns
         self.airborne = self.speed >= settings.minimum_mps * (LANDED if self.airborne else 1.0)
 
     def air_n(self, t_ns: int) -> np.ndarray:
@@ -59,14 +59,13 @@ class HeldInputs:
 
 def body_velocity(air: AirVelocity, settings: AirspeedSettings) -> np.ndarray:
     """Air-relative velocity (3,) m/s in b: as measured with vanes, else true airspeed turned by the set incidence and slip."""
-    variance = np.diag(air.cov_b)
     tas = float(air.vel_b[0])
     out = np.array([tas, air.vel_b[1], air.vel_b[2]])
     incidence, slip = settings.incidence_deg * DEG, settings.slip_deg * DEG
-    if variance[1] >= UNKNOWN_VARIANCE:
+    if air.cov_b[1, 1] >= UNKNOWN_VARIANCE:
         out[1] = tas * math.sin(slip)
         out[0] *= math.cos(slip)
-    if variance[2] >= UNKNOWN_VARIANCE:
+    if air.cov_b[2, 2] >= UNKNOWN_VARIANCE:
         out[2] = out[0] * math.sin(incidence)
         out[0] *= math.cos(incidence)
     return out

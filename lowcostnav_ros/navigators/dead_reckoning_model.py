@@ -227,7 +227,7 @@ def carry_covariance(P, sums, kind, axis, rate, psd, heading, airspeed, walk):
 
 @kernel
 def unmodelled_velocity(air_n, heading, airspeed, gust):
-    """Covariance (3, 3), (m/s)^2, of a momentary velocity about the modelled one: ``gust``, ``airspeed`` m/s along, ``heading`` rad across."""
+    """Covariance (3, 3), (m/s)^2, of a velocity about the modelled one: ``gust``, ``airspeed`` m/s along, ``heading`` rad across."""
     out = np.zeros((3, 3))
     a_n, a_e = air_n[0], air_n[1]
     square = max(a_n * a_n + a_e * a_e, 1e-12)

@@ -7,6 +7,7 @@ import numpy as np
 
 from lowcostnav_ros.earth import displace
 from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.error_state import Kind
 from lowcostnav_ros.navigators import dead_reckoning_model as model
 from lowcostnav_ros.navigators.dead_reckoning_inputs import HeldInputs
 from lowcostnav_ros.navigators.dead_reckoning_model import CLIMB, CORE, DEG, NM, POS
@@ -44,7 +45,8 @@ class DeadReckoningState:
         self._rate, self._psd = layout.rate.copy(), layout.psd.copy()
         self._rate[CLIMB] = 1.0 / settings.height.climb_tau_s
         self._mean_rate = np.zeros(layout.size) if settings.model == "reduced" else self._rate
-        self._wind_rows = np.array([(layout.kind == 5) & (layout.axis == axis) for axis in range(2)], dtype=float)
+        self._kind_rows = {kind: (layout.kind == kind).astype(float) for kind in Kind}
+        self._wind_rows = np.array([(layout.kind == Kind.WIND) & (layout.axis == axis) for axis in range(2)], dtype=float)
         self._floor, self._ceiling = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2, np.full(layout.size, 1e14)
         considered = ["dme_bias"] if settings.dme.bias == "consider" else []
         self.free_for_ranges = 1.0 - layout.mask("baro_bias", *considered)
@@ -128,9 +130,9 @@ class DeadReckoningState:
         """Believed horizontal error, m: root of the sum of both variances."""
         return math.sqrt(self.P[0, 0] + self.P[1, 1])
 
-    def sigma_of(self, kind: int) -> float:
+    def sigma_of(self, kind: Kind) -> float:
         """Sigma of the sum of all states of one kind."""
-        row = (self.layout.kind == kind).astype(float)
+        row = self._kind_rows[kind]
         return math.sqrt(max(row @ self.P @ row, 0.0))
 
     def range_bias_index(self, station: str) -> int | None:
