@@ -7,19 +7,18 @@ ahrs            20 minutes of repeated turns, DMU-6X grade, calibrated magnetome
 The simulated receiver and IMU have the errors the filters are told of; nothing here is tuned to these flights.
 """
 
-import dataclasses
 
 import numpy as np
 from common import compare, fly, rms, run, scenario
 
 from lowcostnav_ros import config_files
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
-from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, NavSolution, SlantRange
+from lowcostnav_ros.measurements import GpsPosition, GpsVelocity
 from lowcostnav_ros.navigators.inertial import imu_settings
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
 from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, GpsSettings, MagneticSettings
 from lowcostnav_ros.replay.campaign import run_campaign
-from lowcostnav_ros.replay.columns import NavColumns
+from lowcostnav_ros.replay.columns import NavColumns, position_difference_n
 from lowcostnav_ros.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
 from lowcostnav_ros.truth import TruthBlock
@@ -50,8 +49,6 @@ def plain_filter() -> InsGpsSettings:
 def nees_of(truth: TruthBlock, estimate: NavColumns) -> np.ndarray:
     """NEES of position, velocity and attitude at each solution, shape (n, 3); 3 is expected of each."""
     rows = np.searchsorted(truth.stamps_ns, estimate.stamps_ns)
-    from lowcostnav_ros.replay.columns import position_difference_n
-
     true_position = np.column_stack((truth.lat, truth.lon, truth.height))[rows]
     position = -position_difference_n(estimate.position, true_position)
     attitude = np.array([
@@ -110,7 +107,7 @@ def ins_gps(runs: int, duration_s: float) -> dict:
         "nis_band_95": {name: acceptance_band(3, count) for name, count in samples.items()},
         "nis_band_95_one_epoch": band,
         "nis": nis,
-        "attitude_rms_deg": dict(zip(("roll", "pitch", "heading"), [rms([f["attitude_deg"][i] for f in flights]) for i in range(3)], strict=True)),
+        "attitude_rms_deg": {axis: rms([f["attitude_deg"][i] for f in flights]) for i, axis in enumerate(("roll", "pitch", "heading"))},
         "error_over_sigma": np.sqrt(np.mean([np.square(f["error_over_sigma"]) for f in flights], axis=0)).tolist(),
         "outage_10s_end_m": {"median": float(np.median(ends)), "p95": float(np.percentile(ends, 95)), "max": float(ends.max())},
     }

@@ -19,10 +19,9 @@ from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
-import numba
-from numba.core import config
-
 F = TypeVar("F", bound=Callable)
+
+INTERPRETED = os.environ.get("LOWCOSTNAV_KERNELS", "compiled") == "interpreted"
 
 _PACKAGE = Path(__file__).parent
 _IMPORT = re.compile(rb"^\s*(?:from|import)\s+lowcostnav_ros(?:\.([\w.]+))?(?:\s+import\s+([\w, ]+))?", re.MULTILINE)
@@ -30,6 +29,11 @@ _IMPORT = re.compile(rb"^\s*(?:from|import)\s+lowcostnav_ros(?:\.([\w.]+))?(?:\s
 
 def kernel(function: F) -> F:
     """Compile ``function`` with numba: cached, IEEE arithmetic, numpy division rules."""
+    if INTERPRETED:
+        return function
+    import numba
+    from numba.core import config
+
     compiler = numba.njit(cache=True, fastmath=False, error_model="numpy")
     file = Path(sys.modules[function.__module__].__file__ or "")
     if config.DISABLE_JIT or _PACKAGE not in file.parents:
