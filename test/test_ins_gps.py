@@ -178,7 +178,7 @@ def test_latency_is_no_error_when_declared(truth):
     _, solutions = fed(late, dataclasses.replace(GPS_ONLY, gps=GpsSettings(latency_s=0.4)))
     e, _ = errors(truth, solutions)
     assert np.sqrt(np.mean(e[e[:, 0] > 60.0, 1:4] ** 2)) < 1.0
-    undeclared, _ = fed(late)
+    undeclared, _ = fed(late, dataclasses.replace(GPS_ONLY, gps=GpsSettings(latency_s=0.0)))
     assert undeclared.input_status["gps/fix"].rejected["late"] > 100
     assert undeclared.status().reason.startswith("waiting")
 

@@ -37,17 +37,17 @@ XYZ = "xyz"
 
 @dataclass(frozen=True)
 class ImuSettings:
-    """Inertial sensor errors as a data sheet states them."""
+    """Inertial sensor errors as a data sheet states them; the defaults are a vibrating-gyro unit of automotive grade."""
 
-    gyro_noise_dps_rthz: float = setting(0.05, "Gyro white noise.", unit="deg/s/sqrt(Hz)", minimum=1e-7, maximum=10.0)
+    gyro_noise_dps_rthz: float = setting(0.012, "Gyro white noise.", unit="deg/s/sqrt(Hz)", minimum=1e-7, maximum=10.0)
     gyro_bias_dps: float = setting(0.05, "Gyro in-run bias, Gauss-Markov sigma.", unit="deg/s", minimum=0.0, maximum=10.0)
     gyro_bias_tau_s: float = setting(300.0, "Correlation time of the gyro bias.", unit="s", minimum=1.0)
-    gyro_turn_on_dps: float = setting(0.5, "Gyro turn-on bias sigma.", unit="deg/s", minimum=0.0, maximum=10.0)
+    gyro_turn_on_dps: float = setting(0.1, "Gyro turn-on bias sigma.", unit="deg/s", minimum=0.0, maximum=10.0)
     gyro_scale_ppm: float = setting(0.0, "Gyro scale-factor sigma; 0 leaves the states out.", unit="ppm", minimum=0.0, maximum=1e5)
-    accel_noise_mg_rthz: float = setting(1.0, "Accelerometer white noise.", unit="milli-g/sqrt(Hz)", minimum=1e-6, maximum=1e3)
+    accel_noise_mg_rthz: float = setting(0.25, "Accelerometer white noise.", unit="milli-g/sqrt(Hz)", minimum=1e-6, maximum=1e3)
     accel_bias_mg: float = setting(1.2, "Accelerometer in-run bias, Gauss-Markov sigma.", unit="milli-g", minimum=0.0, maximum=1e3)
     accel_bias_tau_s: float = setting(100.0, "Correlation time of the accelerometer bias.", unit="s", minimum=1.0)
-    accel_turn_on_mg: float = setting(10.0, "Accelerometer turn-on bias sigma.", unit="milli-g", minimum=0.0, maximum=1e3)
+    accel_turn_on_mg: float = setting(5.0, "Accelerometer turn-on bias sigma.", unit="milli-g", minimum=0.0, maximum=1e3)
     accel_scale_ppm: float = setting(0.0, "Accelerometer scale-factor sigma; 0 leaves them out.", unit="ppm", minimum=0.0, maximum=1e5)
     scale_tau_s: float = setting(18000.0, "Correlation time of the scale factors.", unit="s", minimum=1.0)
 

@@ -179,10 +179,11 @@ class InsGps(Navigator):
     def _aid(self, item: Measurement) -> None:
         settings = self.settings
         if isinstance(item, GpsPosition):
-            if self.use_aid(self.position_aid, item):
+            if self._due("fix", item.stamp_ns, settings.gps.period_s) and self.use_aid(self.position_aid, item):
                 self._fused_fix_ns = item.stamp_ns
         elif isinstance(item, GpsVelocity):
-            self.use_aid(self.velocity_aid, item)
+            if self._due("velocity", item.stamp_ns, settings.gps.period_s):
+                self.use_aid(self.velocity_aid, item)
         elif isinstance(item, Pressure) and settings.baro.enabled and self._due("baro", item.stamp_ns, settings.baro.period_s):
             self.use_aid(self.baro_aid, item)
         elif isinstance(item, MagneticField) and settings.magnetic.enabled and self._due("mag", item.stamp_ns, settings.magnetic.period_s):

@@ -13,7 +13,7 @@ from lowcostnav_ros.measurements import UNKNOWN_VARIANCE, AirVelocity, GpsPositi
 from lowcostnav_ros.navigators.inertial import ATT, DEG, POS, VEL
 from lowcostnav_ros.navigators.magnetic_heading import magnetic_innovation
 from lowcostnav_ros.rotation import quat_to_dcm, skew
-from lowcostnav_ros.settings import group, setting
+from lowcostnav_ros.settings import SettingsError, group, setting
 
 if TYPE_CHECKING:
     from lowcostnav_ros.navigators.ins_gps import InsGps
@@ -24,14 +24,19 @@ class GpsSettings:
     """GPS receiver and antenna."""
 
     lever_arm_b_m: list = setting([0.0, 0.0, 0.0], "Antenna relative to the IMU, forward, right, down.", unit="m", minimum=-100.0)
-    latency_s: float = setting(0.0, "Longest delay between validity and arrival of a fix.", unit="s", minimum=0.0, maximum=5.0)
+    latency_s: float = setting(0.2, "Longest delay between validity and arrival of a fix.", unit="s", minimum=0.0, maximum=5.0)
     sigma_scale: float = setting(1.0, "Factor on the receiver's stated sigma.", minimum=0.1, maximum=100.0)
     position_floor_m: float = setting(0.5, "Smallest position sigma believed.", unit="m", minimum=1e-3, maximum=1e3)
     velocity_floor_mps: float = setting(0.05, "Smallest velocity sigma believed.", unit="m/s", minimum=1e-4, maximum=1e2)
     position_bias_m: float = setting(0.0, "Slow position error, Gauss-Markov sigma; 0: no states.", unit="m", minimum=0.0)
     position_bias_tau_s: float = setting(300.0, "Correlation time of the slow position error.", unit="s", minimum=1.0)
+    period_s: float = setting(0.0, "Use at most one fix in this time; 0 uses all.", unit="s", minimum=0.0, maximum=60.0)
     timeout_s: float = setting(2.5, "No accepted fix for this long is an outage.", unit="s", minimum=0.1, maximum=600.0)
     gate: GateSettings = group(GateSettings)
+
+    def __post_init__(self) -> None:
+        if len(self.lever_arm_b_m) != 3:
+            raise SettingsError(f"'gps.lever_arm_b_m' needs three numbers, forward, right, down, got {len(self.lever_arm_b_m)}.")
 
 
 @dataclass(frozen=True)
