@@ -76,7 +76,7 @@ class NodeProcess:
             return f"{said}{self._last_words()}."
         self._backoff_s = FIRST_BACKOFF_S if now - self._started_at > HEALTHY_S else self._backoff_s
         self._restart_at = now + self._backoff_s
-        sentence = f"{said}; starting again in {self._backoff_s:.1f} s."
+        sentence = f"{said}{self._last_words()}; starting again in {self._backoff_s:.1f} s."
         self._backoff_s = min(2.0 * self._backoff_s, LONGEST_BACKOFF_S)
         return sentence
 
@@ -125,7 +125,7 @@ class NodeProcess:
             lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
         except OSError:
             return ""
-        return f" ({lines[-1].strip().rstrip('.')})" if lines and self.exit_code else ""
+        return f" ({lines[-1].strip().rstrip('.')})" if lines and self.exit_code > 0 else ""
 
 
 def describe_exit(code: int) -> str:

@@ -56,6 +56,16 @@ def test_values_from_outside_reach_the_settings_and_whole_numbers_pass_for_numbe
     assert node.get_parameter("rate_hz").value == 100.0
 
 
+def test_an_empty_list_in_a_file_is_a_value(ros, tmp_path):
+    file = tmp_path / "example.yaml"
+    file.write_text("/**:\n  ros__parameters:\n    times_s: []\n    rate_hz: 20\n")
+    node = ros.add(ExampleNode(context=ros.context, cli_args=["--ros-args", "--params-file", str(file)]))
+    assert node.parameters.settings[0].times_s == [] and node.parameters.settings[0].rate_hz == 20.0
+    file.write_text("/**:\n  ros__parameters:\n    time_s: []\n")
+    with pytest.raises(SettingsError, match="did you mean 'times_s'"):
+        ExampleNode(context=ros.context, cli_args=["--ros-args", "--params-file", str(file)])
+
+
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [

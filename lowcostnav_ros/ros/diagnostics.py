@@ -53,13 +53,19 @@ class DiagnosticsPublisher:
     def _publish(self, rows: list[Status]) -> None:
         for row in rows:
             if row.level > self._levels.get(row.name, 0):
-                log = self._node.get_logger()
-                (log.error if row.level > 1 else log.warning)(row.message)
+                self._log(row)
         self._levels = {row.name: row.level for row in rows}
         self._published_at = time.monotonic()
         message = DiagnosticArray(status=[_status(row, self._node.get_fully_qualified_name()) for row in rows])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
+
+    def _log(self, row: Status) -> None:
+        # rclpy allows one severity per line of code
+        if row.level > 1:
+            self._node.get_logger().error(row.message)
+        else:
+            self._node.get_logger().warning(row.message)
 
 
 def _status(row: Status, hardware_id: str) -> DiagnosticStatus:

@@ -138,10 +138,12 @@ class NodeBase(Node):
     poll_period_s = 0.005
 
     def __init__(self, name: str, settings: Bases = (), **kwargs: Any) -> None:
+        self._given_empty: list[str] = []
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **kwargs)
         try:
-            bases = settings(given_parameters(self)) if callable(settings) else settings
-            self.parameters = Parameters(self, [*bases, NodeSettings()], self._changed)
+            given = given_parameters(self) | {name: [] for name in self._given_empty}
+            bases = settings(given) if callable(settings) else settings
+            self.parameters = Parameters(self, [*bases, NodeSettings()], given, self._changed)
         except Exception:
             self.destroy_node()
             raise
@@ -152,6 +154,12 @@ class NodeBase(Node):
         self.outputs: dict[str, Output] = {}
         self.create_service(Trigger, "~/reset", self._reset)
         self.diagnostics = DiagnosticsPublisher(self, self.rows)
+
+    def declare_parameters(self, namespace: str, parameters: list, ignore_override: bool = False) -> list:
+        """Declare parameters; an empty list from a file, which ROS takes for 'not set' and cannot declare, is remembered instead."""
+        self._given_empty += [entry[0] for entry in parameters if len(entry) > 1 and entry[1] is None]
+        settable = [entry for entry in parameters if len(entry) < 2 or entry[1] is not None]
+        return super().declare_parameters(namespace, settable, ignore_override)
 
     @property
     def node_settings(self) -> NodeSettings:

@@ -25,6 +25,8 @@ class Parameters:
     node : rclpy.node.Node
     bases : sequence of settings objects
         One object per settings dataclass; its values are the defaults.
+    given : mapping
+        Values from outside, see :func:`given_parameters`.
     on_change : callable
         Called with the list of new settings objects after a live change.
 
@@ -34,13 +36,12 @@ class Parameters:
         For an unknown name (the nearest known one is given), a wrong type or a value out of range.
     """
 
-    def __init__(self, node: Node, bases: Sequence[Any], on_change: Callable[[list], None] = lambda _: None) -> None:
+    def __init__(self, node: Node, bases: Sequence[Any], given: Mapping[str, Any], on_change: Callable[[list], None]) -> None:
         self._classes = [type(base) for base in bases]
         self._on_change = on_change
         self._known = _known(self._classes)
         self._where = node.get_name()
         defaults = {name: value for base in bases for name, value in to_mapping(base).items()}
-        given = given_parameters(node)
         for name in given:
             if name not in self._known:
                 raise SettingsError(f"{self._where}: unknown parameter '{name}'{nearest(name, self._known)}.")
