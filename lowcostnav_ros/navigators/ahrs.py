@@ -17,20 +17,21 @@ from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.measurements import AirVelocity, GpsPosition, GpsVelocity, ImuBlock, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.navigators.ahrs_aids import AirflowAid, SteadyFlightAid
-from lowcostnav_ros.navigators.ahrs_alignment import Alignment, FirstAttitude
+from lowcostnav_ros.navigators.ahrs_alignment import DECLINATION_UNKNOWN, Alignment, FirstAttitude
 from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings, chosen_blocks
-from lowcostnav_ros.navigators.ahrs_start import begin_core, restart_velocity_from_air
+from lowcostnav_ros.navigators.ahrs_start import begin_core, configured_place, hold_position, restart_velocity_from_air
 from lowcostnav_ros.navigators.ahrs_switch import ManoeuvreSwitch
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, GAP_NS, VEL, InertialCore
 from lowcostnav_ros.navigators.ins_gps_aids import MagneticAid, VelocityAid
-from lowcostnav_ros.navigators.magnetic_heading import LocalField, MagneticReference
+from lowcostnav_ros.navigators.magnetic_heading import FieldAtPlace, MagneticReference
 from lowcostnav_ros.rotation import euler_jacobian_n, quat_to_dcm, quat_to_euler
 
 IMU, MAG, VELOCITY, FIX, AIR = "imu/data_raw", "imu/mag", "gps/vel", "gps/fix", "air/velocity"
 HEADING_TIMEOUT_NS = 5_000_000_000
 LEVEL_TIMEOUT_NS = 5_000_000_000
 HELD_VELOCITY_SIGMA = 0.01
+POSITION_HELD_NS = 10_000_000_000
 NEVER = -(10**18)
 
 
@@ -49,7 +50,8 @@ class Ahrs(Navigator):
         super().__init__(settings, latency_s=settings.gps.latency_s)
         self.layout = Layout(chosen_blocks(settings))
         self.core = InertialCore(self.layout)
-        self.reference = MagneticReference(settings.magnetic.decimal_year, settings.magnetic.declination_deg)
+        reference = MagneticReference(settings.magnetic.decimal_year, settings.magnetic.declination_deg)
+        self.magnetic = FieldAtPlace(reference, configured_place(settings.place))
         self.velocity_aid, self.magnetic_aid = VelocityAid(settings.gps), MagneticAid(settings.magnetic)
         self.airflow_aid, self.steady_aid = AirflowAid(settings.airflow), SteadyFlightAid(settings.level)
         optional = ((settings.airflow.enabled, self.airflow_aid), (settings.magnetic.enabled, self.magnetic_aid))
@@ -57,7 +59,6 @@ class Ahrs(Navigator):
         self.airflow_states = self.layout.mask("wind", "updraught", "airspeed_bias", "sideslip", "incidence")
         self.switch = ManoeuvreSwitch(settings.level)
         self.alignment = Alignment(settings)
-        self._place = self._configured_place()
         self._restart()
 
     # what aids ask of their host ---------------------------------------------------------------------------------------------
@@ -66,15 +67,6 @@ class Ahrs(Navigator):
     def P(self) -> np.ndarray:  # noqa: N802 - the covariance is P everywhere in the field
         """Covariance of the whole error state."""
         return self.core.P
-
-    @property
-    def magnetic(self) -> "Ahrs":
-        """Where the magnetic aid asks what field to expect: see :meth:`at`."""
-        return self
-
-    def at(self, lat: float, lon: float, height: float) -> LocalField | None:
-        """Field expected at the place last known, not at the core's position, which drifts without fixes."""
-        return self.reference.anywhere() if self._place is None else self.reference.at(*self._place)
 
     def correct(self, dx: np.ndarray) -> None:
         """Inject a correction (an aid calls this)."""
@@ -91,15 +83,11 @@ class Ahrs(Navigator):
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
-    def _configured_place(self) -> tuple[float, float, float] | None:
-        place = self.settings.place
-        return (place.lat_lon_deg[0] * DEG, place.lat_lon_deg[1] * DEG, place.height_m) if place.lat_lon_deg else None
-
     def _restart(self) -> None:
         self._aligned = False
         self._imu_ns: int | None = None
         self._gps_ns = self._air_ns = self._magnetic_ns = self._steady_ns = NEVER
-        self._tried_air_ns = self._tried_magnetic_ns = NEVER
+        self._tried_air_ns = self._tried_magnetic_ns = self._position_held_ns = NEVER
         self.level_since_ns: int | None = None
         self.rate_b, self.force_b = np.zeros(3), np.zeros(3)
         self._kept: tuple[np.ndarray, np.ndarray] | None = None
@@ -120,9 +108,9 @@ class Ahrs(Navigator):
 
     def _take_place(self, fix: GpsPosition) -> None:
         """A position serves declination, gravity and the earth's rate; it is not fused."""
-        self._place = (fix.lat, fix.lon, fix.height)
+        self.magnetic.place = (fix.lat, fix.lon, fix.height)
         if self._aligned:
-            self.core.nav[0:3] = self._place
+            hold_position(self.core, self.magnetic.place)
 
     def _run(self, block: ImuBlock) -> None:
         block = self._finite(block)
@@ -161,14 +149,14 @@ class Ahrs(Navigator):
         if first or whole - self._imu_ns <= GAP_NS:
             return False
         if self._aligned:
-            self._realign(f"inertial data missing for {1e-9 * (whole - self._imu_ns):.1f} s")
+            self._realign("inertial gap", f"inertial data missing for {1e-9 * (whole - self._imu_ns):.1f} s")
         if whole == end:
             self._imu_ns = end
             self.alignment.restart(end, self.reason)
         return True
 
-    def _realign(self, reason: str) -> None:
-        self.restarts["inertial gap"] += 1
+    def _realign(self, kind: str, reason: str) -> None:
+        self.restarts[kind] += 1
         sensors = slice(CORE, self.layout["gyro_bias"].stop)
         self._kept = (self.core.estimate[sensors].copy(), self.P[sensors, sensors].copy())
         self._aligned = False
@@ -179,16 +167,16 @@ class Ahrs(Navigator):
     def _align(self, block: ImuBlock, start: int) -> int:
         following = self.alignment.gather(block, start)
         self._imu_ns = int(block.stamps_ns[following - 1])
-        self._start(self.alignment.unaided(self.at(0.0, 0.0, 0.0)))
+        self._start(self.alignment.unaided(self.magnetic.known()))
         return following
 
     def _prepare(self, item: Measurement) -> None:
         if isinstance(item, MagneticField):
             self.alignment.magnetic(item)
         elif isinstance(item, GpsVelocity):
-            self._start(self.alignment.gps(item, self.at(0.0, 0.0, 0.0)))
+            self._start(self.alignment.gps(item, self.magnetic.known()))
         elif isinstance(item, AirVelocity) and self.settings.airflow.enabled:
-            self._start(self.alignment.air(item, self.at(0.0, 0.0, 0.0)))
+            self._start(self.alignment.air(item, self.magnetic.known()))
 
     def _start(self, first: FirstAttitude | None) -> None:
         """Begin to navigate when the alignment has an attitude; else say what it waits for."""
@@ -196,7 +184,7 @@ class Ahrs(Navigator):
             self.mode = "failed" if self.alignment.wrong_unit else "aligning"
             self.reason = self.alignment.reason
             return
-        begin_core(self.core, self.settings, first, self._place, self._kept)
+        begin_core(self.core, self.settings, first, self.magnetic.place, self._kept)
         self._aligned, self._kept = True, None
         self._gps_ns = first.t_ns if first.gps is not None else NEVER
         self._air_ns = first.t_ns if first.air is not None else NEVER
@@ -224,10 +212,13 @@ class Ahrs(Navigator):
         """At every output: judge the motion, level by steady flight when nothing measures velocity, keep the mode."""
         now, nav = self.core.t_ns, self.core.nav
         if not (np.isfinite(nav).all() and np.isfinite(self.P[ATT, ATT]).all()):
-            self._realign("state not finite")
+            self._realign("state not finite", "state not finite")
             self._kept = None
             self.alignment.restart(now, self.reason)
             return
+        if now - self._position_held_ns >= POSITION_HELD_NS:
+            self._position_held_ns = now
+            hold_position(self.core, self.magnetic.place)
         self.switch.decide(quat_to_dcm(nav[6:10]), self.core.errors()[1])
         if self.gps_is_fresh(now) or now - self._air_ns <= 1e9 * self.settings.airflow.timeout_s:
             self.level_since_ns = None
@@ -243,8 +234,6 @@ class Ahrs(Navigator):
         """Without any measure of velocity, count it from zero: only its change over the next span matters."""
         self.core.settle()
         self.core.nav[VEL] = 0.0
-        if self._place is not None:
-            self.core.nav[0:3] = self._place
         kalman.reset_block(self.P, VEL, np.eye(3) * HELD_VELOCITY_SIGMA**2)
         self.level_since_ns = now
 
@@ -281,8 +270,8 @@ class Ahrs(Navigator):
         if item.stamp_ns - self._tried_magnetic_ns < 1e9 * self.settings.magnetic.period_s - 1e6:
             return
         self._tried_magnetic_ns = item.stamp_ns
-        if self.at(0.0, 0.0, 0.0) is None:
-            self.magnetic_aid.status.reason = "declination unknown; wait for a fix, or set place.lat_lon_deg or magnetic.declination_deg"
+        if self.magnetic.known() is None:
+            self.magnetic_aid.status.accepted, self.magnetic_aid.status.reason = False, DECLINATION_UNKNOWN
             return
         self.core.settle()
         if self.use_aid(self.magnetic_aid, item):

@@ -23,6 +23,7 @@ UNAIDED_WINDOWS = 1.5
 STALE_WINDOWS = 4.0
 """An end of the window that has not come after so many windows will not come."""
 FIELD_AGE_NS = 1_000_000_000
+DECLINATION_UNKNOWN = "declination unknown: wait for a fix, or set place.lat_lon_deg or magnetic.declination_deg"
 _PASSES = 8
 
 
@@ -174,7 +175,7 @@ class Alignment:
         if self._field is None or self.t_ns - self._field.stamp_ns > FIELD_AGE_NS:
             return None, "no magnetometer and no GPS track"
         if local is None:
-            return None, "declination unknown; wait for a fix, or set place.lat_lon_deg or magnetic.declination_deg"
+            return None, DECLINATION_UNKNOWN
         refusal = local.refusal(self._field.field_b)
         if refusal:
             return None, refusal

@@ -6,13 +6,13 @@ from lowcostnav_ros.earth import STANDARD_GRAVITY
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.measurements import AirVelocity
 from lowcostnav_ros.navigators.ahrs_alignment import FirstAttitude
-from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings
-from lowcostnav_ros.navigators.inertial import ATT, CORE, VEL, InertialCore
+from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings, PlaceSettings
+from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, POS, VEL, InertialCore
 from lowcostnav_ros.rotation import quat_rotate, quat_to_dcm
 
 POSITION_SIGMA = 1000.0
 """Position is carried for gravity and the earth's rate only; a kilometre is nothing to either."""
-SAFE_LATITUDE = np.pi / 4.0
+MEAN_PLACE = (np.pi / 4.0, 0.0, 0.0)
 UNKNOWN_SPEED = 3.0
 """Sigma, m/s, that incidence and heading errors add to a velocity taken from airspeed and attitude."""
 
@@ -32,13 +32,13 @@ def begin_core(
     settings : AhrsSettings
     first : FirstAttitude
     place : (lat, lon, height) or None
-        Rad, rad, m; unknown counts as 45 degrees, where gravity and the horizontal earth rate are mean.
+        Rad, rad, m; unknown counts as 45 degrees of latitude, where gravity and the earth's rate are mean.
     kept : (estimate, covariance) or None
         Accelerometer and gyro biases carried over from before a gap.
     """
     layout = core.layout
     nav = np.zeros(10)
-    nav[0:3] = (SAFE_LATITUDE, 0.0, 0.0) if place is None else place
+    nav[0:3] = MEAN_PLACE if place is None else place
     nav[6:10] = first.q_nb
     covariance = np.diag([POSITION_SIGMA**2] * 3 + [settings.alignment.track_speed_mps**2] * 3 + [1.0] * 3)
     if first.gps is not None:
@@ -51,6 +51,17 @@ def begin_core(
     _correlate_attitude(core, first)
     if first.air is not None:
         restart_velocity_from_air(core, first.air, np.zeros(3))
+
+
+def hold_position(core: InertialCore, place: tuple[float, float, float] | None) -> None:
+    """Put the core's position, which nothing corrects, back to the place last known, before its drift reaches gravity."""
+    core.nav[0:3] = MEAN_PLACE if place is None else place
+    kalman.reset_block(core.P, POS, np.eye(3) * POSITION_SIGMA**2)
+
+
+def configured_place(place: PlaceSettings) -> tuple[float, float, float] | None:
+    """Place of the settings as (lat, lon, height) in rad, rad, m, or None."""
+    return (place.lat_lon_deg[0] * DEG, place.lat_lon_deg[1] * DEG, place.height_m) if place.lat_lon_deg else None
 
 
 def _correlate_attitude(core: InertialCore, first: FirstAttitude) -> None:

@@ -147,3 +147,24 @@ class MagneticReference:
     def anywhere(self) -> LocalField | None:
         """Expected field where the place is unknown: the declination given by hand, or None."""
         return None if self.override is None else LocalField(self.override)
+
+
+class FieldAtPlace:
+    """Expected field at the place last known, for a navigator that does not estimate its position.
+
+    Attributes
+    ----------
+    place : (lat, lon, height) or None
+        Rad, rad, m above the ellipsoid.
+    """
+
+    def __init__(self, reference: MagneticReference, place: tuple[float, float, float] | None) -> None:
+        self.reference, self.place = reference, place
+
+    def known(self) -> LocalField | None:
+        """Expected field, or None when neither the place nor a declination is known."""
+        return self.reference.anywhere() if self.place is None else self.reference.at(*self.place)
+
+    def at(self, lat: float, lon: float, height: float) -> LocalField | None:
+        """The same; the position asked about is the host's guess and is not used."""
+        return self.known()
