@@ -134,3 +134,11 @@ def test_impossible_start_is_refused_and_the_library_is_silent(capfd):
         build(TruthSettings(kind="jsbsim", start=StartSettings(airspeed_mps=250.0)))
     build(settings("straight duration_s=1")).table()
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(("height", "sigma"), [(400.0, 1.0), (1200.0, 1.0), (1200.0, 2.0)])
+def test_turbulence_has_about_the_sigma_asked_for(height, sigma):
+    start = StartSettings(height_m=height)
+    flight = TruthSettings(kind="jsbsim", mission=["straight duration_s=200"], start=start, wind=WindSettings(turbulence_sigma_mps=sigma))
+    wind = np.concatenate([block.wind_n for block in build(flight, 1).blocks()])
+    np.testing.assert_allclose(wind.std(axis=0), sigma, rtol=0.35)

@@ -28,6 +28,8 @@ CONTROL_HZ = 50
 LONGEST_S = 6.0 * 3600.0
 """A mission that has not ended by then never will (the tanks are empty)."""
 _DRYDEN = 4  # JSBSim's turbulence type: MIL-F-8785C spectra in Tustin form
+_SEVERITY_SIGMAS = np.array([0.5, 1.05, 2.4, 3.4, 5.0])
+"""Sigma, m/s, that the library's severities 1 to 5 were measured to give 900 to 1500 m above the ground, where they rule alone."""
 _WIND_EVERY_S = 0.2  # between values of the steady wind; straight lines in between
 _SAMPLED = (
     ("position/lat-geod-rad", 1.0),
@@ -176,10 +178,10 @@ class Aircraft:
     def _turbulence(self, settings: TruthSettings, seed: int) -> None:
         fdm, sigma = self.fdm, settings.wind.turbulence_sigma_mps
         fdm["simulation/randomseed"] = fdm["atmosphere/randomseed"] = float(seed % 2**31 + 1)
-        if sigma:  # in MIL-F-8785C the vertical sigma near the ground is a tenth of the wind at 20 ft
+        if sigma:  # in MIL-F-8785C the vertical sigma near the ground is a tenth of the wind at 20 ft, aloft a table by severity
             fdm["atmosphere/turb-type"] = _DRYDEN
             fdm["atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps"] = 10.0 * sigma / FOOT
-            fdm["atmosphere/turbulence/milspec/severity"] = min(7.0, max(1.0, round(2.0 * sigma)))
+            fdm["atmosphere/turbulence/milspec/severity"] = float(1 + np.abs(_SEVERITY_SIGMAS - sigma).argmin())
 
 
 class Pilot:
