@@ -7,7 +7,7 @@ import pytest
 from ahrs_flights import DEG, T0, Turn, settings
 
 from lowcostnav_ros.config_files import config_dir, load_settings, yaml_of
-from lowcostnav_ros.measurements import ImuBlock, MagneticField
+from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, ImuBlock, MagneticField
 from lowcostnav_ros.navigators.ahrs import Ahrs
 from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings
 from lowcostnav_ros.navigators.registry import NAVIGATORS
@@ -149,6 +149,32 @@ def test_hole_in_the_inertial_data_aligns_anew_and_keeps_the_biases():
     assert navigator.mode == "calibrating"
     assert after.states["gyro_bias_x_radps"][1] < 1.5 * before.states["gyro_bias_x_radps"][1]
     assert np.abs(attitude_error_deg(turn, after)).max() < 0.6
+
+
+def test_hole_is_seen_wherever_blocks_are_cut():
+    turn = Turn(0.0)
+    navigator = Ahrs(settings())
+    navigator.feed_all(turn.measurements(0.0, 10.0))
+    before, after = turn.imu(10.0, 10.5), turn.imu(12.5, 13.0)
+    names = ("stamps_ns", "specific_force_b", "angular_rate_b")
+    navigator.feed(ImuBlock.of("imu/data_raw", *(np.concatenate((getattr(before, n), getattr(after, n))) for n in names)))
+    assert navigator.mode == "aligning"
+    assert navigator.reason == "inertial data missing for 2.0 s"
+
+
+def test_measurements_that_are_not_numbers_do_no_harm():
+    turn = Turn(0.0)
+    navigator = Ahrs(settings())
+    navigator.feed(GpsPosition(T0 + 5, "gps/fix", np.nan, 0.0, 0.0, np.eye(3)))
+    for m in turn.measurements(0.0, 12.0):
+        t = (m.stamp_ns - T0) * 1e-9
+        if isinstance(m, GpsVelocity) and (t < 2.0 or t > 11.0):
+            m.vel_n[0] = np.nan
+        navigator.feed(m)
+    assert navigator.input_status["gps/fix"].rejected["not a place on earth"] == 1
+    assert navigator.input_status["gps/vel"].rejected["not finite"] > 5
+    assert navigator.mode == "calibrating"
+    assert np.abs(attitude_error_deg(turn, navigator.output())).max() < 0.6
 
 
 def test_short_hole_is_bridged():

@@ -35,6 +35,28 @@ POSITION_HELD_NS = 10_000_000_000
 NEVER = -(10**18)
 
 
+def rows_of(block: ImuBlock, rows: slice | np.ndarray) -> ImuBlock:
+    """Some rows of a block; its head stamp stays, so that no rows at all are a block too."""
+    return ImuBlock(block.stamp_ns, block.source, block.stamps_ns[rows], block.specific_force_b[rows], block.angular_rate_b[rows])
+
+
+def is_finite(item: GpsVelocity | AirVelocity | MagneticField) -> bool:
+    """Whether a vector measurement and its covariance are numbers."""
+    if isinstance(item, GpsVelocity):
+        return bool(np.isfinite(item.vel_n).all() and np.isfinite(item.cov_n).all())
+    if isinstance(item, AirVelocity):
+        return bool(np.isfinite(item.vel_b).all() and np.isfinite(item.cov_b).all())
+    return bool(np.isfinite(item.field_b).all())
+
+
+def unbroken(block: ImuBlock) -> list[ImuBlock]:
+    """The block cut before every sample that comes after a hole in the data."""
+    cuts = np.flatnonzero(np.diff(block.stamps_ns) > GAP_NS) + 1
+    if not len(cuts):
+        return [block]
+    return [rows_of(block, slice(a, b)) for a, b in zip([0, *cuts], [*cuts, len(block)], strict=True)]
+
+
 class Ahrs(Navigator):
     """Attitude and heading reference; see the module head.
 
@@ -100,6 +122,8 @@ class Ahrs(Navigator):
             self._take_place(item)
         elif self._imu_ns != item.stamp_ns:
             self.input_status[item.source].reject("inertial data missing")
+        elif not is_finite(item):
+            self.input_status[item.source].reject("not finite")
         elif not self._aligned:
             self._prepare(item)
         else:
@@ -108,29 +132,30 @@ class Ahrs(Navigator):
 
     def _take_place(self, fix: GpsPosition) -> None:
         """A position serves declination, gravity and the earth's rate; it is not fused."""
+        if not (abs(fix.lat) < 0.5 * math.pi and math.isfinite(fix.lon) and math.isfinite(fix.height)):
+            self.input_status[FIX].reject("not a place on earth")
+            return
         self.magnetic.place = (fix.lat, fix.lon, fix.height)
         if self._aligned:
             hold_position(self.core, self.magnetic.place)
 
     def _run(self, block: ImuBlock) -> None:
-        block = self._finite(block)
-        start = 0
-        while block is not None and start < len(block):
-            if self._in_gap(block, start):
-                start += 1
-            elif self._aligned:
-                start = self._advance(block, start)
-            else:
-                start = self._align(block, start)
+        for part in unbroken(self._finite(block)):
+            start = 0
+            while start < len(part):
+                if self._in_gap(part, start):
+                    start += 1
+                elif self._aligned:
+                    start = self._advance(part, start)
+                else:
+                    start = self._align(part, start)
 
-    def _finite(self, block: ImuBlock) -> ImuBlock | None:
+    def _finite(self, block: ImuBlock) -> ImuBlock:
         good = np.isfinite(block.specific_force_b).all(axis=1) & np.isfinite(block.angular_rate_b).all(axis=1)
         if good.all():
             return block
         self.input_status[IMU].reject("not finite")
-        if not good.any():
-            return None
-        return ImuBlock.of(block.source, block.stamps_ns[good], block.specific_force_b[good], block.angular_rate_b[good])
+        return rows_of(block, good)
 
     def _in_gap(self, block: ImuBlock, start: int) -> bool:
         """Whether the sample at ``start`` ends a hole in the inertial data; if so, align anew, keeping the sensor biases.
@@ -247,7 +272,7 @@ class Ahrs(Navigator):
 
     def _aid_velocity(self, item: GpsVelocity) -> None:
         self.core.settle()
-        if self.level_since_ns is not None and np.isfinite(item.vel_n).all() and np.isfinite(item.cov_n).all():
+        if self.level_since_ns is not None:
             self.core.nav[VEL] = item.vel_n  # the velocity counted from zero means nothing beside a measured one
             kalman.reset_block(self.P, VEL, item.cov_n + np.eye(3) * self.settings.gps.velocity_floor_mps**2)
             self.level_since_ns = None
