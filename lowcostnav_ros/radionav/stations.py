@@ -106,7 +106,7 @@ def stations_from_text(text: str, where: str = "stations") -> StationTable:
         row = _cells(line, f"{where} line {number}")
         if len(row) != len(header):
             raise StationError(f"{where} line {number}: {len(row)} cells for {len(header)} columns; check the commas.")
-        stations.append(_station(dict(zip(header, row, strict=True)), f"{where} line {number}"))
+        stations.append(station_from_cells(dict(zip(header, row, strict=True)), f"{where} line {number}"))
     return StationTable(stations)
 
 
@@ -117,7 +117,14 @@ def _cells(line: str, where: str) -> list[str]:
         raise StationError(f"{where}: not readable as comma-separated text ({error}); retype the line.") from None
 
 
-def _station(cells: dict[str, str], where: str) -> Station:
+def station_from_cells(cells: dict[str, str], where: str) -> Station:
+    """Return the station one row of text cells describes, by column name.
+
+    Raises
+    ------
+    StationError
+        For a cell that cannot be right; the message begins with ``where``.
+    """
     ident = cells["ident"].upper()
     if not re.fullmatch(r"[A-Z0-9]{1,4}", ident):
         raise StationError(f"{where}: ident '{cells['ident']}' must be one to four letters or digits.")
