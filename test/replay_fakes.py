@@ -164,3 +164,10 @@ def write_bag(path, items, extra=(), storage="mcap"):
         for stamp, topic, msgtype, raw in sorted(rows, key=lambda r: r[0]):
             writer.write(topic, msgtype, stamp, raw)
     return path
+
+
+def write_config(folder):
+    """A configuration directory with a file for every fake."""
+    for name in REGISTRY:
+        (folder / f"{name}.yaml").write_text("/**:\n  ros__parameters:\n    horizon.lag_s: 0.05\n")
+    return folder

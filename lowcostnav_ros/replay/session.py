@@ -27,6 +27,10 @@ from lowcostnav_ros.truth import TruthBlock
 FLUSH_NS = 5_000_000_000
 """Results are written and evaluated whenever the stream has moved on this far."""
 
+LONGEST_BURST_NS = 50_000_000
+"""Where navigators hear each other, inertial blocks are fed in pieces no longer than this: a second of samples at once would make one
+navigator speak for a whole second before another has said anything, which is late by the listener's horizon and never happens in flight."""
+
 Item = Measurement | TruthBlock
 
 
@@ -128,6 +132,7 @@ class Session:
             evaluation = Evaluation(self.truth, self.gaps, self.windows, on_errors)
             self.runs[name] = NavigatorRun(link, evaluation, out_files, link.topic in recorded)
         self.replaced = {topic for name in self.runs for topic in output_topics(name)}
+        self._is_chain = any(topic in run.navigator.inputs for topic in self.replaced for run in self.runs.values())
         self._wanted = {source for run in self.runs.values() for source in run.navigator.inputs}
 
     def feed(self, measurement: Measurement) -> None:
@@ -142,7 +147,8 @@ class Session:
             if isinstance(given, GpsPosition):
                 self.gaps.add(given.stamp_ns)
                 self._write_fix(given, withheld=False)
-            self._distribute(given)
+            for piece in _pieces(given) if self._is_chain else (given,):
+                self._distribute(piece)
         if self._flushed_ns is None or self.newest_ns - self._flushed_ns > FLUSH_NS:
             self.flush()
 
@@ -295,6 +301,16 @@ def simulated(blocks: Iterable[tuple[TruthBlock, list[Measurement]]]) -> Iterato
                     inertial[k] = _cut(block, slice(n, None))
             yield aid
         yield from (block for block in inertial if len(block))
+
+
+def _pieces(measurement: Measurement) -> Iterator[Measurement]:
+    """Inertial blocks in pieces of :data:`LONGEST_BURST_NS`, on multiples of it; anything else as it is."""
+    if not isinstance(measurement, ImuBlock) or measurement.stamp_ns - measurement.stamps_ns[0] < LONGEST_BURST_NS:
+        yield measurement
+        return
+    cuts = np.flatnonzero(np.diff(measurement.stamps_ns // LONGEST_BURST_NS)) + 1
+    for first, last in itertools.pairwise([0, *cuts.tolist(), len(measurement)]):
+        yield _cut(measurement, slice(first, last))
 
 
 def _cut(block: ImuBlock, rows: slice) -> ImuBlock:

@@ -53,7 +53,8 @@ def ground_map(result: Result) -> str:
     ellipses = []
     for name, navigator in result.navigators.items():
         if _known(navigator.solutions, "lat_deg"):
-            tracks.append(Track(navigator.solutions["lat_deg"], navigator.solutions["lon_deg"], colour_of(name, names), name, dash=DASHES.get(name)))
+            place = navigator.solutions["lat_deg"], navigator.solutions["lon_deg"]
+            tracks.append(Track(*place, colour_of(name, names), name, dash=DASHES.get(name)))
             ellipses += _ellipses(navigator, colour_of(name, names), result.summary["without_gps"]["intervals_s"])
     stations = [Station(s["ident"], s["lat_deg"], s["lon_deg"]) for s in result.summary.get("stations", [])]
     return map_chart(tracks, stations, ellipses)
@@ -101,7 +102,7 @@ def motion_figures(result: Result, axis: TimeAxis) -> list[str]:
     for column, title in (("height_m", "Height above the ellipsoid [m]"), ("speed_mps", "Ground speed [m/s]")):
         truth = _with_speed(result.truth)
         items = [Curve(*_track_of(truth, column), TRUTH_COLOUR, "truth", 2.2)] if _known(truth, column) else []
-        charts.append(time_chart(title, axis, [*items, *_solution_curves(result, column)], width=HALF))
+        charts.append(time_chart(title, axis, [*items, *_solution_curves(result, column)]))
     return charts
 
 
@@ -123,7 +124,9 @@ def state_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> li
         rows = states["state"] == name
         t, value, sigma = states["t_s"][rows], states["value"][rows], states["sigma"][rows]
         edges = [Curve(t, value + k * s * sigma, colour, width=0.7, dash="3 3" if k == 2 else "1 2") for k in (1, 2) for s in (-1.0, 1.0)]
-        charts.append(time_chart(str(name), axis, [*edges, Curve(t, value, colour)], width=HALF, height=120))
+        low, high = np.nanquantile(value - 2.0 * sigma, 0.04), np.nanquantile(value + 2.0 * sigma, 0.96)
+        limits = (float(low), float(high)) if high > low else None  # the first seconds' sigmas would flatten all the rest
+        charts.append(time_chart(str(name), axis, [*edges, Curve(t, value, colour)], width=HALF, height=120, limits=limits))
     return charts
 
 

@@ -1,0 +1,219 @@
+"""The report: numbers in figures against closed forms, a page that needs nothing else."""
+
+import re
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from replay_fakes import REGISTRY, FakeAhrs, FakeSettings, FixFollower, flight, write_bag, write_config
+
+from lowcostnav_ros.cli import main
+from lowcostnav_ros.replay.session import replay_stream
+from lowcostnav_ros.replay.withhold import parse_withhold
+from lowcostnav_ros.replay.words import distance, error_over_sigma, sentence
+from lowcostnav_ros.report import svg
+from lowcostnav_ros.report.chart import BOTTOM, LEFT, RIGHT, TOP, Band, Curve, Frame, TimeAxis, time_chart
+from lowcostnav_ros.report.decimate import thin, thin_envelope
+from lowcostnav_ros.report.map_chart import Track, map_chart
+from lowcostnav_ros.report.page import page_of
+from lowcostnav_ros.report.result_folder import read_result, read_table
+from lowcostnav_ros.report.timeline import mode_spans
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    import json
+
+    out = tmp_path_factory.mktemp("result")
+    navigators = {"follower": FixFollower(FakeSettings(north_bias_m=3.0)), "ahrs": FakeAhrs(FakeSettings())}
+    result = replay_stream(flight(30), navigators, (parse_withhold("gps/fix@10-22"),), out=out)
+    (out / "summary.json").write_text(json.dumps(result.summary))
+    return out
+
+
+@given(st.integers(2, 6000), st.integers(0, 2**31))
+def test_thinning_keeps_extremes_ends_of_buckets_and_order(n, seed):
+    y = np.random.default_rng(seed).normal(size=n)
+    x = np.arange(n, dtype=float)
+    tx, ty = thin(x, y, 200)
+    assert len(tx) <= max(n if n <= 400 else 0, 400)
+    assert (ty.min(), ty.max()) == (y.min(), y.max())
+    assert np.all(np.diff(tx) > 0) and set(zip(tx, ty, strict=True)) <= set(zip(x, y, strict=True))
+
+
+def test_thinning_keeps_gaps_and_envelopes_never_shrink():
+    x, y = np.arange(5000.0), np.sin(np.arange(5000.0) / 50.0) + 2.0
+    y[2500:2600] = np.nan
+    tx, ty = thin(x, y, 100)
+    assert np.isnan(ty[(tx >= 2500) & (tx < 2600)]).any()
+    ex, ey = thin_envelope(x, np.abs(np.nan_to_num(y)), 100)
+    assert ey.max() == np.abs(np.nan_to_num(y)).max() and len(ex) <= 100
+
+
+def _points(data):
+    """Absolute points of a path in relative steps, decoded the long way round."""
+    points, x, y = [], 0, 0
+    for move, rest in re.findall(r"M([-\d ]+)(?:l([-\d ]*))?", data):
+        x, y = (int(v) for v in re.findall(r"-?\d+", move))
+        points.append((x, y))
+        steps = [int(v) for v in re.findall(r"-?\d+", rest or "")]
+        for dx, dy in zip(steps[::2], steps[1::2], strict=True):
+            x, y = x + dx, y + dy
+            points.append((x, y))
+    return points
+
+
+@given(st.lists(st.tuples(st.floats(-500, 500), st.floats(-500, 500)), min_size=1, max_size=60))
+def test_paths_decode_to_the_points_they_were_made_of(points):
+    x, y = np.array(points).T
+    decoded = _points(svg.path_data(x, y))
+    expected = list(zip(np.round(x * 10).astype(int).tolist(), np.round(y * 10).astype(int).tolist(), strict=True))
+    assert decoded == [p for k, p in enumerate(expected) if k == 0 or p != expected[k - 1]]
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6), st.integers(3, 10))
+def test_ticks_are_round_and_inside(low, span, count):
+    high = low + span
+    ticks = svg.nice_ticks(low, high, count)
+    steps = np.diff(ticks)
+    assert all(low - 1e-6 * span <= t <= high + 1e-6 * span for t in ticks) and len(ticks) <= count + 2
+    if len(ticks) > 1:
+        mantissa = steps[0] / 10.0 ** np.floor(np.log10(steps[0]) + 1e-9)
+        assert min(abs(mantissa - m) for m in (1, 2, 5, 10)) < 1e-3
+
+
+def test_tick_labels_have_the_decimals_their_spacing_needs():
+    assert svg.tick_label(-20.0, (-20.0, 0.0)) == "\N{MINUS SIGN}20"
+    assert svg.tick_label(0.02, (0.0, 0.02, 0.04)) == "0.02"
+
+
+def test_a_chart_places_its_corners_where_the_frame_says():
+    axis = TimeAxis(100.0, 200.0, [(120.0, 150.0)])
+    frame = Frame(axis, -1.0, 1.0, 960, 150)
+    assert (frame.x(100.0), frame.x(200.0)) == (LEFT, 960 - RIGHT)
+    assert (frame.y(-1.0), frame.y(1.0)) == (150 - BOTTOM, TOP)
+    drawn = time_chart("Error [m]", axis, [Curve(np.array([100.0, 200.0]), np.array([-1.0, 1.0]), "#000")], limits=(-1.0, 1.0))
+    root = ET.fromstring(drawn)
+    (curve,) = root.findall("path")
+    assert _points(curve.get("d")) == [(LEFT * 10, (150 - BOTTOM) * 10), ((960 - RIGHT) * 10, TOP * 10)]
+    shaded = next(r for r in root.findall("rect") if r.get("class") == "outage")
+    assert float(shaded.get("x")) == pytest.approx(frame.x(120.0), abs=0.06)
+    assert float(shaded.get("width")) == pytest.approx(0.3 * (960 - LEFT - RIGHT), abs=0.06)
+
+
+def test_bands_are_one_and_two_sigma():
+    axis = TimeAxis(0.0, 10.0)
+    t = np.array([0.0, 10.0])
+    drawn = time_chart("e", axis, [Band(t, np.array([1.0, 1.0]), "#00f"), Curve(t, np.zeros(2), "#000")], limits=(-4.0, 4.0))
+    rows = [[y for _, y in _points(path.get("d"))] for path in ET.fromstring(drawn).findall("path")]
+    heights = [max(y) - min(y) for y in rows]
+    inner = (150 - TOP - BOTTOM) * 10
+    assert heights[:2] == [pytest.approx(inner / 2.0, abs=2), pytest.approx(inner / 4.0, abs=2)]
+
+
+def test_nothing_to_draw_is_an_empty_string():
+    assert time_chart("e", TimeAxis(0.0, 1.0), [Curve(np.array([0.0]), np.array([np.nan]), "#000")]) == ""
+    assert map_chart([Track(np.array([np.nan]), np.array([np.nan]), "#000", "x")]) == ""
+
+
+def test_the_map_has_the_same_scale_both_ways_and_north_up():
+    side = 1852.0 * 4 / 6.371e6
+    lat = np.degrees(np.array([0.6, 0.6 + side, 0.6 + side, 0.6]))
+    lon = np.degrees(np.array([1.0, 1.0, 1.0 + side / np.cos(0.6), 1.0 + side / np.cos(0.6)]))
+    root = ET.fromstring(map_chart([Track(lat, lon, "#123456", "square")]))
+    (path,) = [p for p in root.findall("path") if p.get("stroke") == "#123456"]
+    (x0, y0), (x1, y1), (x2, y2), _ = _points(path.get("d"))
+    assert y1 < y0 and x2 > x1
+    assert (x2 - x1) / (y0 - y1) == pytest.approx(1.0, abs=0.01)
+    labels = [t.text for t in root.findall("text")]
+    assert any(t.endswith(" NM") for t in labels) and any(t.endswith(" km") for t in labels) and "N" in labels
+
+
+def test_mode_spans_join_runs():
+    spans = mode_spans(np.array([0.0, 1.0, 2.0, 3.0]), np.array(["gps", "gps", "coasting", "coasting"]))
+    assert spans == [(0.0, 2.0, "gps"), (2.0, 3.0, "coasting")]
+
+
+class _Checker(HTMLParser):
+    """Fails on unbalanced tags and collects every address a browser would fetch."""
+
+    VOID = {"meta", "line", "path", "rect", "circle", "ellipse", "polygon"}
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.fetched = [], []
+
+    def handle_starttag(self, tag, attributes):
+        self.fetched += [v for k, v in attributes if k in ("src", "href", "xlink:href")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attributes):
+        self.fetched += [v for k, v in attributes if k in ("src", "href", "xlink:href")]
+
+    def handle_endtag(self, tag):
+        if tag not in self.VOID:
+            assert self.open.pop() == tag
+
+
+def test_the_page_stands_alone_and_says_what_was_found(folder):
+    page = page_of(read_result(folder), "Flight <7>")
+    checker = _Checker()
+    checker.feed(page)
+    assert checker.open == [] and checker.fetched == []
+    assert "@import" not in page and "Flight &lt;7&gt;" in page and len(page) < 3_000_000
+    assert re.search(r"</b>: 10 s without GPS, worst \d+ m, 95 % within \d+ m, sigma too small", page)
+    assert "NaN" not in page and ">nan<" not in page
+    for heading in ("Map", "Modes and refused measurements", "Errors", "follower: errors in their sigmas", "Attitude", "Settings"):
+        assert f"<h2>{heading}</h2>" in page or f"<summary>{heading}</summary>" in page
+
+
+def test_every_figure_is_well_formed_and_decimated(folder):
+    page = page_of(read_result(folder))
+    figures = re.findall(r"<svg.*?</svg>", page, re.S)
+    assert len(figures) > 10
+    for figure in figures:
+        for path in ET.fromstring(figure).iter("path"):
+            assert len(_points(path.get("d"))) < 4000 or path.get("class")
+
+
+def test_a_bag_is_reported_on_by_way_of_a_replay(capsys, tmp_path):
+    bag, config = write_bag(tmp_path / "flight", flight(8)), write_config(tmp_path)
+    page = tmp_path / "r.html"
+    assert main(["report", str(bag), "-o", str(page), "--config", str(config), "--navigators", "follower"], REGISTRY) == 0
+    assert "sha256" in page.read_text() and "r.html" in capsys.readouterr().out
+
+
+def test_a_folder_without_results_is_refused(capsys, tmp_path):
+    assert main(["report", str(tmp_path), "-o", str(tmp_path / "r.html")], REGISTRY) == 2
+    (tmp_path / "summary.json").write_text("{}")
+    assert main(["report", str(tmp_path), "-o", str(tmp_path / "r.html")], REGISTRY) == 2
+    assert "no readable summary.json" in capsys.readouterr().err
+
+
+def test_blank_cells_come_back_as_nan(folder):
+    columns = read_table(folder / "ahrs.csv")
+    assert np.isnan(columns["lat_deg"]).all() and np.isfinite(columns["roll_deg"]).all()
+    assert set(columns["mode"].tolist()) == {"gps"}
+
+
+@pytest.mark.parametrize(
+    ("metres", "said"), [(3.14, "3.1 m"), (412.4, "412 m"), (1999.0, "1999 m"), (3704.0, "3.7 km (2.0 NM)")]
+)
+def test_distances_are_said_as_a_pilot_would(metres, said):
+    assert distance(metres) == said
+
+
+def test_sentences_call_sigmas_by_what_they_are():
+    def navigator(ratio):
+        part = {"horizontal_m": {"max": 412.0, "p95": 380.0}, "error_over_sigma": {"north_m": ratio, "east_m": ratio}}
+        return {"solutions": 9, "errors": {"without_gps": part, "flight": part}, "aids": {}, "mode_at_end": "coasting", "reason_at_end": ""}
+
+    assert sentence("dead_reckoning", navigator(0.9), 340.0) == (
+        "dead_reckoning: 340 s without GPS, worst 412 m, 95 % within 380 m, sigma honest (error/sigma 0.9)."
+    )
+    assert "sigma too small" in sentence("x", navigator(3.0), 1.0) and "sigma cautious" in sentence("x", navigator(0.2), 1.0)
+    assert error_over_sigma({"north_m": 3.0, "east_m": 4.0}) == pytest.approx(np.sqrt(12.5))
