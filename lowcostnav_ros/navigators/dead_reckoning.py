@@ -83,6 +83,7 @@ class DeadReckoning(Navigator):
         settings = self.settings
         self.state, self.held, self.geometry = DeadReckoningState(settings), HeldInputs(), ""
         self._last_out_ns: int | None = None
+        self._looked_s: int | None = None
         self._heard = HeardStations(self.stations, HEARD_S)
         self._gps_position = GpsPositionAid(settings.gps)
         self._gps_velocity = GpsVelocityAid(settings.gps, settings.wind)
@@ -153,10 +154,10 @@ class DeadReckoning(Navigator):
     def _judge(self) -> None:
         """Find the mode and say why."""
         silent = self.state.silent(self.held)
-        self.geometry = ""
         if silent:
             self.mode, self.reason = "failed", f"{silent}: position is not reckoned any more"
         elif self.gps_good():
+            self.geometry = ""
             self.mode, self.reason = "calibrating", "GPS good" if self.held.airborne else "GPS good, on the ground: wind is not learned"
         else:
             self._judge_outage()
@@ -171,13 +172,23 @@ class DeadReckoning(Navigator):
             self.mode, self.reason = "coasting", f"{gps}; airspeed below {self.settings.airspeed.minimum_mps:g} m/s, position held"
             return
         if not self.dme_good():
+            self.geometry = ""
             self.mode, self.reason = "coasting", f"{gps}; reckoning on airspeed, heading and learned wind"
             return
+        self._look_at_geometry()
+        stations = ", ".join(self._heard.idents(state.t_ns))
+        self.mode, self.reason = "dme_aided", f"{gps}; DME {stations}" + (f"; {self.geometry}" if self.geometry else "")
+
+    def _look_at_geometry(self) -> None:
+        """Judge the geometry of the stations heard, once a second."""
+        state = self.state
+        second = state.t_ns // 1_000_000_000
+        if second == self._looked_s:
+            return
+        self._looked_s = second
         velocity = state.velocity(self.held)[0]
         course = math.atan2(velocity[1], velocity[0])
         self.geometry = self._heard.judge(state.t_ns, state.nav, course, lambda u: math.sqrt(u @ state.P[0:2, 0:2] @ u))
-        stations = ", ".join(self._heard.idents(state.t_ns))
-        self.mode, self.reason = "dme_aided", f"{gps}; DME {stations}" + (f"; {self.geometry}" if self.geometry else "")
 
     def _alert(self) -> bool:
         return self.state.t_ns is not None and self.state.horizontal_sigma() > self.settings.alert_nm * NM

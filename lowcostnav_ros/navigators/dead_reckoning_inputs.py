@@ -9,7 +9,7 @@ from lowcostnav_ros.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude
 from lowcostnav_ros.navigators.dead_reckoning_model import DEG, air_velocity_n
 from lowcostnav_ros.navigators.dead_reckoning_settings import AirspeedSettings
 
-LONGEST_TURN_S = 0.2
+LONGEST_TURN_S = 0.5
 """An attitude is turned on with its own rate for this long at most; after that it is held."""
 
 LANDED = 0.8

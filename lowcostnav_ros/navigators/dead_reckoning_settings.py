@@ -78,6 +78,13 @@ class GpsSettings:
 
 
 @dataclass(frozen=True)
+class DmeGateSettings(GateSettings):
+    """The gate of ranges; they come seconds apart, so recovery takes many of them."""
+
+    recovery_s: float = setting(180.0, "Rejecting this long makes the aid recover (widen or re-initialise).", unit="s", minimum=0.0)
+
+
+@dataclass(frozen=True)
 class DmeSettings:
     """DME slant ranges."""
 
@@ -88,7 +95,7 @@ class DmeSettings:
     noise_nm: float = setting(0.004, "White range noise.", unit="NM", minimum=1e-5, maximum=1.0)
     slots: int = setting(4, "Stations whose bias is held at one time.", minimum=1, maximum=16)
     timeout_s: float = setting(60.0, "Without an accepted range for this long DME counts as lost.", unit="s", minimum=1.0, maximum=600.0)
-    gate: GateSettings = group(GateSettings)
+    gate: DmeGateSettings = group(DmeGateSettings)
 
 
 @dataclass(frozen=True)
