@@ -4,10 +4,11 @@ A flight starts when everybody who should hear it is listening; the graph runner
 """
 
 from collections import Counter
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lowcostnav_ros.config_files import load_settings
 from lowcostnav_ros.messages.topics import NAVIGATOR_TOPICS, TOPICS
+from lowcostnav_ros.settings import declared, from_mapping, to_mapping
 
 if TYPE_CHECKING:
     from lowcostnav_ros.graph import Graph, GraphNode
@@ -21,6 +22,7 @@ SIMULATOR_INPUTS: dict[str, tuple[str, ...]] = {
 }
 """The part of the truth each sensor simulator listens to."""
 
+LONGEST_LAG_S = 10.0
 AHRS_OUTPUTS = ("imu/data", "imu/data_fused")
 NAVIGATOR_NAMES = ("ahrs", "dead_reckoning", "ins_gps", "supervisor")
 SOURCES = ("truth_source", "player")
@@ -44,7 +46,7 @@ def inputs_of(node: "GraphNode") -> tuple[str, ...]:
     if node.executable == "recorder":
         return tuple(node.parameters.get("topics") or recorded_topics())
     if node.executable in NAVIGATOR_NAMES:
-        return tuple(_navigator(node.executable, node.config, node.parameters).inputs)
+        return tuple(_navigator(node).inputs)
     return ()
 
 
@@ -58,14 +60,37 @@ def expected_subscribers(graph: "Graph") -> list[str]:
     return [f"{topic}:{listeners[topic]}" for topic in sorted(published)]
 
 
-def _navigator(name: str, config: Path | None, parameters: Any) -> Any:
-    # the estimators and their compiler are heavy: only who runs a graph with navigators pays for them
-    from lowcostnav_ros.config_files import load_settings
-    from lowcostnav_ros.navigators.registry import NAVIGATORS
-    from lowcostnav_ros.settings import declared, from_mapping, to_mapping
+def shared_parameters(graph: "Graph", node: "GraphNode") -> dict[str, Any]:
+    """Return the parameter values of a node: what it owes to its graph, then its own."""
+    values: dict[str, Any] = {"qos.lossless": graph.lossless}
+    if graph.scenario and node.executable in SIMULATION:
+        values["scenario"] = graph.scenario
+    if node.executable in SOURCES:
+        values["real_time_factor"] = graph.real_time_factor
+        values["start.expected_subscribers"] = expected_subscribers(graph)
+    if node.executable in NAVIGATOR_NAMES and graph.real_time_factor > 1.0:
+        # transport takes wall time, the horizon counts stamps: flying faster needs a longer lag (it delays, it changes no solution)
+        values["horizon.lag_s"] = min(setting_of(node, "horizon.lag_s") * graph.real_time_factor, LONGEST_LAG_S)
+    return values | dict(node.parameters)
 
-    settings_class, navigator_class = NAVIGATORS[name]
-    base = load_settings(settings_class, config, name)
+
+def setting_of(node: "GraphNode", name: str) -> Any:
+    """Return the value a setting of a navigator has in a graph, e.g. ``horizon.lag_s``."""
+    return to_mapping(_navigator_settings(node))[name]
+
+
+def _navigator_settings(node: "GraphNode") -> Any:
+    # the estimators and their compiler are heavy: only who runs a graph with navigators pays for them
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+
+    settings_class = NAVIGATORS[node.executable][0]
+    base = load_settings(settings_class, node.config, node.name)
     known = {entry.name for entry in declared(settings_class)}
-    own = {key: value for key, value in parameters.items() if key in known}
-    return navigator_class(from_mapping(settings_class, {**to_mapping(base), **own}, name))
+    own = {key: value for key, value in node.parameters.items() if key in known}
+    return from_mapping(settings_class, {**to_mapping(base), **own}, node.name)
+
+
+def _navigator(node: "GraphNode") -> Any:
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+
+    return NAVIGATORS[node.executable][1](_navigator_settings(node))

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from lowcostnav_ros.graph import Graph, GraphError, GraphNode
 from lowcostnav_ros.graph_domain import free_domain, node_environment
-from lowcostnav_ros.graph_nodes import SIMULATION, SOURCES, STOP_ORDER, expected_subscribers
+from lowcostnav_ros.graph_nodes import SOURCES, STOP_ORDER, shared_parameters
 from lowcostnav_ros.graph_process import CANNOT_RUN, NodeProcess, write_parameters
 
 STOP_S = 5.0
@@ -189,15 +189,8 @@ class GraphRunner:
         return NodeProcess(node.name, node.executable, files, environment, self.log_dir / f"{node.name}.log", node.respawn)
 
     def _parameters(self, node: GraphNode) -> dict[str, Any]:
-        values: dict[str, Any] = {"qos.lossless": self.graph.lossless}
-        if self.graph.scenario and node.executable in SIMULATION:
-            values["scenario"] = self.graph.scenario
-        if node.executable in SOURCES:
-            values["real_time_factor"] = self.graph.real_time_factor
-            values["start.expected_subscribers"] = expected_subscribers(self.graph)
-        if node.executable == "recorder":
-            values |= {"path": str(self.out / "recording"), "numbered": True}  # a recorder that is started again must not be refused
-        return values | dict(node.parameters)
+        recording = {"path": str(self.out / "recording"), "numbered": True}  # a recorder that is started again must not be refused
+        return (recording if node.executable == "recorder" else {}) | shared_parameters(self.graph, node)
 
     def _start_monitor(self, environment: dict[str, str]) -> None:
         self._monitor = NodeProcess("monitor", "monitor", [], environment, self.log_dir / "monitor.log")

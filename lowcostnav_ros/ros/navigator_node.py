@@ -10,7 +10,10 @@ from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.ros.diagnostics import navigator_rows
 from lowcostnav_ros.ros.input_monitor import Status
 from lowcostnav_ros.ros.node_base import NodeBase
+from lowcostnav_ros.ros.warm_up import warm_up
 from lowcostnav_ros.settings import group, setting
+
+RESTART_NS = 10_000_000_000  # a stamp this much older is a time base that started again (a bag played twice)
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,7 @@ class NavigatorNode(NodeBase):
     def __init__(self, name: str, settings: Any, make: Any, **kwargs: Any) -> None:
         super().__init__(name, [settings, NavigatorNodeSettings()], **kwargs)
         self.navigator = make(self.parameters.settings[0])
+        warm_up(make(self.parameters.settings[0]))
         self._set_rate(self.parameters.settings[1])
         self._is_attitude_only = name == "ahrs"
         self._room = "nav" if name == "supervisor" else self.get_name()
@@ -99,11 +103,8 @@ class NavigatorNode(NodeBase):
                 self._publish(solution, "")
 
     def _is_due(self, stamp_ns: int) -> bool:
-        """Decimate by stamps, on multiples of the period, so that a jittering arrival leaves the spacing alone."""
-        inertial = self.navigator.inertial
-        if stamp_ns < self._next_output_ns and self._next_output_ns - stamp_ns <= self._output_period_ns:
-            return False
-        if inertial is not None and self.navigator.input_status[inertial].stamp_ns != stamp_ns:
+        """Decimate by stamps, on multiples of the period, so that neither jitter nor a late measurement changes the spacing."""
+        if stamp_ns < self._next_output_ns and self._next_output_ns - stamp_ns < RESTART_NS:
             return False
         self._next_output_ns = (stamp_ns // self._output_period_ns + 1) * self._output_period_ns
         return True

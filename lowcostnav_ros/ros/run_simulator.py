@@ -13,7 +13,7 @@ def run_simulator(name: str, sensor: str, outputs: Sequence[str], args: Sequence
     A simulator works on one row of truth at a time, where compiled kernels gain nothing, and without the compiler the process needs half
     the memory.  So the kernels run as plain Python here, unless the environment says otherwise.
     """
-    os.environ.setdefault("NUMBA_DISABLE_JIT", "1")
+    os.environ.setdefault("LOWCOSTNAV_KERNELS", "interpreted")
     from lowcostnav_ros.ros.simulator_node import SimulatorNode  # after the line above: kernels are made on import
 
     return run(partial(SimulatorNode, name, sensor, outputs), args)
