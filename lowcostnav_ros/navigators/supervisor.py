@@ -102,6 +102,7 @@ class Supervisor(Navigator):
         self._fix: GpsPosition | None = None
         self._agreed_ns: int | None = None
         self._streak_ns: int | None = None
+        self._agrees: dict[str, bool] = {}
         self._better_since_ns: int | None = None
         self._airborne = False
 
@@ -126,25 +127,18 @@ class Supervisor(Navigator):
         self._t_ns = due - period
 
     def _see_fix(self, fix: GpsPosition) -> None:
-        """Compare a fix with the solution flown; without one it can only be believed."""
+        """Compare a fix with every solution; it agrees when one of them does, or there is none to compare with."""
         if self._streak_ns is not None and fix.stamp_ns - self._fix.stamp_ns > 1e9 * self.settings.gps.timeout_s:
             self._streak_ns = None
         self._fix = fix
-        if self._distance_squared(fix) > self.threshold:
+        alive = self._alive(fix.stamp_ns)
+        self._agrees = {name: _distance_squared(fix, own) <= self.threshold for name, own in alive.items()}
+        if alive and not any(self._agrees.values()):
             self._streak_ns = None
             return
         self._agreed_ns = fix.stamp_ns
         if self._streak_ns is None:
             self._streak_ns = fix.stamp_ns
-
-    def _distance_squared(self, fix: GpsPosition) -> float:
-        """Normalised squared horizontal distance of a fix from the solution flown."""
-        own = self._solutions.get(self.active)
-        if own is None:
-            return 0.0
-        own = carried_to(own, fix.stamp_ns)
-        d = difference_n(fix.lat, fix.lon, fix.height, own.lat, own.lon, own.height)[0:2]
-        return float(d @ np.linalg.solve(fix.cov_n[0:2, 0:2] + own.cov_pos[0:2, 0:2], d))
 
     def _gps(self, now_ns: int) -> Gps:
         settings = self.settings.gps
@@ -186,14 +180,15 @@ class Supervisor(Navigator):
 
     def _choose(self, alive: dict[str, NavSolution], now_ns: int) -> None:
         """Pick the solution to fly on, and note a change with its reason."""
-        preferred = next(iter(alive))
+        preferred = next((name for name in alive if self._agrees.get(name, True)), next(iter(alive)))
         if self.active is None:
             self._switch(preferred, now_ns, "first solution")
         elif self.active not in alive:
             self._switch(preferred, now_ns, f"{self.active} is silent")
         elif self.mode in ("calibrating", "gps", "no_go", "initialising"):
             if self.active != preferred:
-                self._switch(preferred, now_ns, "GPS is good")
+                agrees = self._agrees.get(self.active, True)
+                self._switch(preferred, now_ns, "GPS is good" if agrees else f"{self.active} disagrees with GPS")
         elif len(alive) > 1:
             self._choose_smaller(alive, now_ns)
 
@@ -288,6 +283,12 @@ class Supervisor(Navigator):
         if self._published is not None:
             out["horizontal_m"] = _horizontal_sigma(self._published)
         return out
+
+
+def _distance_squared(fix: GpsPosition, own: NavSolution) -> float:
+    """Normalised squared horizontal distance of a fix from a solution at its stamp."""
+    d = difference_n(fix.lat, fix.lon, fix.height, own.lat, own.lon, own.height)[0:2]
+    return float(d @ np.linalg.solve(fix.cov_n[0:2, 0:2] + own.cov_pos[0:2, 0:2], d))
 
 
 def _horizontal_sigma(solution: NavSolution) -> float:
