@@ -220,15 +220,27 @@ def test_a_unit_error_at_the_start_is_named(force, rate, sentence):
     assert sentence in navigator.reason
 
 
-def test_a_hole_in_the_inertial_data_realigns_and_says_so(truth):
-    stream = measurements(truth, 6)
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0])
+def test_a_hole_in_the_inertial_data_realigns_and_says_so(truth, rate_hz):
+    stream = measurements(truth, 6, rate_hz=rate_hz)
     start = truth.stamps_ns[0]
     holed = [m for m in stream if not (isinstance(m, ImuBlock) and 60e9 < m.stamp_ns - start < 62e9)]
     navigator, solutions = fed(holed)
     assert navigator.restarts["inertial data missing for more than 0.5 s"] == 1
     assert navigator.mode == "gps"
+    assert navigator.input_status["gps/fix"].rejected["inertial data missing"] >= 1
     e, _ = errors(truth, solutions)
     assert np.abs(e[e[:, 0] > 100.0, 1:4]).max() < 6.0
+
+
+@pytest.mark.parametrize("broken", [dict(lat=np.nan), dict(cov_n=np.full((3, 3), np.inf))])
+def test_a_value_that_is_no_number_is_refused_by_name_and_harms_nothing(truth, broken):
+    stream = measurements(truth[:4000], 3)
+    fixes = [i for i, m in enumerate(stream) if isinstance(m, GpsPosition)]
+    stream[fixes[-3]] = dataclasses.replace(stream[fixes[-3]], **broken)
+    navigator, solutions = fed(stream)
+    assert navigator.position_aid.status.rejected["innovation not finite"] == 1
+    assert np.isfinite(solutions[-1].lat)
 
 
 def test_a_spike_is_refused_by_name_and_a_lasting_step_is_followed(truth):

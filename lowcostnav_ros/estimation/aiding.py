@@ -125,10 +125,10 @@ class Aid:
         innovation = self.innovation(measurement, host)
         if isinstance(innovation, str):
             return self._refused(innovation)
+        if not all(np.isfinite(part).all() for part in (innovation.y, innovation.H, innovation.R)):
+            return self._refused("innovation not finite")
         S = kalman.innovation_covariance(host.P, innovation.H, innovation.R)
         nis = kalman.normalised_innovation_squared(innovation.y, S)
-        if not np.isfinite(nis):
-            return self._refused("innovation not finite")
         status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
         status.nis, status.test_ratio = nis, nis / self.threshold
         decision, reason = self.control(measurement.stamp_ns, status.test_ratio, host)

@@ -1,7 +1,8 @@
 """The fusion horizon: hands measurements over in stamp order, a fixed lag behind the newest, whatever order they came in.
 
 The fused solution thereby depends on the set of measurements alone.  Inertial samples may arrive one by one or in blocks of any
-cut; an aid that falls inside a sample's interval gets that sample split at its stamp, so it is fused at its own time.
+cut; an aid that falls inside a sample's interval gets that sample split at its stamp, so it is fused at its own time.  An aid in a
+hole of the inertial data gets nothing: whoever carries the state sees that it has not reached the aid's stamp.
 """
 
 import heapq
@@ -16,6 +17,9 @@ TIME_JUMP_NS = 10_000_000_000
 
 JUMP_VOTES = 3
 """So many stamps in a row must agree before the time base is believed to have jumped."""
+
+HOLE_NS = 500_000_000
+"""Longest interval one inertial sample may stand for; a longer one is a hole in the data, and no aid is fused inside it."""
 
 MAX_WAITING = 20_000
 """Aids held while inertial data is silent; beyond it the oldest go, counted."""
@@ -156,7 +160,8 @@ class FusionHorizon:
         if n:
             self._carried_ns = int(stamps[n - 1])
             yield ImuBlock.of(held.source, stamps[:n], held.specific_force_b[:n], held.angular_rate_b[:n])
-        if split and n < len(stamps) and (self._carried_ns is None or self._carried_ns < stamp):
+        carried = self._carried_ns
+        if split and n < len(stamps) and (carried is None or (carried < stamp and stamps[n] - carried <= HOLE_NS)):
             self._carried_ns = stamp
             yield ImuBlock.of(held.source, np.array([stamp]), held.specific_force_b[n : n + 1], held.angular_rate_b[n : n + 1])
         if n == len(stamps):

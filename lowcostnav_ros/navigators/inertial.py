@@ -18,6 +18,7 @@ import numpy as np
 from lowcostnav_ros.earth import EARTH_RATE, displace, gravity, radii
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
+from lowcostnav_ros.estimation.horizon import HOLE_NS
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.rotation import quat_apply_phi_n, quat_to_dcm
 from lowcostnav_ros.sensors.imu_profile import ImuNoise
@@ -27,8 +28,7 @@ from lowcostnav_ros.strapdown import strapdown_step
 POS, VEL, ATT = slice(0, 3), slice(3, 6), slice(6, 9)
 CORE = 9
 COVARIANCE_STEP_NS = 100_000_000
-GAP_NS = 500_000_000
-"""Longest hole in the inertial data that is bridged with the next sample's mean rates."""
+GAP_NS = HOLE_NS
 
 DEG = np.pi / 180.0
 MILLI_G = 9.80665e-3

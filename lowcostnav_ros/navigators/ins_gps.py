@@ -151,6 +151,8 @@ class InsGps(Navigator):
             self._run(item)
         elif not self._aligned:
             self._prepare(item)
+        elif self.core.t_ns != item.stamp_ns:
+            self.input_status[item.source].reject("inertial data missing")
         else:
             self.core.settle()
             self._aid(item)
