@@ -1,0 +1,79 @@
+"""A small graph, live: nothing lost, a killed node comes back, the end is clean."""
+
+import os
+import signal
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from lowcostnav_ros.graph import GraphError, parse_graph  # noqa: E402
+from lowcostnav_ros.graph_process import NodeProcess, describe_exit  # noqa: E402
+from lowcostnav_ros.graph_runner import GraphRunner  # noqa: E402
+from lowcostnav_ros.messages.bag import BagReader  # noqa: E402
+
+TRUTH = {"executable": "truth_source", "parameters": {"kind": "dataset", "name": "LD", "duration_s": 4.0}}
+SMALL = {"scenario": "ld", "lossless": True, "real_time_factor": 2.0, "nodes": [TRUTH, "imu_simulator", "gps_simulator", "recorder"]}
+
+
+def alive(pid: int) -> bool:
+    return os.path.exists(f"/proc/{pid}") and "Z" not in open(f"/proc/{pid}/stat").read().rpartition(")")[2].split()[0]
+
+
+def test_a_flight_is_recorded_whole_and_nothing_is_left_behind(tmp_path):
+    with GraphRunner(parse_graph(SMALL, "small"), out=tmp_path, log_dir=tmp_path / "log") as runner:
+        assert runner.wait_until_finished(45.0), runner.rows
+        pids = [process.process.pid for process in runner.processes.values()]
+        counts = runner.counts()
+    assert runner.events == [] and not any(alive(pid) for pid in pids)
+    assert [process.exit_code for process in runner.processes.values()] == [0] * len(pids)
+    assert counts["truth/imu"] == {"sent": 400, "imu_simulator": 400}
+    for topic in ("imu/data_raw", "gps/fix", "gps/vel"):
+        assert counts[topic]["sent"] == counts[topic]["recorder"] > 0
+    with BagReader(tmp_path / "recording") as bag:
+        assert bag.counts["imu/data_raw"] == counts["imu/data_raw"]["sent"]
+        assert bag.duration_s == pytest.approx(4.0, abs=0.3)
+    with pytest.raises(GraphError, match="exists already"), GraphRunner(parse_graph(SMALL, "small"), out=tmp_path):
+        pass
+
+
+def test_a_killed_node_is_named_started_again_and_heard_again(tmp_path):
+    graph = parse_graph({"nodes": ["gps_simulator"]}, "one")
+    with GraphRunner(graph, log_dir=tmp_path) as runner:
+        assert runner.wait_for(lambda: "gps_simulator: input truth/odometry" in runner.rows, 15.0)
+        process = runner.processes["gps_simulator"]
+        os.kill(process.process.pid, signal.SIGKILL)
+        assert runner.wait_for(lambda: process.restarts == 1 and process.alive, 10.0)
+        restarted = time.monotonic()
+        assert runner.wait_for(lambda: (runner.silent_s("gps_simulator") or 99.0) < time.monotonic() - restarted, 15.0)
+    assert runner.events[:2] == [
+        "gps_simulator died: killed by SIGKILL; starting again in 0.5 s.",
+        "gps_simulator started again (restart 1).",
+    ]
+
+
+def test_a_node_that_cannot_run_is_not_started_again_and_its_sentence_is_passed_on(tmp_path):
+    graph = parse_graph({"nodes": [{"executable": "gps_simulator", "parameters": {"rate_hz": 900.0}}]}, "bad")
+    with GraphRunner(graph, log_dir=tmp_path) as runner, pytest.raises(GraphError, match="gps_simulator cannot run: .*at most 50 Hz"):
+        runner.wait_for(lambda: False, 15.0)
+    assert runner.processes["gps_simulator"].restarts == 0
+
+
+def test_back_off_doubles_and_the_exit_status_is_told(tmp_path, monkeypatch):
+    process = NodeProcess("x", "monitor", [], dict(os.environ), tmp_path / "x.log")
+    process._command = [sys.executable, "-S", "-c", "import sys; sys.exit('engine on fire')"]
+    now = [1000.0]
+    monkeypatch.setattr("lowcostnav_ros.graph_process.time.monotonic", lambda: now[0])
+    process.start()
+    said = []
+    for wait_s in (0.5, 1.0, 2.0):
+        process.process.wait(10.0)
+        said.append(process.watch())
+        now[0] += wait_s
+        assert process.watch() == f"x started again (restart {len(said)})."
+    assert said[0] == "x died: exit code 1 (engine on fire); starting again in 0.5 s."
+    assert said[2].endswith("starting again in 2.0 s.")
+    process.process.wait(10.0)
+    assert describe_exit(-9) == "killed by SIGKILL"

@@ -1,0 +1,121 @@
+"""Every executable as a process: clean exit on one and two interrupts, refusal of what cannot run, recorder and player."""
+
+import signal
+import time
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from lowcostnav_ros.graph_nodes import EXECUTABLES  # noqa: E402
+from lowcostnav_ros.messages.bag import BagReader  # noqa: E402
+from lowcostnav_ros.messages.encode import encode_cdr  # noqa: E402
+from lowcostnav_ros.nodes.recorder import free_path, header_stamp_ns  # noqa: E402
+
+HOLD = ("-p", "start.expected_subscribers:=['truth/imu:9']")
+
+
+def wait_until_up(ros, name: str) -> None:
+    assert ros.spin_until(lambda: name in [n for n, _ in ros.probe.get_node_names_and_namespaces()], 40.0)
+    # it spins once its diagnostics are heard
+    heard = []
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    ros.probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: heard.extend(s.name for s in m.status), 50)
+    if name != "monitor":
+        assert ros.spin_until(lambda: any(n.startswith(f"{name}: ") for n in heard), 10.0)
+
+
+def arguments_of(executable: str, tmp_path) -> tuple[str, ...]:
+    if executable == "player":
+        return ("-p", f"path:={small_bag(tmp_path)}", "-p", "start.expected_subscribers:=['imu/data_raw:9']")
+    if executable == "recorder":
+        return ("-p", f"path:={tmp_path / 'recording'}")
+    return HOLD if executable == "truth_source" else ()
+
+
+def small_bag(tmp_path):
+    import numpy as np
+
+    from lowcostnav_ros.measurements import ImuBlock
+    from lowcostnav_ros.messages.bag import BagWriter
+
+    stamps = 10**18 + 10_000_000 * np.arange(100)
+    block = ImuBlock.of("imu/data_raw", stamps, np.tile([0.0, 0.0, -9.81], (100, 1)), np.zeros((100, 3)))
+    with BagWriter(tmp_path / "small") as bag:
+        for stamp, topic, msgtype, cdr in encode_cdr(block):
+            bag.write(topic, msgtype, stamp, cdr)
+    return tmp_path / "small"
+
+
+@pytest.mark.parametrize("executable", EXECUTABLES)
+def test_two_interrupts_end_a_node_cleanly(ros, start, tmp_path, executable):
+    process = start(executable, *arguments_of(executable, tmp_path))
+    wait_until_up(ros, executable)
+    process.send_signal(signal.SIGINT)
+    time.sleep(0.02)  # the second one arrives in the middle of the teardown
+    process.send_signal(signal.SIGINT)
+    assert process.wait(5.0) == 0, process.log.read_text()
+    assert "Traceback" not in process.log.read_text()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_one_signal_is_enough(ros, start, number):
+    process = start("gps_simulator")
+    wait_until_up(ros, "gps_simulator")
+    process.send_signal(number)
+    assert process.wait(5.0) == 0, process.log.read_text()
+
+
+def test_what_cannot_run_says_so_in_one_sentence_and_exits_with_2(start, tmp_path):
+    (tmp_path / "taken").mkdir()
+    for executable, value, sentence in (
+        ("gps_simulator", "rate_hx:=5.0", "did you mean 'rate_hz'"),
+        ("gps_simulator", "scenario:=livermoor", "did you mean 'livermore'"),
+        ("recorder", f"path:={tmp_path / 'taken'}", "exists already"),
+        ("player", "path:=/nowhere", "/nowhere"),
+    ):
+        process = start(executable, "-p", value)
+        assert process.wait(20.0) == 2
+        text = process.log.read_text()
+        assert sentence in text and "Traceback" not in text
+
+
+def test_what_the_player_plays_the_recorder_records(ros, start, tmp_path):
+    bag = small_bag(tmp_path)
+    recorder = start("recorder", "-p", f"path:={tmp_path / 'copy'}", "-p", "qos.lossless:=true")
+    wait_until_up(ros, "recorder")
+    player = start(
+        "player", "-p", f"path:={bag}", "-p", "qos.lossless:=true", "-p", "real_time_factor:=5.0",
+        "-p", "start.expected_subscribers:=['imu/data_raw:1']",
+    )  # fmt: skip
+    table = ros.diagnostics()
+    assert ros.spin_until(lambda: "player: source" in table and table["player: source"].message.startswith("finished"), 15.0)
+    assert ros.spin_until(lambda: "recorder: recording" in table and count(table["recorder: input imu/data_raw"]) == 100, 5.0)
+    for process in (player, recorder):
+        process.send_signal(signal.SIGINT)
+        assert process.wait(5.0) == 0
+    with BagReader(bag) as before, BagReader(tmp_path / "copy") as after:
+        assert [r[2] for r in after.stream(["imu/data_raw"])] == [r[2] for r in before.stream()]
+        assert after.duration_s == pytest.approx(0.99, abs=1e-3)
+
+
+def count(status) -> int:
+    return int(next(e.value for e in status.values if e.key == "count"))
+
+
+def test_the_stamp_of_a_serialised_message_is_read_without_decoding():
+    from lowcostnav_ros.messages.encode import imu_raw
+    from lowcostnav_ros.messages.store import to_cdr
+
+    zero = [0.0, 0.0, 0.0]
+    assert header_stamp_ns(to_cdr(imu_raw(1_234_567_890_123_456_789, zero, zero))) == 1_234_567_890_123_456_789
+    with pytest.raises(ValueError, match="too short"):
+        header_stamp_ns(b"\x00\x01")
+
+
+def test_a_taken_folder_gets_a_number(tmp_path):
+    assert free_path(tmp_path / "a") == tmp_path / "a"
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a_2").mkdir()
+    assert free_path(tmp_path / "a") == tmp_path / "a_3"
