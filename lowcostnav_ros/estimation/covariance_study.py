@@ -9,7 +9,7 @@ sources when gains are given, so the budgets add up to the whole, in the squares
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,13 +121,94 @@ def run(P0: np.ndarray, step: StepSource, steps: int, updates: UpdateSource | No
     P = np.array(P0, float)
     after, before = np.empty((steps + 1, *P.shape)), np.empty((steps + 1, *P.shape))
     after[0] = before[0] = P
-    t_s = np.zeros(steps + 1)
-    free = np.ones(len(P))
-    for k, now in _steps(step, steps):
-        t_s[k] = t_s[k - 1] + now.dt_s
-        P = _moved(P, now.Phi, now.total() if callable(step) else _cached_total(now))
+    t_s, free = np.zeros(steps + 1), np.ones(len(P))
+    for k, dt_s, Phi, Qd in _sequence(step, steps):
+        t_s[k] = t_s[k - 1] + dt_s
+        P = _moved(P, Phi, Qd)
         before[k] = P
         for update in updates(k) if updates else ():
-            kalman.update(P, np.zeros(len(update.H)), np.asarray(update.H, float), np.asarray(update.R, float), free)
+            kalman.update(P, np.zeros(len(update.H)), update.H, update.R, free)
         after[k] = P
     return History(t_s, after, before)
+
+
+def error_budget(
+    starts: Mapping[str, np.ndarray], step: Step, steps: int, updates: UpdateSource | None = None
+) -> tuple[History, dict[str, History]]:
+    """Carry every source of error alone through the gains of the whole filter.
+
+    Parameters
+    ----------
+    starts : mapping of str to ndarray, shape (n, n)
+        Covariance at time 0, by source; empty for a perfect start.
+    step, steps, updates
+        As for :func:`run`; the step's noise names the sources.
+
+    Returns
+    -------
+    whole : History
+        All sources together.
+    budget : dict of str to History
+        One per source of ``starts`` and of the noise, and :data:`MEASUREMENTS` where there are updates.  Squares add up to the whole.
+    """
+    n = len(step.Phi)
+    names = dict.fromkeys([*starts, *step.noise, *([MEASUREMENTS] if updates else [])])
+    parts = {name: np.array(starts.get(name, np.zeros((n, n))), float) for name in names}
+    zero = np.zeros((n, n))
+    whole = run(sum(parts.values(), zero), step, steps, updates)
+    shape = (len(parts), steps + 1, n, n)
+    after, before = np.empty(shape), np.empty(shape)
+    stack = np.array(list(parts.values()))
+    noise = np.array([step.noise.get(name, zero) for name in parts])
+    after[:, 0] = before[:, 0] = stack
+    for k in range(1, steps + 1):
+        stack = step.Phi @ stack @ step.Phi.T + noise
+        before[:, k] = stack
+        P = whole.before[k].copy()
+        for update in updates(k) if updates else ():
+            stack = _share(stack, P, update, list(parts).index(MEASUREMENTS))
+        after[:, k] = stack
+    return whole, {name: History(whole.t_s, after[i], before[i]) for i, name in enumerate(parts)}
+
+
+def first_crossing(t_s: np.ndarray, sigma: np.ndarray, level: float) -> float:
+    """Return the first time a curve rises to ``level``, linear between its points; ``inf`` when it never does."""
+    above = np.flatnonzero(np.asarray(sigma) >= level)
+    if not len(above):
+        return math.inf
+    k = int(above[0])
+    if k == 0:
+        return float(t_s[0])
+    share = (level - sigma[k - 1]) / (sigma[k] - sigma[k - 1])
+    return float(t_s[k - 1] + share * (t_s[k] - t_s[k - 1]))
+
+
+def growth_exponent(t_s: np.ndarray, sigma: np.ndarray, begin_s: float, end_s: float) -> float:
+    """Return the exponent p of sigma ~ t^p between two times: 1 for a constant rate, 1.5 for its random walk."""
+    first, last = np.interp([begin_s, end_s], t_s, sigma)
+    return math.log(last / first) / math.log(end_s / begin_s)
+
+
+def _sequence(step: StepSource, steps: int) -> Iterator[tuple[int, float, np.ndarray, np.ndarray]]:
+    """Number, length, transition and whole noise of each step."""
+    for k in range(1, steps + 1):
+        if k == 1 or callable(step):  # a constant step is summed once
+            now = step(k) if callable(step) else step
+            Qd = now.total()
+        yield k, now.dt_s, now.Phi, Qd
+
+
+def _moved(P: np.ndarray, Phi: np.ndarray, Qd: np.ndarray) -> np.ndarray:
+    moved = Phi @ P @ Phi.T + Qd
+    return 0.5 * (moved + moved.T)
+
+
+def _share(stack: np.ndarray, P: np.ndarray, update: Update, noise_row: int) -> np.ndarray:
+    """Pass the parts (s, n, n) through one update with the gain that belongs to the whole ``P``, which is updated in place."""
+    H, R = update.H, update.R
+    K = np.linalg.solve(kalman.innovation_covariance(P, H, R), H @ P).T
+    left = np.eye(len(P)) - K @ H
+    out = left @ stack @ left.T
+    out[noise_row] += K @ R @ K.T
+    kalman.update(P, np.zeros(len(H)), H, R, np.ones(len(P)))
+    return out
