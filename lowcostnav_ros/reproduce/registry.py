@@ -29,6 +29,9 @@ MODULES = (
     "gebre_experiment",
     "gebre_attitude",
     "gebre_dead_reckoning",
+    "gebre_ins_grades",
+    "gebre_update_methods",
+    "gebre_navigator_montecarlo",
     "gebre_fixing",
 )
 """Modules of this package that hold results; the part of a name before the first underscore is the study."""
