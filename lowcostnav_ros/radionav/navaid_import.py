@@ -21,7 +21,15 @@ import numpy as np
 from lowcostnav_ros.earth import geodetic_to_ecef
 from lowcostnav_ros.radionav.channels import channel_of
 from lowcostnav_ros.radionav.coverage import near
-from lowcostnav_ros.radionav.stations import COINCIDENT_M, COLUMNS, Station, StationError, StationTable, station_from_cells, stations_from_text
+from lowcostnav_ros.radionav.stations import (
+    COINCIDENT_M,
+    COLUMNS,
+    Station,
+    StationError,
+    StationTable,
+    station_from_cells,
+    stations_from_text,
+)
 from lowcostnav_ros.units import FOOT, NAUTICAL_MILE
 
 _OURAIRPORTS = ("ident", "name", "latitude_deg", "longitude_deg", "elevation_ft", "dme_channel", "power")
