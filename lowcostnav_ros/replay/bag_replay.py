@@ -1,6 +1,7 @@
 """Replay of a recording: the bag is read directly, without middleware, and fed in recorded order."""
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -66,63 +67,58 @@ def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> Replay
         (BagError, SelectionError, SettingsError, WithholdError) each with one sentence that says what to do.
     """
     options = options or ReplayOptions()
-    with BagReader(path) as reader, BagReader(path) as again:
-        return _Replay(reader, again, options).run()
+    with BagReader(path) as reader, BagReader(path) as recorded, BagReader(path) as reference:
+        return _Replay(reader, recorded, reference, options).run()
 
 
 class _Replay:
-    """One replay of one bag: which topics play which part, and the pass itself."""
+    """One replay of one bag: which topics play which part, and the pass itself.
 
-    def __init__(self, reader: BagReader, again: BagReader, options: ReplayOptions) -> None:
+    The three readers are of the same bag: one is fed from, one gives what the aircraft recorded, one gives the truth.
+    """
+
+    def __init__(self, reader: BagReader, recorded: BagReader, reference: BagReader, options: ReplayOptions) -> None:
         self.reader = reader
-        self.again = again
         self.options = options
         self.navigators, self.selection = _navigators(reader, options)
         self.truth = _truth_topic(reader, options.truth)
-        self.wind = TRUE_WIND if self.truth == DEFAULT_TRUTH and TRUE_WIND in reader.types else None
-        self.recorded = {output_topic(name): name for name in self.navigators if output_topic(name) in reader.types}
+        self.reference = _Reference(reference, self.truth)
+        outputs = {output_topic(name): name for name in self.navigators if output_topic(name) in reader.types}
+        self.recorded = _Recorded(recorded, outputs)
         heard = {source for navigator in self.navigators.values() for source in navigator.inputs}
         replaced = {topic for name in self.navigators for topic in output_topics(name)}
         self.fed = sorted(s for s in heard - replaced if s in reader.types)
         check_sources(options.withhold, self.fed)
-        self.sources = _with_origins(reader, [*self.fed, *(s for s in (self.truth, self.wind) if s)])
+        self.sources = _with_origins(reader, self.fed)
         self.decode_s = 0.0
 
     def run(self) -> ReplayResult:
         """Read, feed, compare, sum up."""
         began = perf_counter()
         stream = self._timed(self.reader.measurements(self.sources))
-        skipped: list[Measurement] = []
-        head = None
-        for head in stream:
-            if head.source in self.fed:
-                break
-            skipped.append(head)
-        if head is None or head.source not in self.fed:
+        head = next((m for m in stream if m.source in self.fed), None)
+        if head is None:
             raise BagError(f"{self.reader.path} holds nothing usable on {', '.join(self.fed)}: {_rejections(self.reader)}.")
         first_ns = first_stamp(head)
         windows = [resolve(w, first_ns) for w in self.options.withhold]
         rules = self.reader.decoder.rules
-        session = Session(self.navigators, windows, self.truth is not None, self.recorded, self.options.out, rules)
-        for measurement in (*skipped, head):
-            self._take(session, measurement)
-        recorded = _Recorded(self.again, self.recorded)
-        for measurement in stream:
-            self._take(session, measurement)
-            recorded.advance(session)
-        recorded.advance(session, everything=True)
+        session = Session(self.navigators, windows, self.truth is not None, self.recorded.names, self.options.out, rules)
+        for measurement in itertools.chain([head], stream):
+            if measurement.source in self.fed:  # the rest are map origins, which the decoder has learned
+                session.feed(measurement)
+                self.reference.advance(session)
+                self.recorded.advance(session)
+                self._report_progress(session)
+        self.reference.advance(session, everything=True)
+        self.recorded.advance(session, everything=True)
         summary = session.finish()
         wall_s = perf_counter() - began
         return ReplayResult({**self._about(), **summary, "time": times(summary, wall_s, self.decode_s)})
 
-    def _take(self, session: Session, measurement: Measurement) -> None:
-        if measurement.source in (self.truth, self.wind):
-            session.feed_truth(measurement)
-        elif measurement.source in self.fed:
-            session.feed(measurement)
-            if self.options.on_progress is not None:
-                span = max(1, self.reader.end_ns - self.reader.start_ns)
-                self.options.on_progress(min(1.0, (session.newest_ns - session.first_ns) / span))
+    def _report_progress(self, session: Session) -> None:
+        if self.options.on_progress is not None:
+            span = max(1, self.reader.end_ns - self.reader.start_ns)
+            self.options.on_progress(min(1.0, (session.newest_ns - session.first_ns) / span))
 
     def _timed(self, stream: Iterator[Measurement]) -> Iterator[Measurement]:
         while True:
@@ -134,28 +130,49 @@ class _Replay:
             yield measurement
 
     def _about(self) -> dict[str, Any]:
-        decoder = self.reader.decoder
         rejected: dict[str, dict[str, int]] = {}
-        for (source, reason), count in sorted(decoder.rejected.items()):
-            rejected.setdefault(source, {})[reason] = count
-        inputs = {s: {"count": self.reader.counts[s], "rejected": rejected.get(s, {})} for s in self.sources}
-        bag = {"name": self.reader.path.name, "sha256": self.again.identity(), "topics": dict(sorted(self.reader.counts.items()))}
+        for reader in (self.reader, self.reference.reader):
+            for (source, reason), count in sorted(reader.decoder.rejected.items()):
+                rejected.setdefault(source, {})[reason] = count
+        counts = self.reader.counts
+        inputs = {s: {"count": counts[s], "rejected": rejected.get(s, {})} for s in dict.fromkeys([*self.sources, *self.reference.sources])}
         return {
-            "bag": bag,
+            "bag": {"name": self.reader.path.name, "sha256": self.reference.reader.identity(), "topics": dict(sorted(counts.items()))},
             "truth": self.truth,
             "left_out": self.selection.left_out,
             "inputs": inputs,
-            "assumed": dict(sorted(decoder.notes.items())),
+            "assumed": dict(sorted(self.reader.decoder.notes.items())),
         }
+
+
+class _Reference:
+    """The truth, read alongside by a reader of its own: it must not cut the inertial blocks, nor count as a navigator's work."""
+
+    def __init__(self, reader: BagReader, truth: str | None) -> None:
+        self.reader = reader
+        wind = [TRUE_WIND] if truth == DEFAULT_TRUTH and reader.types.get(TRUE_WIND) == topics.TWIST else []
+        self._wanted = {truth, *wind} if truth else set()
+        self.sources = _with_origins(reader, [truth, *wind]) if truth else []
+        self._stream = reader.measurements(self.sources) if truth else iter(())
+        self._next: NavSolution | None = self._read()
+
+    def advance(self, session: Session, everything: bool = False) -> None:
+        """Hand over what is not newer than the replay's newest stamp, or all that is left."""
+        while self._next is not None and (everything or self._next.stamp_ns <= session.newest_ns):
+            session.feed_truth(self._next)
+            self._next = self._read()
+
+    def _read(self) -> NavSolution | None:
+        return next((m for m in self._stream if m.source in self._wanted), None)
 
 
 class _Recorded:
     """The fused solutions the aircraft recorded, read alongside and handed to the session as far as the replay has come."""
 
-    def __init__(self, reader: BagReader, topics_to_names: dict[str, str]) -> None:
-        self._names = topics_to_names
+    def __init__(self, reader: BagReader, names: dict[str, str]) -> None:
+        self.names = names
         self._reader = reader
-        self._stream = reader.stream(_with_origins(reader, topics_to_names)) if topics_to_names else iter(())
+        self._stream = reader.stream(_with_origins(reader, names)) if names else iter(())
         self._next: tuple[int, str, Any, NavSolution | None] | None = self._read()
 
     def advance(self, session: Session, everything: bool = False) -> None:
@@ -169,9 +186,9 @@ class _Recorded:
         for source, _, raw in self._stream:
             msgtype = self._reader.types[source]
             decoded = self._reader.decoder.decode(source, msgtype, raw)
-            if source in self._names and decoded.stamp_ns:
+            if source in self.names and decoded.stamp_ns:
                 message = from_cdr(raw, msgtype)
-                return decoded.stamp_ns, self._names[source], message, decoded if isinstance(decoded, NavSolution) else None
+                return decoded.stamp_ns, self.names[source], message, decoded if isinstance(decoded, NavSolution) else None
         return None
 
 

@@ -67,11 +67,11 @@ class SessionFiles:
         """The files of one navigator."""
         return None if self.folder is None else NavigatorFiles(self.folder, name)
 
-    def add_truth(self, columns: NavColumns, has_position: bool, has_wind: bool) -> None:
-        """Write true states and wind."""
-        if self.truth is not None and has_position:
+    def add_truth(self, columns: NavColumns) -> None:
+        """Write true states and true wind, whichever the columns hold."""
+        if self.truth is not None and np.isfinite(columns.position[0, 0]):
             self.truth.rows(files.truth_rows(columns))
-        if self.wind is not None and has_wind:
+        if self.wind is not None and np.isfinite(columns.wind_n[0, 0]):
             self.wind.rows(files.wind_rows(columns))
 
     def add_recorded(self, name: str, solution: NavSolution) -> None:
@@ -123,6 +123,8 @@ class Session:
         self.first_ns: int | None = None
         self.newest_ns = 0
         self._flushed_ns: int | None = None
+        self._true_states: list[NavSolution] = []
+        self._true_winds: list[NavSolution] = []
         rules, recorded = rules or DecodeRules(), set(recorded)
         self.runs: dict[str, NavigatorRun] = {}
         for name in in_order(navigators):
@@ -158,17 +160,23 @@ class Session:
             return
         if isinstance(truth, TruthBlock):
             columns = truth_columns(truth)
-        elif truth.lat is None:
-            stamps = np.array([truth.stamp_ns], dtype=np.int64)
-            columns = blank_columns(stamps, wind_n=np.reshape(truth.wind_n[:2], (1, 2)).astype(float))
-        else:
-            columns = columns_of([truth])
-        has_position, has_wind = np.isfinite(columns.position[0, 0]), np.isfinite(columns.wind_n[0, 0])
-        if has_position:
             self.truth.states.add(columns)
-        elif has_wind:
+            self.files.add_truth(_ten_hertz(columns))
+        else:
+            (self._true_winds if truth.lat is None else self._true_states).append(truth)
+
+    def _take_truth(self) -> None:
+        """Turn the true states that came as messages into columns, many at a time."""
+        if self._true_states:
+            columns = columns_of(self._true_states)
+            self.truth.states.add(columns)
+            self.files.add_truth(columns)
+        if self._true_winds:
+            stamps = np.array([t.stamp_ns for t in self._true_winds], dtype=np.int64)
+            columns = blank_columns(stamps, wind_n=np.array([t.wind_n[:2] for t in self._true_winds], dtype=float))
             self.truth.winds.add(columns)
-        self.files.add_truth(_ten_hertz(columns), has_position, has_wind)
+            self.files.add_truth(columns)
+        self._true_states, self._true_winds = [], []
 
     def feed_recorded(self, name: str, message: Any, solution: NavSolution | None) -> None:
         """Compare a fused message the aircraft recorded with the replay's (and write it, when it has a position)."""
@@ -199,6 +207,7 @@ class Session:
     def flush(self) -> None:
         """Write and evaluate what has come; forget what is done with."""
         self._flushed_ns = self.newest_ns
+        self._take_truth()
         for run in self.runs.values():
             run.flush()
         if self.truth is not None and self.truth.newest_ns is not None:
