@@ -14,6 +14,8 @@ from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.kernels import kernel
 
 MOST_ITERATIONS = 60
+LOST = 1e6
+"""Step, in field strengths, after which no iteration has been seen to return."""
 
 
 @kernel
@@ -50,7 +52,7 @@ def linearised_batch(measured, strengths, hard_iron, scale, most_iterations):
     Returns
     -------
     hard_iron, scale : ndarray, shape (3,)
-        Not finite after a breakdown.
+        Huge or not finite after a breakdown.
     iterations : int
         Steps taken; ``most_iterations`` where the steps never became small.
     """
@@ -61,7 +63,7 @@ def linearised_batch(measured, strengths, hard_iron, scale, most_iterations):
         hard_iron += step[:3]
         scale += step[3:]
         size = np.abs(step[:3]).max() / strengths[0] + np.abs(step[3:]).max()
-        if not math.isfinite(size):
+        if not size < LOST:  # also where it is not finite
             return hard_iron, scale, most_iterations
         if size < 1e-9:
             return hard_iron, scale, iteration + 1
