@@ -46,7 +46,7 @@ def inputs_of(node: "GraphNode") -> tuple[str, ...]:
     if node.executable == "recorder":
         return tuple(node.parameters.get("topics") or recorded_topics())
     if node.executable in NAVIGATOR_NAMES:
-        return tuple(_navigator(node).inputs)
+        return tuple(navigator_of(node).inputs)
     return ()
 
 
@@ -90,7 +90,8 @@ def _navigator_settings(node: "GraphNode") -> Any:
     return from_mapping(settings_class, {**to_mapping(base), **own}, node.name)
 
 
-def _navigator(node: "GraphNode") -> Any:
+def navigator_of(node: "GraphNode") -> Any:
+    """Build the navigator a node of a graph runs, with the very settings it runs with."""
     from lowcostnav_ros.navigators.registry import NAVIGATORS
 
     return NAVIGATORS[node.executable][1](_navigator_settings(node))

@@ -97,10 +97,16 @@ class NavigatorNode(NodeBase):
         self._publish_origin(measurement.stamp_ns)
         for solution in fused:
             self._publish(solution, "_fused")
-        if self._is_due(measurement.stamp_ns):
-            solution = self.navigator.output()
-            if solution is not None:
-                self._publish(solution, "")
+        self._publish_output(measurement)
+
+    def _publish_output(self, measurement: Measurement) -> None:
+        """Publish the low-latency solution when it is time: by the inertial stamps, or by its own where nothing inertial drives it."""
+        inertial = self.navigator.inertial
+        if inertial is not None and (measurement.source != inertial or not self._is_due(measurement.stamp_ns)):
+            return
+        solution = self.navigator.output()
+        if solution is not None and (inertial is not None or self._is_due(solution.stamp_ns)):
+            self._publish(solution, "")
 
     def _is_due(self, stamp_ns: int) -> bool:
         """Decimate by stamps, on multiples of the period, so that neither jitter nor a late measurement changes the spacing."""
