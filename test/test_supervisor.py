@@ -197,6 +197,23 @@ def test_a_source_that_jumps_home_is_blended_too():
     assert len(supervisor.switches) == 1
 
 
+def test_large_differences_die_away_and_never_build_up():
+    """A kilometre at once, then jumps of a hundred metres every 15 s as ranges make them."""
+    supervisor = Supervisor()
+
+    def reckoning(t):
+        return solution(DR, t, 30.0, (1000.0 if t > 20.0 else 0.0, 100.0 * (int(t / 15.0) % 2), 0.0))
+
+    out = fly(supervisor, (0.0, 120.0), reckoning, lambda t: gps(t, 3.0, 1e9))
+    position, _ = jumps(out)
+    assert position < 1000.0 * 0.1 / 3.0 * 1.1  # what dies away in one period
+    for s in out:
+        t = 1e-9 * (s.stamp_ns - T0)
+        if t > 45.0 and t % 15.0 > 14.0:
+            source = reckoning(t)
+            assert np.linalg.norm(ORIGIN.to_ned(s.lat, s.lon, s.height) - ORIGIN.to_ned(source.lat, source.lon, source.height)) < 3.0
+
+
 def test_whatever_lives_is_flown_and_nothing_is_published_when_nothing_does():
     supervisor = Supervisor()
 

@@ -72,7 +72,7 @@ class GpsSettings:
 
     position_floor_m: float = setting(1.5, "Smallest horizontal sigma a fix is given.", unit="m", minimum=0.0, maximum=100.0)
     velocity_floor_mps: float = setting(0.1, "Smallest sigma a GPS velocity is given.", unit="m/s", minimum=0.0, maximum=10.0)
-    correlation_s: float = setting(5.0, "Correlation time of receiver errors: fast fixes say little.", unit="s", minimum=0.0, maximum=600.0)
+    correlation_s: float = setting(1.0, "Correlation time of receiver errors: fast fixes say little.", unit="s", minimum=0.0, maximum=600.0)
     timeout_s: float = setting(3.0, "Without an accepted fix for this long GPS counts as lost.", unit="s", minimum=0.2, maximum=60.0)
     gate: GateSettings = group(GateSettings)
 

@@ -52,7 +52,7 @@ class SupervisorSettings:
     airborne_mps: float = setting(15.0, "Ground speed above which the aircraft flies.", unit="m/s", minimum=0.1, maximum=200.0)
     start_s: float = setting(60.0, "GPS must be good within this long of the start, else there is no departure.", unit="s", minimum=1.0)
     switch_ratio: float = setting(0.7, "In an outage change when the other's sigma is below this share.", minimum=0.05, maximum=1.0)
-    switch_s: float = setting(2.0, "... and has been for this long.", unit="s", minimum=0.0, maximum=600.0)
+    switch_s: float = setting(2.0, "... and has been for this long, or disagrees with GPS this long.", unit="s", minimum=0.0, maximum=600.0)
     blend_s: float = setting(3.0, "Time constant with which the difference at a change dies away.", unit="s", minimum=0.01, maximum=60.0)
     jump_m: float = setting(15.0, "A solution that jumps farther than this is blended like a change.", unit="m", minimum=0.1, maximum=1e4)
     alert_nm: float = setting(0.5, "Believed horizontal sigma above which an alert is raised.", unit="NM", minimum=0.01, maximum=100.0)
@@ -95,6 +95,7 @@ class Supervisor(Navigator):
         self.switches: deque[Switch] = deque(maxlen=SWITCHES_KEPT)
         self._solutions: dict[str, NavSolution] = {}
         self._attitude: Attitude | None = None
+        self._flown: NavSolution | None = None
         self._published: NavSolution | None = None
         self._blend = Blend(self.settings.blend_s)
         self._t_ns: int | None = None
@@ -102,7 +103,7 @@ class Supervisor(Navigator):
         self._fix: GpsPosition | None = None
         self._agreed_ns: int | None = None
         self._streak_ns: int | None = None
-        self._agrees: dict[str, bool] = {}
+        self._strays: dict[str, int] = {}
         self._better_since_ns: int | None = None
         self._airborne = False
 
@@ -132,8 +133,9 @@ class Supervisor(Navigator):
             self._streak_ns = None
         self._fix = fix
         alive = self._alive(fix.stamp_ns)
-        self._agrees = {name: _distance_squared(fix, own) <= self.threshold for name, own in alive.items()}
-        if alive and not any(self._agrees.values()):
+        agreeing = [name for name, own in alive.items() if _distance_squared(fix, own) <= self.threshold]
+        self._strays = {name: self._strays.get(name, fix.stamp_ns) for name in alive if name not in agreeing}
+        if alive and not agreeing:
             self._streak_ns = None
             return
         self._agreed_ns = fix.stamp_ns
@@ -180,17 +182,22 @@ class Supervisor(Navigator):
 
     def _choose(self, alive: dict[str, NavSolution], now_ns: int) -> None:
         """Pick the solution to fly on, and note a change with its reason."""
-        preferred = next((name for name in alive if self._agrees.get(name, True)), next(iter(alive)))
+        preferred = next((name for name in alive if not self._strayed(name, now_ns)), next(iter(alive)))
         if self.active is None:
             self._switch(preferred, now_ns, "first solution")
         elif self.active not in alive:
             self._switch(preferred, now_ns, f"{self.active} is silent")
         elif self.mode in ("calibrating", "gps", "no_go", "initialising"):
             if self.active != preferred:
-                agrees = self._agrees.get(self.active, True)
-                self._switch(preferred, now_ns, "GPS is good" if agrees else f"{self.active} disagrees with GPS")
+                strayed = self._strayed(self.active, now_ns)
+                self._switch(preferred, now_ns, f"{self.active} disagrees with GPS" if strayed else "GPS is good")
         elif len(alive) > 1:
             self._choose_smaller(alive, now_ns)
+
+    def _strayed(self, name: str, now_ns: int) -> bool:
+        """Whether every fix has disagreed with a solution for a while."""
+        since_ns = self._strays.get(name)
+        return since_ns is not None and now_ns - since_ns >= 1e9 * self.settings.switch_s
 
     def _choose_smaller(self, alive: dict[str, NavSolution], now_ns: int) -> None:
         """In an outage: change when another has been believed clearly better for a while."""
@@ -209,23 +216,19 @@ class Supervisor(Navigator):
         self.active, self._better_since_ns = name, None
 
     def _publish(self, source: NavSolution, now_ns: int) -> None:
-        source = self._with_attitude(source)
-        last = self._published
-        if last is not None and now_ns - last.stamp_ns <= 1e9 * self.settings.solution_timeout_s:
-            self._blend.decay(1e-9 * (now_ns - last.stamp_ns))
-            expected = carried_to(last, now_ns)
-            if self.switches[-1].stamp_ns == now_ns or self._jumped(expected, self._blend.applied(source)):
+        source, flown = self._with_attitude(source), self._flown
+        if flown is not None and now_ns - flown.stamp_ns <= 1e9 * self.settings.solution_timeout_s:
+            self._blend.decay(1e-9 * (now_ns - flown.stamp_ns))
+            expected = carried_to(flown, now_ns)
+            if self.switches[-1].stamp_ns == now_ns or _apart(expected, source) > self.settings.jump_m:
                 self._blend.bridge(expected, source)
         else:
             self._blend = Blend(self.settings.blend_s)
+        self._flown = source
         out = replace(self._blend.applied(source), source=self.name, mode=self.mode)
         self.set_origin(out.lat, out.lon, out.height)
         self._published = out
         self._out.append(out)
-
-    def _jumped(self, expected: NavSolution, now: NavSolution) -> bool:
-        d = difference_n(now.lat, now.lon, now.height, expected.lat, expected.lon, expected.height)
-        return math.sqrt(d @ d) > self.settings.jump_m
 
     def _with_attitude(self, source: NavSolution) -> NavSolution:
         """Give a solution that has no attitude the one of the AHRS, when that is fresh."""
@@ -289,6 +292,12 @@ def _distance_squared(fix: GpsPosition, own: NavSolution) -> float:
     """Normalised squared horizontal distance of a fix from a solution at its stamp."""
     d = difference_n(fix.lat, fix.lon, fix.height, own.lat, own.lon, own.height)[0:2]
     return float(d @ np.linalg.solve(fix.cov_n[0:2, 0:2] + own.cov_pos[0:2, 0:2], d))
+
+
+def _apart(a: NavSolution, b: NavSolution) -> float:
+    """Distance between two solutions of one stamp, m."""
+    d = difference_n(a.lat, a.lon, a.height, b.lat, b.lon, b.height)
+    return math.sqrt(d @ d)
 
 
 def _horizontal_sigma(solution: NavSolution) -> float:

@@ -34,15 +34,14 @@ class Blend:
         factor = math.exp(-dt_s / self.tau_s)
         self.position, self.velocity, self.attitude = self.position * factor, self.velocity * factor, self.attitude * factor
 
-    def bridge(self, published: NavSolution, source: NavSolution) -> None:
-        """Choose the offsets so that ``source`` continues ``published``; both at one stamp."""
-        place = (source.lat, source.lon, source.height)
-        self.position = difference_n(published.lat, published.lon, published.height, *place)
-        self.velocity, self.attitude = np.zeros(3), np.zeros(3)
-        if published.vel_n is not None and source.vel_n is not None:
-            self.velocity = published.vel_n - source.vel_n
-        if published.q_nb is not None and source.q_nb is not None:
-            self.attitude = rotvec_from_quat(quat_multiply(published.q_nb, quat_conjugate(source.q_nb)))
+    def bridge(self, old: NavSolution, new: NavSolution) -> None:
+        """Add to the offsets what lies between the source flown so far and the one flown from now on, both at one stamp."""
+        self.position = self.position + difference_n(old.lat, old.lon, old.height, new.lat, new.lon, new.height)
+        if old.vel_n is not None and new.vel_n is not None:
+            self.velocity = self.velocity + old.vel_n - new.vel_n
+        if old.q_nb is not None and new.q_nb is not None:
+            published = quat_apply_phi_n(old.q_nb, self.attitude)
+            self.attitude = rotvec_from_quat(quat_multiply(published, quat_conjugate(new.q_nb)))
 
     def applied(self, source: NavSolution) -> NavSolution:
         """Return the source with the offsets added and, as they are known errors, their squares on its covariances."""
