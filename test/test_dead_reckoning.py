@@ -225,6 +225,17 @@ def test_silent_airspeed_fails_the_mode_and_the_sigma_runs_away():
     assert nav.status().level == ERROR
 
 
+def test_airspeed_that_collapses_without_gps_is_not_believed_to_be_a_landing():
+    flight = straight(120.0)
+    nav = quiet()
+    blocked = Flight(flight.dt, flight.heading, np.where(np.arange(len(flight)) * flight.dt < 60.0, 50.0, 0.5), flight.wind)
+    out = nav.feed_all(in_order(flight.attitudes(), blocked.airspeeds(), gps_until(flight, 50.0)))
+    error = np.linalg.norm(error_at(flight, out[-1])[0:2])
+    assert error > 2500.0
+    assert error < 3.0 * nav.status().sigmas["horizontal_m"]
+    assert "landed, or it failed" in nav.status().reason
+
+
 def test_on_the_ground_nothing_is_learned_about_the_wind():
     flight = straight(60.0, speed=3.0, wind=(0.0, 0.0))
     nav = navigator()

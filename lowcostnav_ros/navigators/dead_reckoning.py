@@ -109,7 +109,8 @@ class DeadReckoning(Navigator):
         if silent:
             self.mode, self.reason = "initialising", silent
         elif isinstance(item, GpsPosition):
-            self.state.start(item.stamp_ns, np.array([item.lat, item.lon, item.height]), self._gps_position.noise(item))
+            vague = 100.0 * self._gps_position.noise(item)  # the fix itself is fused next
+            self.state.start(item.stamp_ns, np.array([item.lat, item.lon, item.height]), vague)
             self.set_origin(item.lat, item.lon, item.height)
             self._aid(item)
             self._judge()
@@ -125,7 +126,8 @@ class DeadReckoning(Navigator):
     def _aid(self, item: Measurement) -> None:
         self.state.settle(self.held)
         if isinstance(item, GpsPosition):
-            self.use_aid(self._gps_position, item)
+            if self.use_aid(self._gps_position, item) and not self.held.airborne:
+                self.held.fastest = 0.0
         elif isinstance(item, GpsVelocity):
             self.use_aid(self._gps_velocity, item)
         elif isinstance(item, Pressure):
@@ -155,7 +157,7 @@ class DeadReckoning(Navigator):
         """Find the mode and say why."""
         silent = self.state.silent(self.held)
         if silent:
-            self.mode, self.reason = "failed", f"{silent}: position is not reckoned any more"
+            self.mode, self.reason = "failed", f"{silent}: the last values are carried on and nobody knows how wrong they are"
         elif self.gps_good():
             self.geometry = ""
             self.mode, self.reason = "calibrating", "GPS good" if self.held.airborne else "GPS good, on the ground: wind is not learned"
@@ -169,7 +171,8 @@ class DeadReckoning(Navigator):
         state, age = self.state, self._gps_position.status.age_s(self.state.t_ns)
         gps = "no GPS yet" if age is None else f"no GPS for {age:.0f} s"
         if not self.held.airborne:
-            self.mode, self.reason = "coasting", f"{gps}; airspeed below {self.settings.airspeed.minimum_mps:g} m/s, position held"
+            slow = f"airspeed below {self.settings.airspeed.minimum_mps:g} m/s: landed, or it failed"
+            self.mode, self.reason = "coasting", f"{gps}; {slow}; position held"
             return
         if not self.dme_good():
             self.geometry = ""

@@ -29,6 +29,7 @@ class HeldInputs:
     speed: float = 0.0
     air_ns: int | None = None
     airborne: bool = False
+    fastest: float = 0.0  # while airborne and since GPS last saw the aircraft on the ground, m/s
 
     def take_attitude(self, attitude: Attitude) -> None:
         """Hold a new attitude."""
@@ -41,6 +42,8 @@ class HeldInputs:
         self.vel_b = body_velocity(air, settings)
         self.speed, self.air_ns = math.sqrt(self.vel_b @ self.vel_b), air.stamp_ns
         self.airborne = self.speed >= settings.minimum_mps * (LANDED if self.airborne else 1.0)
+        if self.airborne:
+            self.fastest = max(self.fastest, self.speed)
 
     def air_n(self, t_ns: int) -> np.ndarray:
         """Air-relative velocity (3,) in n at a time, the attitude turned on with its rate."""

@@ -151,12 +151,13 @@ class DeadReckoningState:
         return start + self._slots[station]
 
     def _walk(self, held: HeldInputs) -> float:
-        """Density of the unknown motion, m^2/s: turbulence in flight, taxiing on the ground, all of the airspeed when inputs are gone."""
+        """Density of the unknown motion, m^2/s: turbulence in flight, taxiing on the ground, all of the airspeed when inputs are gone.
+
+        Airspeed that collapses where no GPS sees a landing may be a blocked pitot tube: the aircraft may fly as fast as before.
+        """
         settings = self.settings
-        if self.silent(held):
-            return max(2.0 * LOST_S * held.speed**2, settings.ground_walk_mps**2)
-        if not held.airborne:
-            return settings.ground_walk_mps**2
+        if self.silent(held) or not held.airborne:
+            return max(2.0 * LOST_S * held.fastest**2, settings.ground_walk_mps**2)
         return 2.0 * settings.wind.gust_mps**2 * settings.wind.gust_tau_s
 
     def _pace_range_biases(self) -> None:
