@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -20,7 +21,7 @@ from lowcostnav_ros.replay.evaluation import Evaluation, Truth, blank_columns, f
 from lowcostnav_ros.replay.links import Link, in_order, output_topics, recorder_of
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.runs import NavigatorFiles, NavigatorRun
-from lowcostnav_ros.replay.withhold import Window, Withhold, resolve, split
+from lowcostnav_ros.replay.withhold import Window, Withhold, WithholdError, resolve, split
 from lowcostnav_ros.settings import settings_hash, to_mapping
 from lowcostnav_ros.truth import TruthBlock
 
@@ -122,6 +123,7 @@ class Session:
         self.files.open()
         self.first_ns: int | None = None
         self.newest_ns = 0
+        self.withheld: Counter[str] = Counter()
         self._flushed_ns: int | None = None
         self._true_states: list[NavSolution] = []
         self._true_winds: list[NavSolution] = []
@@ -187,6 +189,7 @@ class Session:
             self.files.add_recorded(name, solution)
 
     def _withhold(self, held: Measurement) -> None:
+        self.withheld[held.source] += 1
         if isinstance(held, GpsPosition):
             self._write_fix(held, withheld=True)
         if isinstance(held, GpsPosition | GpsVelocity):
@@ -224,6 +227,7 @@ class Session:
                 run.out.close()
         self.files.close()
         first_ns = self.first_ns or 0
+        self._check_withheld(first_ns)
         settings = {name: run.navigator.settings for name, run in sorted(self.runs.items())}
         outages = [[start / 1e9, end / 1e9] for start, end in self.gaps.intervals]
         return {
@@ -238,6 +242,13 @@ class Session:
             "stations": [s for run in self.runs.values() for s in _stations(run.navigator)],
             "navigators": {name: run.as_dict(self.newest_ns) for name, run in self.runs.items()},
         }
+
+    def _check_withheld(self, first_ns: int) -> None:
+        """Refuse a window in which nothing was withheld: it lies elsewhere than its author thought."""
+        idle = [w.text for w in self.windows if not any(self.withheld[source] for source in w.sources)]
+        if idle and self.first_ns is not None:
+            span = f"{first_ns / 1e9:.1f} to {self.newest_ns / 1e9:.1f} s (0 to {(self.newest_ns - first_ns) / 1e9:.1f} s from the start)"
+            raise WithholdError(f"--withhold: nothing fell in the window '{idle[0]}'; the recording spans {span}.")
 
 
 def _stations(navigator: Navigator) -> list[dict[str, Any]]:
