@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from lowcostnav_ros import __version__
+from lowcostnav_ros import __version__, cli_calibrate, cli_dme, cli_reproduce
 
 EXIT_OK, EXIT_WORSE, EXIT_CANNOT_RUN, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -33,6 +33,11 @@ _JOBS = {
     "simulate": "cli_simulate",
     "replay": "cli_replay",
     "report": "cli_report",
+    "reproduce": "cli_reproduce",
+    "allan": "cli_calibrate",
+    "identify": "cli_calibrate",
+    "magcal": "cli_calibrate",
+    "dme": "cli_dme",
 }
 
 
@@ -48,6 +53,9 @@ def parser() -> argparse.ArgumentParser:
     _add_simulate(jobs)
     _add_replay(jobs)
     _add_report(jobs)
+    cli_reproduce.add_parsers(jobs)
+    cli_calibrate.add_parsers(jobs)
+    cli_dme.add_arguments(_job(jobs, "dme", "Plan how DME stations carry a flight without GPS; turn navaid lists into station tables."))
     return top
 
 
