@@ -45,12 +45,13 @@ def scenario(name: str, seed: int, **changes: Any) -> Scenario:
 
 def fly(flight: Scenario) -> tuple[TruthBlock, list[Measurement]]:
     """Fly a scenario: the whole truth and all measurements in order of availability."""
-    truths, measurements = [], []
-    for truth, heard in Simulation(flight).blocks():
-        truths.append(truth)
-        measurements += heard
-    columns = [np.concatenate([getattr(t, f.name) for t in truths]) for f in dataclasses.fields(TruthBlock)]
-    return TruthBlock(*columns), measurements
+    seconds = list(Simulation(flight).blocks())
+    return joined([truth for truth, _ in seconds]), [m for _, heard in seconds for m in heard]
+
+
+def joined(truths: list[TruthBlock]) -> TruthBlock:
+    """Blocks of truth as one."""
+    return TruthBlock(*(np.concatenate([getattr(t, f.name) for t in truths]) for f in dataclasses.fields(TruthBlock)))
 
 
 def compare(truth: TruthBlock, solutions: list[NavSolution]) -> tuple[Errors, NavColumns]:

@@ -8,19 +8,24 @@ The simulated receiver and IMU have the errors the filters are told of; nothing 
 """
 
 
+import ahrs_accuracy
 import numpy as np
-from common import compare, fly, rms, run, scenario
+from common import compare, fly, joined, rms, run, scenario
 
 from lowcostnav_ros import config_files
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
-from lowcostnav_ros.measurements import GpsPosition, GpsVelocity
+from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, Measurement, NavSolution
 from lowcostnav_ros.navigators.inertial import imu_settings
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
 from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, GpsSettings, MagneticSettings
+from lowcostnav_ros.navigators.registry import NAVIGATORS
+from lowcostnav_ros.replay.building import build_navigators
 from lowcostnav_ros.replay.campaign import run_campaign
 from lowcostnav_ros.replay.columns import NavColumns, position_difference_n
+from lowcostnav_ros.replay.session import replay_stream, simulated
 from lowcostnav_ros.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
+from lowcostnav_ros.simulation.simulator import Simulation
 from lowcostnav_ros.truth import TruthBlock
 
 SETTLED_S = 120.0
@@ -113,11 +118,68 @@ def ins_gps(runs: int, duration_s: float) -> dict:
     }
 
 
+def dead_reckoning_flight(case: tuple[int, float]) -> dict:
+    """One flight of the AHRS and the dead reckoner that listens to it, as shipped; errors once GPS is lost."""
+    seed, duration_s = case
+    lost_s = min(600.0, duration_s / 3.0)
+    changes = {"truth.duration_s": duration_s, "gps.outages_s": [lost_s, 1e5]}
+    seconds = list(Simulation(scenario("livermore_long", seed, **changes)).blocks())
+    truth = joined([block for block, _ in seconds])
+    navigators = build_navigators(["ahrs", "dead_reckoning"], NAVIGATORS, None)
+    solutions: list[NavSolution] = []
+    feed = navigators["dead_reckoning"].feed
+
+    def keep(measurement: Measurement) -> list[NavSolution]:
+        fused = feed(measurement)
+        solutions.extend(fused)
+        return fused
+
+    navigators["dead_reckoning"].feed = keep
+    replay_stream(simulated(seconds), navigators)
+    errors, _ = compare(truth, solutions)
+    lost = errors[errors.stamps_ns - truth.stamps_ns[0] > 1e9 * (lost_s + SETTLED_S)]
+    spaced = lost[np.unique((lost.stamps_ns // round(6e9 * EVERY_S)), return_index=True)[1]]
+    horizontal = np.hypot(lost.values[:, 0], lost.values[:, 1])
+    return {
+        "within_half_nm": float(np.mean(horizontal < 926.0)),
+        "p95_m": float(np.percentile(horizontal, 95)),
+        "max_m": float(horizontal.max()),
+        "nees": spaced.nees_horizontal.tolist(),
+        "error_over_sigma": [rms(lost.values[:, i] / lost.sigmas[:, i]) for i in (0, 1, 9, 10)],
+        "aids": {aid.name: [aid.fused, dict(aid.rejected)] for aid in navigators["dead_reckoning"].status().aids},
+    }
+
+
+def dead_reckoning(runs: int, duration_s: float) -> dict:
+    """Accuracy and consistency of DME-aided dead reckoning after GPS loss."""
+    flights = run_campaign(dead_reckoning_flight, [(seed, duration_s) for seed in range(201, 201 + runs)], label="dead_reckoning flights")
+    epochs = min(len(f["nees"]) for f in flights)
+    scores = np.array([f["nees"][:epochs] for f in flights])
+    band = acceptance_band(2, runs)
+    per_epoch = scores.mean(axis=0)
+    return {
+        "flights": runs,
+        "within_half_nm": float(np.mean([f["within_half_nm"] for f in flights])),
+        "p95_m": [round(f["p95_m"]) for f in flights],
+        "max_m": [round(f["max_m"]) for f in flights],
+        "nees_position": float(scores.mean()),
+        "nees_band_95": band,
+        "nees_epochs_inside": float(np.mean((per_epoch >= band[0]) & (per_epoch <= band[1]))),
+        "error_over_sigma_north_east_wind": np.sqrt(np.mean([np.square(f["error_over_sigma"]) for f in flights], axis=0)).tolist(),
+        "dme_fused": [f["aids"].get("dme", [0])[0] for f in flights],
+    }
+
+
 def measure(options) -> dict:
-    """All navigators."""
+    """The navigators asked for."""
     quick = options.quick
-    return {"ins_gps": ins_gps(4 if quick else 20, 300.0 if quick else 600.0)}
+    parts = {
+        "ins_gps": lambda: ins_gps(4 if quick else 20, 300.0 if quick else 600.0),
+        "dead_reckoning": lambda: dead_reckoning(3 if quick else 10, 900.0 if quick else 1800.0),
+        "ahrs": lambda: ahrs_accuracy.measure(options),
+    }
+    return {name: parts[name]() for name in options.only.split(",")}
 
 
 if __name__ == "__main__":
-    run(__doc__, measure)
+    run(__doc__, measure, only={"default": "ins_gps,dead_reckoning,ahrs", "metavar": "A,B", "help": "navigators to measure"})
