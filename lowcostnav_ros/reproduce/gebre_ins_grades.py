@@ -104,7 +104,7 @@ def tactical(context: Context) -> Outcome:
     )
     curve = worst_ratio([sigma[t] for t in TACTICAL_M], list(TACTICAL_M.values())) < 0.05
     within = curve and abs(at_700_s / 550.0 - 1.0) < 0.05 and abs(better_s[True] / 1200.0 - 1.0) < 0.10
-    return judged(ours, within, figure=lambda figure: draw_grades(figure, 1500, 4000.0, ("tactical",)))
+    return judged(ours, within, figure=lambda figure: draw_grades(figure, FLIGHT_S, 8000.0, ("tactical",)))
 
 
 @result(
