@@ -1,7 +1,6 @@
 """Matching solutions with a reference as both stream by, and filing the errors under flight, GPS outages and withheld windows."""
 
 import dataclasses
-import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
@@ -229,8 +228,3 @@ def solution_columns(solutions: list) -> NavColumns:
     if np.all(np.diff(columns.stamps_ns) >= 0):
         return columns
     return columns[np.argsort(columns.stamps_ns, kind="stable")]
-
-
-def finite_or_none(value: float) -> float | None:
-    """A number fit for a result file: None when it is not finite."""
-    return float(value) if math.isfinite(value) else None

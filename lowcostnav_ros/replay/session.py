@@ -277,7 +277,8 @@ def replay_stream(
     Parameters
     ----------
     items : iterable of Measurement or TruthBlock
-        In the order in which they become available; see :func:`simulated`.  With any truth in it, errors are formed against the truth.
+        In the order in which they become available; see :func:`simulated`.  Errors are formed against the truth when the first or second
+        item is a TruthBlock, else against withheld fixes.
     navigators : mapping of name to Navigator
         Fresh navigators.
     withhold : sequence of Withhold

@@ -20,6 +20,7 @@ HDOP_LEVELS = (1.41, 1.6, 2.0, 3.0, 5.0, 10.0)
 COUNT_LEVELS = (-0.5, 0.5, 1.5, 2.5, 4.5, 8.5, 99.5)
 COUNT_NAMES = ("0", "1", "2", "3-4", "5-8", "9+")
 SCHEDULE_S = 120.0
+LABEL = {"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.5}
 DASHES = ("-", "--", ":", "-.")
 
 
@@ -59,7 +60,7 @@ def draw_hdop(figure: "Figure", plan: Plan) -> None:
     colours = colormaps["RdYlGn_r"].with_extremes(over="#7f2704")
     norm = BoundaryNorm(HDOP_LEVELS, colours.N, extend="max")
     image = None
-    panels = _panels(figure, plan, "HDOP of the best pair (1.41 is the best there is; blank: no pair)")
+    panels = _panels(figure, plan, "HDOP of the best pair (1.41 is the best there is; grey: no pair)")
     for ax, level in panels:
         hdop = np.ma.masked_invalid(level.coverage.hdop_pair)
         image = ax.pcolormesh(plan.offsets_m / NM, plan.offsets_m / NM, hdop, cmap=colours, norm=norm, shading="nearest")
@@ -87,7 +88,7 @@ def _map(ax: "Axes", plan: Plan, level: Level) -> None:
         north, east, _ = frame.to_ned(station.lat, station.lon, 0.0)
         if abs(north) <= edge and abs(east) <= edge:
             ax.plot(east / NM, north / NM, "k^", ms=5, mfc="white")
-            ax.annotate(station.ident, (east / NM, north / NM), (3, 3), textcoords="offset points", fontsize=7)
+            ax.annotate(station.ident, (east / NM, north / NM), (3, 3), textcoords="offset points", fontsize=7, bbox=LABEL)
     for leg in level.legs:
         ned = frame.to_ned(leg.route.lat, leg.route.lon, 0.0)
         ax.plot(ned[:, 1] / NM, ned[:, 0] / NM, "k-", lw=1.3)
@@ -111,11 +112,12 @@ def draw_error(figure: "Figure", plan: Plan) -> None:
     if len(legs) > 1:
         for leg, dash in zip(legs, DASHES, strict=False):
             top.plot([], [], color="k", ls=dash, lw=1.2, label=leg.name)
+    top.set_xlim(0.0, max(leg.route.time_s[-1] * leg.route.speed for leg in legs) / NM)
     top.legend(fontsize=8, ncols=2, loc="lower right")
     for row, leg in enumerate(legs):
         _asked(below, row, leg)
     below.set(yticks=range(len(legs)), yticklabels=[leg.name for leg in legs], ylim=(len(legs) - 0.4, -0.6), xlabel="distance flown [NM]")
-    below.set_title(f"stations asked at {plan.levels[-1].altitude_m:.0f} m (red: no pair, or pair along the track)", fontsize=9)
+    below.set_title(f"stations asked at {plan.levels[-1].altitude_m:.0f} m (red: fewer than two; red line: poor geometry)", fontsize=9)
 
 
 def _asked(ax: "Axes", row: int, leg) -> None:
@@ -124,7 +126,7 @@ def _asked(ax: "Axes", row: int, leg) -> None:
         ax.barh(row, (end - begin) / NM, left=begin / NM, height=0.7, color=colour, ec="white")
         ax.text(0.5 * (begin + end) / NM, row, "-".join(pair) or "none", ha="center", va="center", fontsize=7)
     for p in leg.points:
-        if p.collinear:
+        if p.pair and p.poor:
             ax.plot(p.distance_m / NM, row + 0.42, "r_", ms=6)
 
 

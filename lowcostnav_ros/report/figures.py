@@ -78,7 +78,8 @@ def error_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> li
     charts = []
     for name, title in ERROR_TITLES.items():
         if _known(errors, name):
-            t, values, sigma = _broken(errors["t_s"], errors[name], errors[f"sigma_{name}"])
+            rows = np.isfinite(errors[name])  # withheld fixes give position and velocity in turns
+            t, values, sigma = _broken(errors["t_s"][rows], errors[name][rows], errors[f"sigma_{name}"][rows])
             items = [Band(t, sigma, colour), Curve(t, values, colour, "error in 1 and 2 sigma")]
             width = 960 if name in ("north_m", "east_m", "heading_deg") else HALF
             charts.append(time_chart(title, axis, items, width=width))

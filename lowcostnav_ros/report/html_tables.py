@@ -7,7 +7,7 @@ from lowcostnav_ros.replay.tables import number
 from lowcostnav_ros.replay.words import error_over_sigma
 from lowcostnav_ros.report.svg import escape
 
-_PARTS = {"flight": "whole flight", "withheld_gps": "at withheld fixes", "without_gps": "without GPS"}
+_PARTS = {"flight": "whole flight", "withheld_gps": "withheld fixes", "without_gps": "without GPS"}
 _SIZES = {
     "horizontal_m": "horizontal [m]",
     "vertical_m": "vertical [m]",

@@ -12,6 +12,8 @@ from lowcostnav_ros.report import svg
 METRES_PER_NM = 1852.0
 WIDTH, MARGIN = 960, 46
 MAX_POINTS = 1800
+FARTHEST_NM = 200.0
+"""A station farther away than any receiver hears is not worth naming."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,8 +134,7 @@ def _stations(ground: _Ground, stations: Sequence[Station]) -> tuple[str, list[s
             hexagon = " ".join(f"{x + 6 * math.cos(k * math.pi / 3):.1f},{y + 6 * math.sin(k * math.pi / 3):.1f}" for k in range(6))
             parts.append(svg.element("polygon", points=hexagon, class_="station"))
             parts.append(svg.text(x + 9, y + 4, s.ident, class_="station-name"))
-        else:
-            distance = math.hypot(north, east) / METRES_PER_NM
+        elif (distance := math.hypot(north, east) / METRES_PER_NM) <= FARTHEST_NM:
             outside.append(f"{s.ident} {distance:.0f} NM, {math.degrees(math.atan2(east, north)) % 360:03.0f}\N{DEGREE SIGN}")
     return "".join(parts), outside
 

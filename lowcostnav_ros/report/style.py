@@ -36,7 +36,7 @@ caption{text-align:left;font-weight:600;padding:4px 0}
 th{font-weight:600;color:var(--soft);border-bottom:1.5px solid #c3ccd3;vertical-align:bottom}
 th,td{padding:3px 9px 3px 0}
 td{border-bottom:1px solid var(--line)}
-.l{text-align:left}
+.l{text-align:left;white-space:nowrap}
 .r{text-align:right}
 details{margin:10px 0}
 summary{cursor:pointer;font-weight:600;color:var(--accent)}

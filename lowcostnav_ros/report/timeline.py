@@ -14,11 +14,11 @@ MODE_COLOURS = {
     "gps": "#1b9e77",
     "calibrating": "#1b9e77",
     "coasting": "#e6a817",
-    "dead_reckoning": "#e6a817",
-    "dme": "#7570b3",
-    "reacquiring": "#66a6d9",
+    "dme_aided": "#7570b3",
+    "re_acquiring": "#66a6d9",
     "aligning": "#a6b4c0",
     "initialising": "#c9d1d8",
+    "no_go": "#8e3b2f",
     "failed": "#c0392b",
 }
 _OTHER = ("#7f8fa6", "#9b8579", "#6c8e8e", "#a17fa6")
