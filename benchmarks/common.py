@@ -3,6 +3,7 @@
 import argparse
 import dataclasses
 import json
+import os
 import platform
 from collections.abc import Callable
 from pathlib import Path
@@ -61,6 +62,14 @@ def compare(truth: TruthBlock, solutions: list[NavSolution]) -> tuple[Errors, Na
     inside = (rows < len(truth)) & (truth.stamps_ns[np.minimum(rows, len(truth) - 1)] == estimate.stamps_ns)
     estimate = estimate[inside]
     return errors_between(estimate, truth_columns(truth[rows[inside]])), estimate
+
+
+def data_folder(name: str) -> Path:
+    """Folder of recorded data: in $LOWCOSTNAV_DATA, else in ../shared/data beside the project."""
+    root = Path(os.environ.get("LOWCOSTNAV_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
+    if not (root / name).is_dir():
+        raise SystemExit(f"{root / name} does not exist; set LOWCOSTNAV_DATA to the folder that holds {name}.")
+    return root / name
 
 
 def rms(values: np.ndarray) -> float:

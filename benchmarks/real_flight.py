@@ -8,23 +8,23 @@ It is looked for in $LOWCOSTNAV_DATA/px4_proto_flt09, else in ../shared/data, co
 GPS, given until the outage, is the reference during it.
 
 Two sets of settings are measured.  ``shipped`` are the defaults: the error models of a light aircraft at cruise.  ``small_aircraft``
-fits the kind of aircraft and the day: wind varying by half its mean of 2.3 m/s, turbulence of a fifth of it (MIL-F-8785C near the
-ground), an airspeed bias as small as the airspeed.  These follow from the conditions; the heading sigma is the RMS heading error of this
-very flight, so it is tuned on it.
+(config/vehicles/small_aircraft) fits the kind of aircraft and the day: wind varying by half its mean of 2.3 m/s, turbulence of a fifth
+of it (MIL-F-8785C near the ground), an airspeed bias as small as the airspeed.  These have reasons, but were chosen after a scan on this
+flight, and the heading sigma is the RMS heading error of this very flight: the set counts as tuned on it.
 """
 
 import argparse
 import copy
 import math
-import os
 import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from common import rms, run
+from common import data_folder, rms, run
 
+from lowcostnav_ros import config_files
 from lowcostnav_ros.convert import convert
 from lowcostnav_ros.earth import LocalFrame, difference_n
 from lowcostnav_ros.measurements import GpsPosition, Measurement, NavSolution, SlantRange
@@ -35,10 +35,8 @@ from lowcostnav_ros.radionav.stations import Station, StationTable, stations_fro
 from lowcostnav_ros.settings import from_mapping
 from lowcostnav_ros.stochastic import GaussMarkov, simulate
 
-SETTINGS = {
-    "shipped": {},
-    "small_aircraft": {"heading.bias_deg": 15.0, "wind.sigma_mps": 1.3, "wind.gust_mps": 0.5, "airspeed.bias_mps": 0.5},
-}
+VEHICLE = config_files.config_dir() / "vehicles" / "small_aircraft" / "dead_reckoning.yaml"
+SETTINGS = {"shipped": {}, "small_aircraft": config_files.read_parameters(VEHICLE, "dead_reckoning")}
 LENGTHS_S = (60.0, 120.0)
 BAR_M = {60.0: (52.0, 117.0), 120.0: (108.0, 231.0)}
 """Median and largest error of a wind triangle fitted by least squares to the 120 s before each outage of this flight."""
@@ -74,13 +72,9 @@ class Reference:
 
 def recorded() -> list[Measurement]:
     """The flight as measurements, through the bag that a conversion makes of it."""
-    root = Path(os.environ.get("LOWCOSTNAV_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data")
-    source = root / "px4_proto_flt09"
-    if not source.is_dir():
-        raise SystemExit(f"{source} does not exist; set LOWCOSTNAV_DATA to the folder that holds px4_proto_flt09.")
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "flight"
-        convert(source, "convert/px4_flight", bag)
+        convert(data_folder("px4_proto_flt09"), "convert/px4_flight", bag)
         with BagReader(bag) as reader:
             return list(reader.measurements(SOURCES))
 
