@@ -65,7 +65,7 @@ def navaids_from_text(text: str, where: str = "stations", undulation_m: float = 
     first = next((line for line in text.lstrip("\ufeff").splitlines() if line.strip() and not line.lstrip().startswith("#")), "")
     header = [cell.strip().strip('"') for cell in first.split(",")]
     if set(_OURAIRPORTS) <= set(header):
-        rows = _ourairports(text.lstrip("\ufeff"))
+        rows = _ourairports(text.lstrip("\ufeff"), where)
     elif re.match(r"\s*([AI]\s*$|\d{3,4}\s+Version|1[23]\s+-?\d)", first):
         rows = _xplane(text)
     elif {"ident", "lat_deg"} & set(header):
@@ -125,8 +125,15 @@ def table_as_text(stations: Iterable[Station]) -> str:
     return out.getvalue()
 
 
-def _ourairports(text: str) -> Iterator[tuple[str, dict[str, str]]]:
-    for row in csv.DictReader(io.StringIO(text)):
+def _table_rows(text: str, where: str) -> Iterator[dict[str, str]]:
+    try:
+        yield from csv.DictReader(io.StringIO(text, newline=""))
+    except csv.Error as error:
+        raise StationError(f"{where}: not readable as comma-separated text ({error}); fetch the list again.") from None
+
+
+def _ourairports(text: str, where: str) -> Iterator[tuple[str, dict[str, str]]]:
+    for row in _table_rows(text, where):
         channel = (row["dme_channel"] or "").strip().lstrip("0")
         if not channel and not (row.get("dme_frequency_khz") or "").strip():
             if "DME" in (row.get("type") or "") or row.get("type") in ("TACAN", "VORTAC"):

@@ -18,6 +18,8 @@ from lowcostnav_ros.units import NAUTICAL_MILE
 
 CHOOSE_EVERY_S = 60.0
 LONGEST_LEG_M = 2.0e6
+POOR_HDOP = 4.0
+"""HDOP above which a pair counts as poor: lines of sight less than 21 degrees apart."""
 
 
 class PlanError(ValueError):
@@ -102,6 +104,11 @@ class Point:
     hdop: float
     collinear: bool
 
+    @property
+    def poor(self) -> bool:
+        """Whether the pair gives a poor position: along the track, or with an HDOP above :data:`POOR_HDOP`."""
+        return self.collinear or self.hdop > POOR_HDOP
+
 
 def stations_along(table: StationTable, route: Route, height: float) -> list[Point]:
     """Choose stations every minute of the route at ``height`` (m above the ellipsoid)."""
@@ -181,6 +188,9 @@ def _state(point: Point) -> str:
     if point.collinear:
         pair = "-".join(point.pair)
         return f"pair {pair} is collinear with the route leg; cross-track position is not observed, move the route."
+    if point.poor:
+        pair = "-".join(point.pair)
+        return f"pair {pair} is nearly on one line with the aircraft (HDOP above {POOR_HDOP:g}); move the route off that line."
     return ""
 
 

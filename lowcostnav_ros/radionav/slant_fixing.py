@@ -17,6 +17,8 @@ from lowcostnav_ros.radionav.stations import Station
 
 LOWEST_M, HIGHEST_M = -500.0, 30_000.0
 SIGMAS = 5.0
+HORIZON_MARGIN = 1.25
+"""A reply heard is evidence: antennas stand on masts and the air bends more on some days."""
 STEP_M = 1.0e-4
 ITERATIONS = 50
 
@@ -42,9 +44,10 @@ def refuse_impossible(station: Station, slant_range_m: float, height: float, sig
     if slant_range_m < abs(above) - SIGMAS * sigma_m:
         raise GeometryError(f"{name} is shorter than the {abs(above):.0f} m between their heights; check the height or drop the range.")
     sea = station.height - station.elevation  # the horizon is that of the sea, not of the ellipsoid
-    reach = float(horizon_distance(height - sea) + horizon_distance(station.elevation))
+    reach = HORIZON_MARGIN * float(horizon_distance(height - sea) + horizon_distance(station.elevation))
     if slant_range_m > math.hypot(reach, above) + SIGMAS * sigma_m:
-        raise GeometryError(f"{name} is beyond the radio horizon of {reach / 1000.0:.0f} km; check unit and station, or drop the range.")
+        farthest = f"{reach / 1000.0:.0f} km at most"
+        raise GeometryError(f"{name} is far beyond the radio horizon ({farthest}); check unit and station, or drop the range.")
 
 
 def slant_fix(
