@@ -57,6 +57,8 @@ class NavigatorNode(NodeBase):
     def __init__(self, name: str, settings: Any, make: Any, **kwargs: Any) -> None:
         super().__init__(name, [settings, NavigatorNodeSettings()], **kwargs)
         self.navigator = make(self.parameters.settings[0])
+        # who flies on inertial samples answers quickly; who hears fused solutions is tenths of a second behind anyway
+        self.poll_period_s = 0.01 if self.navigator.inertial is None else 0.0025
         warm_up(make(self.parameters.settings[0]))
         self._set_rate(self.parameters.settings[1])
         self._is_attitude_only = name == "ahrs"

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import rclpy
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -219,10 +218,7 @@ class NodeBase(Node):
 
     def spin(self) -> None:
         """Run until the context is shut down."""
-        if self._poller:
-            polling.spin(self, self.poll, self.poll_period_s)
-        else:
-            rclpy.spin(self)
+        polling.spin(self, self.poll if self._poller else None, self.poll_period_s)
 
     def output(self, source: str, topic: str | None = None) -> Output:
         """Return the publisher of a topic, made on first use."""

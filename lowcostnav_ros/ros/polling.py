@@ -1,9 +1,9 @@
 """Take messages at a steady beat instead of waking an executor for each.
 
-One turn of the executor costs about 0.6 ms of processor time whatever it finds, a look at a subscription 5 us.  So a node looks at its
-inputs every 5 ms (a recorder every 20 ms) and gives the executor, which serves timers and services, twenty turns a second.  That divides
-the processor time of a node with a 100 Hz input by four and delays a message by 2.5 ms on average.  Each message comes with
-the time it was received, so what one look finds is handed on in order of arrival.
+A message that wakes an executor costs about 0.6 ms of processor time, waiting included, and more the more topics the node has; a look
+at a quiet subscription costs 1 us and a sleep 40 us.  So a node looks at its inputs every few milliseconds and gives the executor, which
+serves timers and services, twenty turns a second.  Measured: a recorder of 30 topics went from 14 % of a core to 3 %, an IMU simulator
+at 100 Hz from 11 % to 7 %.  Each message comes with the time it was received, so what one look finds is handed on in order of arrival.
 """
 
 import time
@@ -64,21 +64,33 @@ class Poller:
         return len(batch)
 
 
-def spin(node: Node, take: Callable[[], int], period_s: float) -> None:
+def spin(node: Node, take: Callable[[], int] | None, period_s: float) -> None:
     """Poll and serve until the node's context is shut down.
 
     Parameters
     ----------
     node : rclpy.node.Node
-    take : callable
-        Handles what has come.
+    take : callable or None
+        Handles what has come; None where nothing is polled, then the executor is waited for.
     period_s : float
         Time between two looks, s.
     """
+    if not node.context.ok():  # told to end while it was being made
+        return
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
+    try:
+        if take is None:
+            executor.spin()
+        else:
+            _poll(executor, take, period_s)
+    finally:
+        executor.shutdown()  # left to the garbage collector, its guard outlives the signal handlers and complains
+
+
+def _poll(executor: SingleThreadedExecutor, take: Callable[[], int], period_s: float) -> None:
     serve_at = 0.0
-    while node.context.ok():
+    while executor.context.ok():
         take()
         now = time.monotonic()
         if now >= serve_at:
