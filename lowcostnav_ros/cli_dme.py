@@ -6,6 +6,7 @@
 """
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ def add_arguments(dme: argparse.ArgumentParser) -> None:
     verbs = dme.add_subparsers(dest="verb", metavar="VERB", required=True)
     text = "Coverage, best pairs and expected error without GPS; exit status 1 when it exceeds 0.5 NM at every altitude."
     plan = verbs.add_parser("plan", help="what the stations around a place or along a route are good for", description=text)
+    _let_places_begin_with_minus(plan)
     where = plan.add_mutually_exclusive_group(required=True)
     where.add_argument("--airport", metavar="LAT,LON[,HEIGHT]", help="degrees, and metres above sea level (default 0)")
     where.add_argument("--route", metavar="FILE|LAT,LON;LAT,LON...", help="waypoints in degrees, or a CSV with lat_deg, lon_deg")
@@ -29,11 +31,17 @@ def add_arguments(dme: argparse.ArgumentParser) -> None:
     plan.add_argument("--speed-mps", type=float, default=46.3, help="speed over ground (default: %(default)s, 90 kt)")
     plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the figures there")
     table = verbs.add_parser("import", help="station table out of a public navaid list", description="Write a station table near a place.")
+    _let_places_begin_with_minus(table)
     table.add_argument("source", help="OurAirports navaids.csv, X-Plane earth_nav.dat, FlightGear nav.dat or our own format")
     table.add_argument("--near", metavar="LAT,LON", required=True, help="place in degrees")
     table.add_argument("--within-nm", type=float, default=130.0, help="distance from it (default: %(default)g NM)")
     table.add_argument("--undulation-m", type=float, default=0.0, help="mean sea level above the ellipsoid there (default: %(default)g m)")
     table.add_argument("-o", "--output", metavar="FILE", required=True, help="table to write")
+
+
+def _let_places_begin_with_minus(parser: argparse.ArgumentParser) -> None:
+    """Let ``--route -17.7,177.4;...`` be a value: argparse takes only plain negative numbers for one, and half the world is south."""
+    parser._negative_number_matcher = re.compile(r"-\.?\d[-\d.,;\s]*$")
 
 
 def dme(arguments: argparse.Namespace) -> int:
@@ -48,7 +56,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     waypoints, elevation = _place(arguments)
     altitudes = _altitudes(arguments.altitude_m, elevation)
     navaids = _read(arguments.stations, 0.0)
-    plan = make_plan(navaids, waypoints, elevation, altitudes, arguments.speed_mps, arguments.stations)
+    plan = make_plan(navaids, waypoints, altitudes, arguments.speed_mps, arguments.stations)
     print_plan(plan)
     if arguments.output:
         from lowcostnav_ros.report.dme_figures import write_figures

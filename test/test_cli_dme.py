@@ -65,3 +65,9 @@ def test_import_writes_a_table_the_plan_can_use(tmp_path, capsys):
 def test_refusals_say_what_to_do(arguments, sentence, capsys):
     assert cli_dme.main(arguments) == 2
     assert sentence in capsys.readouterr().err
+
+
+def test_places_south_of_the_equator_are_values_not_options(capsys):
+    for arguments in (["plan", "--airport", "-33.95,151.18"], ["plan", "--route", "-17.75,177.4;-16.7,179.9"]):
+        assert cli_dme.main(arguments) == 2  # the shipped stations are elsewhere
+        assert "no station within 130 NM of -" in capsys.readouterr().err

@@ -111,10 +111,10 @@ class Point:
 
 
 def stations_along(table: StationTable, route: Route, height: float) -> list[Point]:
-    """Choose stations every minute of the route at ``height`` (m above the ellipsoid)."""
+    """Choose stations every minute of the route, and at its end, at ``height`` (m above the ellipsoid)."""
     points: list[Point] = []
     pair = None
-    for time_s in np.arange(0.0, route.time_s[-1] + 1e-6, CHOOSE_EVERY_S):
+    for time_s in np.append(np.arange(0.0, route.time_s[-1], CHOOSE_EVERY_S), route.time_s[-1]):
         i = route.at(time_s)
         place = (float(route.lat[i]), float(route.lon[i]), height)
         pair = best_pair(table, *place, keep=pair)
@@ -197,4 +197,5 @@ def _state(point: Point) -> str:
 def _runs(values: Sequence) -> list[tuple[int, int]]:
     """First index of each run of equal values and first of the next one (the last index at the end)."""
     starts = [0] + [i for i in range(1, len(values)) if values[i] != values[i - 1]]
-    return [(a, b) for a, b in zip(starts, [*starts[1:], len(values) - 1], strict=True)]
+    runs = list(zip(starts, [*starts[1:], len(values) - 1], strict=True))
+    return [run for run in runs if run[0] < run[1]] or runs  # a change on the very last point has no length

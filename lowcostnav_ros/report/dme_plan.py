@@ -85,7 +85,7 @@ class Plan:
 
 
 def make_plan(
-    navaids: NavaidList, waypoints: Sequence[tuple[float, float]], elevation: float, altitudes: Sequence[float], speed: float, where: str
+    navaids: NavaidList, waypoints: Sequence[tuple[float, float]], altitudes: Sequence[float], speed: float, where: str
 ) -> Plan:
     """Work out a plan.
 
@@ -94,8 +94,6 @@ def make_plan(
     navaids : NavaidList
     waypoints : sequence of (lat, lon)
         Rad; one for an airport, more for a route.
-    elevation : float
-        Of the airport, m above sea level.
     altitudes : sequence of float
         M above sea level.
     speed : float
@@ -110,7 +108,8 @@ def make_plan(
     """
     routes = _routes(waypoints, speed)
     lat, lon = (np.concatenate([getattr(r, name)[::20] for _, r in routes]) for name in ("lat", "lon"))
-    table, notes = select_near(navaids, lat, lon, MOST_DISTANT_M, where)
+    area = (np.append(waypoints[0][k], column) for k, column in enumerate((lat, lon)))  # a refusal names the first place
+    table, notes = select_near(navaids, *area, MOST_DISTANT_M, where)
     table = StationTable(replace(s, height=s.elevation) for s in table)  # everything above sea level
     notes += [f"{count} rows of the list left out: {reason}." for reason, count in sorted(navaids.left_out.items())]
     centre, half_width = _frame(waypoints, lat, lon)
@@ -120,8 +119,6 @@ def make_plan(
         Level(h, coverage(list(table), grid_lat, grid_lon, h), [_leg(name, table, route, h, schedule) for name, route in routes])
         for h in altitudes
     ]
-    if elevation > min(altitudes):
-        notes.append("Some altitudes lie below the airport.")
     return Plan(list(waypoints), table, centre, offsets, schedule, levels, notes)
 
 

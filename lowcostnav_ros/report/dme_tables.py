@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.radionav.benchmarks_vor import REQUIREMENT_M
+from lowcostnav_ros.radionav.geometry import hdop
 from lowcostnav_ros.radionav.layouts import NOISE_M
 from lowcostnav_ros.radionav.plan import Point, pair_changes
-from lowcostnav_ros.radionav.selection import usable
+from lowcostnav_ros.radionav.selection import best_pair, usable, view
 from lowcostnav_ros.report.dme_plan import Leg, Level, Plan
 from lowcostnav_ros.units import NAUTICAL_MILE
 
@@ -25,10 +26,10 @@ def print_plan(plan: Plan) -> None:
 
     console = Console(soft_wrap=True)
     overview = Table(title=f"{len(plan.table)} stations in the area; expected error without GPS, one receiver, a range every 15 s")
-    for heading in ("altitude", "area with 1/2/3", "way flown", "with a pair", "worst 1-sigma", "on arrival"):
+    for heading in ("altitude", "area % with 1/2/3", "way flown", "with a pair", "worst 1-sigma", "on arrival"):
         overview.add_column(heading, justify="left" if heading == "way flown" else "right")
     for level in plan.levels:
-        shares = "/".join(f"{100.0 * level.coverage.share(n):.0f}" for n in (1, 2, 3)) + " %"
+        shares = "/".join(f"{100.0 * level.coverage.share(n):.0f}" for n in (1, 2, 3))
         for k, leg in enumerate(level.legs):
             first = (f"{level.altitude_m:.0f} m", shares) if k == 0 else ("", "")
             overview.add_row(*first, leg.name, f"{100.0 * leg.paired:.0f} %", _metres(leg.worst_m), f"{leg.arrival_m:.0f} m")
@@ -102,8 +103,10 @@ def _level(plan: Plan, level: Level) -> dict[str, Any]:
 
 def _at_airport(plan: Plan, level: Level) -> dict[str, Any]:
     """What is heard over the airport: the stations with range and bearing, and the accuracy of a fix by the best pair."""
-    point = level.legs[0].points[-1]
-    seen = usable(plan.table, *plan.waypoints[0], level.altitude_m)
+    place = (*plan.waypoints[0], level.altitude_m)
+    seen = usable(plan.table, *place)
+    pair = best_pair(plan.table, *place) or ()
+    dilution = hdop(np.array([view(s, *place).direction_n for s in pair])) if pair else math.inf
     return {
         "stations": [
             {
@@ -113,10 +116,10 @@ def _at_airport(plan: Plan, level: Level) -> dict[str, Any]:
             }
             for v in seen
         ],
-        "pair": list(point.pair or ()),
-        "hdop": _finite(point.hdop),
-        "fix_1_sigma_noise_m": _finite(point.hdop * NOISE_M),
-        "fix_1_sigma_with_bias_m": _finite(point.hdop * math.hypot(BIAS_M, NOISE_M)),
+        "pair": [s.ident for s in pair],
+        "hdop": _finite(dilution),
+        "fix_1_sigma_noise_m": _finite(dilution * NOISE_M),
+        "fix_1_sigma_with_bias_m": _finite(dilution * math.hypot(BIAS_M, NOISE_M)),
     }
 
 
