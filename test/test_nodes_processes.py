@@ -23,7 +23,8 @@ def wait_until_up(ros, name: str) -> None:
 
     ros.probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: heard.extend(s.name for s in m.status), 50)
     if name != "monitor":
-        assert ros.spin_until(lambda: any(n.startswith(f"{name}: ") for n in heard), 10.0)
+        # a navigator whose kernels are not in the cache yet compiles them first
+        assert ros.spin_until(lambda: any(n.startswith(f"{name}: ") for n in heard), 60.0)
 
 
 def arguments_of(executable: str, tmp_path) -> tuple[str, ...]:
@@ -48,6 +49,7 @@ def small_bag(tmp_path):
     return tmp_path / "small"
 
 
+@pytest.mark.timeout(120)
 @pytest.mark.parametrize("executable", EXECUTABLES)
 def test_two_interrupts_end_a_node_cleanly(ros, start, tmp_path, executable):
     process = start(executable, *arguments_of(executable, tmp_path))
