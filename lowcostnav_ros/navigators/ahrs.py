@@ -1,12 +1,11 @@
-"""Attitude and heading reference (AHRS): gyros carry the attitude, accelerometers and the magnetometer keep it.
+"""Attitude and heading reference (AHRS): gyros carry the attitude, other sensors keep it.
 
-Accelerometers show the vertical only once the acceleration is known.  It comes, in this order, from GPS velocity, from the velocity
-through the air, or it is taken to be zero while a manoeuvre switch sees steady flight.  The error state is that of the inertial
-core with gyro and accelerometer biases, a slow magnetic heading error, wind and airflow; velocity is carried because it links
-attitude to acceleration exactly, and is not reported: an AHRS owes attitude, heading, rates and specific force.
+This is what all its filters share: the first attitude, holes in the inertial data, the inertial core that carries mean and covariance,
+outputs and modes.  The filter is a setting: :class:`~lowcostnav_ros.navigators.ahrs_full.FullAhrs` weighs everything by a full
+covariance, :class:`~lowcostnav_ros.navigators.ahrs_constant_gain.ConstantGainAhrs` is the family of the source, with constant gains
+that are known before the flight.  An AHRS owes attitude, heading, rates and specific force; it reports no velocity and no position.
 
-``C_true = (I + [phi_n x]) C_est``; see :mod:`lowcostnav_ros.navigators.inertial` for the dynamics and
-:mod:`lowcostnav_ros.navigators.ahrs_aids` for the measurements (Gebre-Egziabher 2004, chapter 4: aided AHRS and its switch).
+``C_true = (I + [phi_n x]) C_est``; see :mod:`lowcostnav_ros.navigators.inertial` for the dynamics (Gebre-Egziabher 2004, chapter 4).
 """
 
 import math
@@ -14,20 +13,18 @@ import math
 import numpy as np
 
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.error_state import Layout
-from lowcostnav_ros.measurements import AirVelocity, GpsPosition, GpsVelocity, ImuBlock, MagneticField, Measurement, NavSolution
-from lowcostnav_ros.navigators.ahrs_aids import AirflowAid, SteadyFlightAid
+from lowcostnav_ros.estimation.error_state import Block, Layout
+from lowcostnav_ros.measurements import AirVelocity, Attitude, GpsPosition, GpsVelocity, ImuBlock, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.navigators.ahrs_alignment import DECLINATION_UNKNOWN, Alignment, FirstAttitude
-from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings, chosen_blocks
-from lowcostnav_ros.navigators.ahrs_start import begin_core, configured_place, hold_position, restart_velocity_from_air
-from lowcostnav_ros.navigators.ahrs_switch import ManoeuvreSwitch
+from lowcostnav_ros.navigators.ahrs_settings import FULL, AhrsSettings
+from lowcostnav_ros.navigators.ahrs_start import begin_core, configured_place, hold_position
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, GAP_NS, VEL, InertialCore
-from lowcostnav_ros.navigators.ins_gps_aids import MagneticAid, VelocityAid
+from lowcostnav_ros.navigators.ins_gps_aids import MagneticAid
 from lowcostnav_ros.navigators.magnetic_heading import FieldAtPlace, MagneticReference
-from lowcostnav_ros.rotation import euler_jacobian_n, quat_to_dcm, quat_to_euler
+from lowcostnav_ros.rotation import euler_jacobian_n, quat_to_euler
 
-IMU, MAG, VELOCITY, FIX, AIR = "imu/data_raw", "imu/mag", "gps/vel", "gps/fix", "air/velocity"
+IMU, MAG, VELOCITY, FIX, AIR, ATTITUDE = "imu/data_raw", "imu/mag", "gps/vel", "gps/fix", "air/velocity", "gps/attitude"
 HEADING_TIMEOUT_NS = 5_000_000_000
 LEVEL_TIMEOUT_NS = 5_000_000_000
 HELD_VELOCITY_SIGMA = 0.01
@@ -40,12 +37,14 @@ def rows_of(block: ImuBlock, rows: slice | np.ndarray) -> ImuBlock:
     return ImuBlock(block.stamp_ns, block.source, block.stamps_ns[rows], block.specific_force_b[rows], block.angular_rate_b[rows])
 
 
-def is_finite(item: GpsVelocity | AirVelocity | MagneticField) -> bool:
+def is_finite(item: GpsVelocity | AirVelocity | MagneticField | Attitude) -> bool:
     """Whether a vector measurement and its covariance are numbers."""
     if isinstance(item, GpsVelocity):
         return bool(np.isfinite(item.vel_n).all() and np.isfinite(item.cov_n).all())
     if isinstance(item, AirVelocity):
         return bool(np.isfinite(item.vel_b).all() and np.isfinite(item.cov_b).all())
+    if isinstance(item, Attitude):
+        return bool(np.isfinite(item.q_nb).all() and np.isfinite(item.cov_att).all())
     return bool(np.isfinite(item.field_b).all())
 
 
@@ -58,28 +57,33 @@ def unbroken(block: ImuBlock) -> list[ImuBlock]:
 
 
 class Ahrs(Navigator):
-    """Attitude and heading reference; see the module head.
+    """Attitude and heading reference; made with settings, it is the filter that ``settings.filter`` names.
 
-    Modes: ``initialising`` (no data), ``aligning``, ``calibrating`` (GPS velocity: the gyro biases converge), ``coasting`` (airspeed,
+    Modes: ``initialising`` (no data), ``aligning``, ``calibrating`` (GPS is heard: the gyro biases converge), ``coasting`` (airspeed,
     steady flight or magnetometer), ``gyro_only``, ``failed`` (wrong unit at the start, or a tilt sigma past the limit).
+
+    A filter gives ``inputs``, ``aids`` and the verbs ``_blocks``, ``_begun``, ``_follow``, ``_keep``, ``_aid`` and ``_mode``.
     """
 
     name = "ahrs"
     inertial = IMU
-    inputs = {IMU: True, MAG: False, VELOCITY: False, FIX: False, AIR: False}
+
+    def __new__(cls, settings: AhrsSettings) -> "Ahrs":
+        """Choose the filter, as ``pathlib.Path`` chooses the flavour of a path."""
+        if cls is Ahrs:
+            from lowcostnav_ros.navigators.ahrs_constant_gain import ConstantGainAhrs  # the filters import this module
+            from lowcostnav_ros.navigators.ahrs_full import FullAhrs
+
+            cls = FullAhrs if settings.filter == FULL else ConstantGainAhrs
+        return super().__new__(cls)
 
     def __init__(self, settings: AhrsSettings) -> None:
         super().__init__(settings, latency_s=settings.gps.latency_s)
-        self.layout = Layout(chosen_blocks(settings))
+        self.layout = Layout(self._blocks(settings))
         self.core = InertialCore(self.layout)
         reference = MagneticReference(settings.magnetic.decimal_year, settings.magnetic.declination_deg)
         self.magnetic = FieldAtPlace(reference, configured_place(settings.place))
-        self.velocity_aid, self.magnetic_aid = VelocityAid(settings.gps), MagneticAid(settings.magnetic)
-        self.airflow_aid, self.steady_aid = AirflowAid(settings.airflow), SteadyFlightAid(settings.level)
-        optional = ((settings.airflow.enabled, self.airflow_aid), (settings.magnetic.enabled, self.magnetic_aid))
-        self.aids = [self.velocity_aid, self.steady_aid, *(aid for enabled, aid in optional if enabled)]
-        self.airflow_states = self.layout.mask("wind", "updraught", "airspeed_bias", "sideslip", "incidence")
-        self.switch = ManoeuvreSwitch(settings.level)
+        self.magnetic_aid = MagneticAid(settings.magnetic)
         self.alignment = Alignment(settings)
         self._restart()
 
@@ -94,21 +98,19 @@ class Ahrs(Navigator):
         """Inject a correction (an aid calls this)."""
         self.core.correct(dx)
 
-    def wind_n(self) -> np.ndarray:
-        """Estimated wind (3,), m/s, NED."""
-        estimate = self.core.estimate
-        return np.concatenate((estimate[self.layout["wind"]], estimate[self.layout["updraught"]]))
+    # what each filter has of its own -----------------------------------------------------------------------------------------
 
-    def gps_is_fresh(self, stamp_ns: int) -> bool:
-        """Whether a GPS velocity was accepted within the time-out."""
-        return stamp_ns - self._gps_ns <= 1e9 * self.settings.gps.timeout_s
+    @staticmethod
+    def _blocks(settings: AhrsSettings) -> list[Block]:
+        """Blocks of the error state, the inertial core first."""
+        raise TypeError("Make an Ahrs, not a part of one.")
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
     def _restart(self) -> None:
         self._aligned = False
         self._imu_ns: int | None = None
-        self._gps_ns = self._air_ns = self._magnetic_ns = self._steady_ns = NEVER
+        self._gps_ns = self._air_ns = self._magnetic_ns = self._steady_ns = self._attitude_ns = NEVER
         self._tried_air_ns = self._tried_magnetic_ns = self._position_held_ns = NEVER
         self.level_since_ns: int | None = None
         self.rate_b, self.force_b = np.zeros(3), np.zeros(3)
@@ -198,6 +200,8 @@ class Ahrs(Navigator):
     def _prepare(self, item: Measurement) -> None:
         if isinstance(item, MagneticField):
             self.alignment.magnetic(item)
+        elif isinstance(item, Attitude):
+            self._start(self.alignment.attitude(item))
         elif isinstance(item, GpsVelocity):
             self._start(self.alignment.gps(item, self.magnetic.known()))
         elif isinstance(item, AirVelocity) and self.settings.airflow.enabled:
@@ -214,9 +218,10 @@ class Ahrs(Navigator):
         self._gps_ns = first.t_ns if first.gps is not None else NEVER
         self._air_ns = first.t_ns if first.air is not None else NEVER
         self._magnetic_ns = first.t_ns if first.is_magnetic else NEVER
+        self._attitude_ns = NEVER
         self._steady_ns = first.t_ns
         self.level_since_ns = None
-        self.switch.restart(first.t_ns)
+        self._begun(first.t_ns)
         self._judge()
 
     # navigation --------------------------------------------------------------------------------------------------------------
@@ -224,7 +229,7 @@ class Ahrs(Navigator):
     def _advance(self, block: ImuBlock, start: int) -> int:
         before = self.core.t_ns
         following = self.core.advance(block, start, self.output_period_ns)
-        self.switch.follow(block, start, following)
+        self._follow(block, start, following)
         self._imu_ns = self.core.t_ns
         self.force_b, self.rate_b = self.core.corrected(block.specific_force_b[following - 1], block.angular_rate_b[following - 1])
         if self.core.t_ns // self.output_period_ns != before // self.output_period_ns:
@@ -234,7 +239,7 @@ class Ahrs(Navigator):
         return following
 
     def _tick(self) -> None:
-        """At every output: judge the motion, level by steady flight when nothing measures velocity, keep the mode."""
+        """At every output: what the filter does in steady flight, and the mode."""
         now, nav = self.core.t_ns, self.core.nav
         if not (np.isfinite(nav).all() and np.isfinite(self.P[ATT, ATT]).all()):
             self._realign("state not finite", "state not finite")
@@ -244,15 +249,7 @@ class Ahrs(Navigator):
         if now - self._position_held_ns >= POSITION_HELD_NS:
             self._position_held_ns = now
             hold_position(self.core, self.magnetic.place)
-        self.switch.decide(quat_to_dcm(nav[6:10]), self.core.errors()[1])
-        if self.gps_is_fresh(now) or now - self._air_ns <= 1e9 * self.settings.airflow.timeout_s:
-            self.level_since_ns = None
-        elif self.level_since_ns is None:
-            self._hold_velocity(now)
-        elif now - self.level_since_ns >= 1e9 * self.settings.level.period_s:
-            if self.use_aid(self.steady_aid, Measurement(now, IMU)):
-                self._steady_ns = now
-            self._hold_velocity(now)
+        self._keep(now)
         self._judge()
 
     def _hold_velocity(self, now: int) -> None:
@@ -261,35 +258,6 @@ class Ahrs(Navigator):
         self.core.nav[VEL] = 0.0
         kalman.reset_block(self.P, VEL, np.eye(3) * HELD_VELOCITY_SIGMA**2)
         self.level_since_ns = now
-
-    def _aid(self, item: Measurement) -> None:
-        if isinstance(item, GpsVelocity):
-            self._aid_velocity(item)
-        elif isinstance(item, AirVelocity):
-            self._aid_airflow(item)
-        elif isinstance(item, MagneticField) and self.settings.magnetic.enabled:
-            self._aid_magnetic(item)
-
-    def _aid_velocity(self, item: GpsVelocity) -> None:
-        self.core.settle()
-        if self.level_since_ns is not None:
-            self.core.nav[VEL] = item.vel_n  # the velocity counted from zero means nothing beside a measured one
-            kalman.reset_block(self.P, VEL, item.cov_n + np.eye(3) * self.settings.gps.velocity_floor_mps**2)
-            self.level_since_ns = None
-        if self.use_aid(self.velocity_aid, item):
-            self._gps_ns = item.stamp_ns
-
-    def _aid_airflow(self, item: AirVelocity) -> None:
-        air = self.settings.airflow
-        if not air.enabled or item.stamp_ns - self._tried_air_ns < 1e9 * air.period_s - 1e6:
-            return
-        self._tried_air_ns = item.stamp_ns
-        self.core.settle()
-        if self.level_since_ns is not None and np.linalg.norm(item.vel_b) >= air.minimum_mps:
-            restart_velocity_from_air(self.core, item, self.wind_n())
-            self.level_since_ns = None
-        if self.use_aid(self.airflow_aid, item):
-            self._air_ns = item.stamp_ns
 
     def _aid_magnetic(self, item: MagneticField) -> None:
         if item.stamp_ns - self._tried_magnetic_ns < 1e9 * self.settings.magnetic.period_s - 1e6:
@@ -306,22 +274,13 @@ class Ahrs(Navigator):
 
     def _judge(self) -> None:
         """Keep mode and reason in step with what was fused."""
-        now = self.core.t_ns
         tilt_sigma_deg = math.sqrt(max(self.P[6, 6], self.P[7, 7], 0.0)) / DEG
-        heading = "" if now - self._magnetic_ns <= HEADING_TIMEOUT_NS else ", no magnetic heading"
         if tilt_sigma_deg > self.settings.failed_tilt_deg:
             limit = self.settings.failed_tilt_deg
             self.mode, self.reason = "failed", f"roll or pitch sigma {tilt_sigma_deg:.0f} deg is past {limit:.0f} deg"
-        elif self.gps_is_fresh(now):
-            self.mode, self.reason = "calibrating", "GPS velocity gives the acceleration" + heading
-        elif now - self._air_ns <= 1e9 * self.settings.airflow.timeout_s:
-            self.mode, self.reason = "coasting", "no GPS velocity, airspeed gives the acceleration" + heading
-        elif now - self._steady_ns <= LEVEL_TIMEOUT_NS:
-            self.mode, self.reason = "coasting", "no GPS velocity or airspeed, levelled in steady flight" + heading
-        elif not heading:
-            self.mode, self.reason = "coasting", "magnetic heading only: roll and pitch run on the gyros while manoeuvring"
         else:
-            self.mode, self.reason = "gyro_only", "manoeuvring without GPS velocity, airspeed and magnetic heading"
+            has_heading = self.core.t_ns - self._magnetic_ns <= HEADING_TIMEOUT_NS
+            self.mode, self.reason = self._mode(self.core.t_ns, has_heading)
 
     def _predict(self) -> NavSolution | None:
         if not self._aligned:

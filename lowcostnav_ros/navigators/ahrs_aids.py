@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, Innovation
-from lowcostnav_ros.measurements import UNKNOWN_VARIANCE, AirVelocity, Measurement
-from lowcostnav_ros.navigators.ahrs_settings import AirflowSettings, LevelSettings
+from lowcostnav_ros.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude, Measurement
+from lowcostnav_ros.navigators.ahrs_settings import AirflowSettings, GpsAttitudeSettings, LevelSettings
 from lowcostnav_ros.navigators.inertial import ATT, DEG, VEL
-from lowcostnav_ros.rotation import quat_to_dcm, skew
+from lowcostnav_ros.navigators.ins_gps_aids import floored
+from lowcostnav_ros.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew
 
 if TYPE_CHECKING:
     from lowcostnav_ros.navigators.ahrs import Ahrs
@@ -104,3 +106,25 @@ class SteadyFlightAid(Aid):
         H[0, VEL.start], H[1, VEL.start + 1] = 1.0, 1.0
         R = np.eye(2) * (self.settings.acceleration_mps2 * span_s) ** 2
         return Innovation(-host.core.nav[3:5], H, R, host.core.nav[3:5] / span_s)
+
+
+class GpsAttitudeAid(Aid):
+    """Attitude from several GPS antennas against the estimate, as the small rotation between the two, rad in n."""
+
+    def __init__(self, settings: GpsAttitudeSettings) -> None:
+        super().__init__("gps_attitude", ("north_rad", "east_rad", "down_rad"), settings.gate)
+        self.settings = settings
+
+    def innovation(self, measurement: Attitude, host: "Ahrs") -> Innovation | str:
+        """``y = log(q_gps q_est*)`` = phi_n, so H is I on attitude."""
+        H = np.zeros((3, host.layout.size))
+        H[:, ATT] = np.eye(3)
+        y = rotvec_from_quat(quat_multiply(measurement.q_nb, quat_conjugate(host.core.nav[6:10])))
+        return Innovation(y, H, floored(measurement.cov_att, self.settings.sigma_scale, self.settings.floor_deg * DEG), y.copy())
+
+    def recover(self, measurement: Attitude, innovation: Innovation, host: "Ahrs") -> None:
+        """Take the attitude from GPS afresh: it does not drift, so a long disagreement is ours."""
+        kalman.reset_block(host.P, ATT, floored(measurement.cov_att, self.settings.sigma_scale, self.settings.floor_deg * DEG))
+        dx = np.zeros(host.layout.size)
+        dx[ATT] = rotvec_from_quat(quat_multiply(measurement.q_nb, quat_conjugate(host.core.nav[6:10])))
+        host.correct(dx)

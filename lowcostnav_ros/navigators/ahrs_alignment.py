@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.earth import STANDARD_GRAVITY
-from lowcostnav_ros.measurements import AirVelocity, GpsVelocity, ImuBlock, MagneticField
+from lowcostnav_ros.measurements import AirVelocity, Attitude, GpsVelocity, ImuBlock, MagneticField
 from lowcostnav_ros.navigators.ahrs_kernels import WINDOW_SIZE, gather_window
 from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings
 from lowcostnav_ros.navigators.alignment import tilt_from_specific_force, unit_error
@@ -72,6 +72,20 @@ class Alignment:
     def magnetic(self, measurement: MagneticField) -> None:
         """Keep the newest field with the turn at its time."""
         self._field, self._field_turn = measurement, self._window[0:4].copy()
+
+    def attitude(self, measurement: Attitude) -> FirstAttitude | None:
+        """Begin at a measured attitude once half a window of inertial data looks like the right unit."""
+        force, rate, span_s = self._window[4:7], self._window[7:10], self._window[10]
+        if span_s < 0.5 * self.settings.alignment.window_s:
+            return None
+        wrong = unit_error(force / span_s, rate / span_s)
+        self.wrong_unit = bool(wrong)
+        if wrong:
+            self.reason = wrong
+            return None
+        self.reason = ""
+        sigma = np.sqrt(np.maximum(np.diag(measurement.cov_att), 0.0))
+        return FirstAttitude(self.t_ns, measurement.q_nb.copy(), float(max(sigma[:2])), float(sigma[2]), False)
 
     def gps(self, measurement: GpsVelocity, local: LocalField | None) -> FirstAttitude | None:
         """Close the window at a GPS velocity when it began with one; else begin there."""

@@ -10,6 +10,9 @@ from lowcostnav_ros.navigators.base import HorizonSettings
 from lowcostnav_ros.navigators.inertial import DEG, ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.settings import SettingsError, group, setting
 
+FULL, EULER, QUATERNION, VECTOR_MATCHING, SWITCHED = FILTERS = ("full", "euler", "quaternion", "vector_matching", "switched")
+"""What ``filter`` may say."""
+
 
 @dataclass(frozen=True)
 class PlaceSettings:
@@ -91,6 +94,45 @@ class LevelSettings:
 
 
 @dataclass(frozen=True)
+class GpsAttitudeSettings:
+    """Attitude from several GPS antennas: free of drift, and what teaches the gyro biases."""
+
+    enabled: bool = setting(False, "Use GPS attitude in the full filter; the euler and quaternion filters always do.")
+    sigma_scale: float = setting(1.0, "Factor on the receiver's stated sigma.", minimum=0.1, maximum=100.0)
+    floor_deg: float = setting(0.05, "Smallest sigma believed.", unit="deg", minimum=0.001, maximum=10.0)
+    timeout_s: float = setting(2.5, "No accepted attitude for this long is an outage.", unit="s", minimum=0.1, maximum=60.0)
+    gate: GateSettings = group(GateSettings)
+
+
+@dataclass(frozen=True)
+class ConstantGainSettings:
+    """Tuning of the constant-gain filters; the defaults are those flown (Gebre-Egziabher 2004, tables 4.2 and 4.4)."""
+
+    gps_alpha: float = setting(0.2, "GPS attitude: factor on the gyro noise.", minimum=1e-3, maximum=1e3)
+    gps_beta: float = setting(2e-4, "GPS attitude: driving noise of the gyro biases.", unit="deg/s/sqrt(s)", minimum=1e-9, maximum=1.0)
+    gps_sigma_deg: float = setting(0.25, "GPS attitude: noise of each angle.", unit="deg", minimum=0.01, maximum=10.0)
+    gps_period_s: float = setting(0.5, "GPS attitude: spacing the gain is made for; faster ones are skipped.", unit="s", minimum=0.05)
+    level_alpha: float = setting(10.0, "Level and magnetic heading: factor on the gyro noise.", minimum=1e-3, maximum=1e3)
+    level_beta: float = setting(1e-5, "Level and magnetic heading: factor on the gyro drift.", minimum=1e-9, maximum=1e3)
+    level_sigma_deg: float = setting(0.06, "Noise of roll and pitch by accelerometers, 1 milli-g.", unit="deg", minimum=0.001, maximum=10.0)
+    heading_sigma_deg: float = setting(0.8, "Noise of the magnetic heading.", unit="deg", minimum=0.01, maximum=30.0)
+    level_period_s: float = setting(0.5, "Spacing of level and magnetic heading.", unit="s", minimum=0.05, maximum=10.0)
+    gyro_sigma_dps: float = setting(0.05, "Gyro noise the gains are made for.", unit="deg/s/sqrt(Hz)", minimum=1e-6, maximum=10.0)
+    drift_dps: float = setting(0.05, "Gyro drift the gains are made for.", unit="deg/s", minimum=1e-6, maximum=10.0)
+    drift_tau_s: float = setting(1000.0, "Correlation time of that drift.", unit="s", minimum=1.0)
+
+
+@dataclass(frozen=True)
+class RateSwitchSettings:
+    """Manoeuvre switch of the constant-gain filters: the yaw rate, load and release of ``level``, and how fast it reacts."""
+
+    tilt_rate_dps: float = setting(2.0, "Rolling or pitching faster than this is manoeuvring.", unit="deg/s", minimum=0.1, maximum=50.0)
+    tilt_filter_s: float = setting(0.2, "Time constant of the low-pass of roll and pitch rate.", unit="s", minimum=0.01, maximum=10.0)
+    yaw_filter_s: float = setting(0.5, "Time constant of the low-pass of yaw rate and load.", unit="s", minimum=0.01, maximum=10.0)
+    hold_off_s: float = setting(1.0, "Flight must be quiet for this long before it counts as steady.", unit="s", minimum=0.0, maximum=60.0)
+
+
+@dataclass(frozen=True)
 class FirstAttitudeSettings:
     """How the first attitude is found."""
 
@@ -105,6 +147,7 @@ class FirstAttitudeSettings:
 class AhrsSettings:
     """All settings of the attitude and heading reference."""
 
+    filter: str = setting(FULL, "Which filter: full, or one with the constant gains of the source.", choices=FILTERS)
     horizon: HorizonSettings = group(HorizonSettings)
     imu: ImuSettings = group(ImuSettings)
     place: PlaceSettings = group(PlaceSettings)
@@ -113,6 +156,9 @@ class AhrsSettings:
     airflow: AirflowSettings = group(AirflowSettings)
     level: LevelSettings = group(LevelSettings)
     alignment: FirstAttitudeSettings = group(FirstAttitudeSettings)
+    gps_attitude: GpsAttitudeSettings = group(GpsAttitudeSettings)
+    constant_gain: ConstantGainSettings = group(ConstantGainSettings)
+    rate_switch: RateSwitchSettings = group(RateSwitchSettings)
     failed_tilt_deg: float = setting(20.0, "Roll or pitch sigma beyond which the attitude counts as failed.", unit="deg", minimum=2.0)
 
 
