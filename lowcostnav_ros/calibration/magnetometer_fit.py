@@ -191,10 +191,14 @@ def coverage_of(directions: np.ndarray) -> Coverage:
 
 
 def _span_deg(unit: np.ndarray) -> float:
-    """Greatest angle between two directions, to a degree: one direction for each cell of a 40-fold grid."""
-    rows = np.unique(np.round(20.0 * unit), axis=0, return_index=True)[1]
-    few = unit[rows]
-    return math.degrees(math.acos(max(-1.0, min(1.0, float((few @ few.T).min())))))
+    """Greatest angle between two directions, found by hopping to the farthest one from each extreme of the axes."""
+    least = 1.0
+    for start in {*np.argmin(unit, axis=0), *np.argmax(unit, axis=0)}:
+        for _ in range(3):
+            cosines = unit @ unit[start]
+            start = int(np.argmin(cosines))
+            least = min(least, float(cosines[start]))
+    return math.degrees(math.acos(max(-1.0, least)))
 
 
 def _sphere_percent(unit: np.ndarray) -> float:

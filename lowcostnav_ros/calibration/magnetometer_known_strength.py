@@ -1,8 +1,13 @@
 """Calibration from partial coverage: field strength known from the magnetic model, and a prior on what the data do not show.
 
-Minimises the robust misfit of |M (measured - hard iron)| to the known strength, M symmetric, plus a prior on every parameter.  Where
+Minimises the robust misfit of |M (measured - hard iron)| to the known strength, M symmetric, plus a prior on every parameter.  The
+misfit is divided by its own sensitivity to the measured field (the distance of Sampson 1982): a plain misfit shrinks with M, and
+thousands of noisy samples would shrink M against any prior.  Where
 an aircraft never banked enough for a free fit, the prior holds the weak directions near "no error" and the posterior sigma says
 so; the strong directions are calibrated all the same.  Outliers (a hangar, a towing truck) are weighted down after Huber.
+
+Solved for M and M hard_iron: after a level turn the data fix M_zz B_z - (M hard_iron)_z, a straight valley in these unknowns and a
+curved one in the hard iron itself.
 """
 
 import math
@@ -14,11 +19,15 @@ from lowcostnav_ros.calibration.least_squares import condition_number
 from lowcostnav_ros.calibration.magnetometer_fit import NARROW_DEG, MagnetometerFit, checked_samples, coverage_of
 from lowcostnav_ros.calibration.record import CalibrationError
 
-MOST_ITERATIONS = 50
+MOST_ITERATIONS = 200
+ROUNDS = 4
+SETTLED = 1e-3
+"""Length of a step, in posterior sigmas, that ends the iteration."""
 HUBER = 1.5
 """Residual, in sigmas, beyond which a sample counts less."""
 LEARNT = 0.5
 """Share of the prior sigma below which a parameter counts as determined by the data."""
+_STEP = 1e-6
 _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -66,8 +75,9 @@ def known_strength_fit(measured: np.ndarray, strength: float | np.ndarray, prior
     unit = float(strengths.mean())
     problem = _Problem(measured / unit, strengths / unit, prior, np.array(prior.hard_iron) / unit)
     parameters = problem.solve()
-    hard_iron, matrix = _unpack(parameters)
-    calibrated = (measured / unit - hard_iron) @ matrix
+    shift, matrix = _unpack(parameters)
+    hard_iron = np.linalg.solve(matrix, shift)
+    calibrated = measured / unit @ matrix - shift
     coverage = coverage_of(calibrated)
     sigma, condition, residual_rms = problem.quality(parameters)
     learnt = sigma[:3] < LEARNT * prior.hard_iron_share
@@ -83,7 +93,10 @@ def known_strength_fit(measured: np.ndarray, strength: float | np.ndarray, prior
 
 
 class _Problem:
-    """Residuals and derivatives in units of the field strength; parameters are centre (3) then the symmetric matrix (6)."""
+    """Residuals and derivatives in units of the field strength.
+
+    Parameters are the shift M hard_iron (3), then the symmetric matrix M (6); the field is M measured - shift.
+    """
 
     def __init__(self, measured: np.ndarray, strengths: np.ndarray, prior: CalibrationPrior, centre: np.ndarray) -> None:
         self.measured, self.strengths = measured, strengths
@@ -92,32 +105,57 @@ class _Problem:
         self.free = np.flatnonzero(self.sigma > 0.0)
 
     def solve(self) -> np.ndarray:
-        """Gauss-Newton steps with Huber weights, halved while they do not improve."""
+        """Gauss-Newton steps with Huber weights, halved while they do not improve; the noise level is renewed between rounds."""
         parameters = self.mean.copy()
-        noise = self._noise(parameters)
+        for _ in range(ROUNDS):
+            parameters, settled = self._minimum(parameters, self._noise(parameters))
+        if not settled:
+            raise CalibrationError("The fit with known strength did not settle; check the field strength and its unit, or the samples.")
+        return parameters
+
+    def _minimum(self, parameters: np.ndarray, noise: float) -> tuple[np.ndarray, bool]:
         for _ in range(MOST_ITERATIONS):
             rows, right = self._system(parameters, noise)
             step = np.linalg.lstsq(rows, right, rcond=None)[0]
             parameters = self._shortened(parameters, step, noise)
-            noise = self._noise(parameters)
-            if np.abs(step).max() < 1e-7:
-                return parameters
-        raise CalibrationError("The fit with known strength did not settle; check the field strength and its unit, or the samples.")
+            if np.linalg.norm(rows @ step) < SETTLED:
+                return parameters, True
+        return parameters, False
 
     def quality(self, parameters: np.ndarray) -> tuple[np.ndarray, float, float]:
-        """Posterior sigma of all nine parameters, condition number of the data alone, root mean square of the residuals."""
+        """Posterior sigma of hard iron and matrix (9,), condition number of the data alone, root mean square of the residuals."""
         noise = self._noise(parameters)
         rows, _ = self._system(parameters, noise)
-        sigma = np.zeros(9)
-        upper = np.linalg.qr(rows, mode="r")
-        sigma[self.free] = np.linalg.norm(np.linalg.inv(upper), axis=1)
+        inverse = np.zeros((9, len(self.free)))
+        inverse[self.free] = np.linalg.inv(np.linalg.qr(rows, mode="r"))
+        inverse[:3] = self._of_hard_iron(parameters) @ inverse
+        sigma = np.linalg.norm(inverse, axis=1)
         data_only = np.linalg.qr(rows[: len(self.measured)], mode="r")
         residual = self._residual(parameters)
         return sigma, condition_number(data_only), float(np.sqrt(np.mean(residual**2)))
 
+    def _of_hard_iron(self, parameters: np.ndarray) -> np.ndarray:
+        """Derivative of the hard iron, M^-1 shift, by all parameters, shape (3, 9)."""
+        shift, matrix = _unpack(parameters)
+        inverse = np.linalg.inv(matrix)
+        hard_iron = inverse @ shift
+        rows = np.zeros((3, 9))
+        rows[:, :3] = inverse
+        for k, (i, j) in enumerate(_SYMMETRIC):
+            change = np.zeros(3)
+            change[i] += hard_iron[j]
+            if i != j:
+                change[j] += hard_iron[i]
+            rows[:, 3 + k] = -inverse @ change
+        return rows
+
     def _residual(self, parameters: np.ndarray) -> np.ndarray:
-        centre, matrix = _unpack(parameters)
-        return self.strengths - np.linalg.norm((self.measured - centre) @ matrix, axis=1)
+        """Distance of each sample from the surface, to first order, in units of the measured field over the strength."""
+        shift, matrix = _unpack(parameters)
+        field = self.measured @ matrix - shift
+        length = np.maximum(np.linalg.norm(field, axis=1, keepdims=True), 1e-12)
+        sensitivity = np.linalg.norm(field / length @ matrix, axis=1)
+        return (self.strengths - length[:, 0]) / sensitivity
 
     def _noise(self, parameters: np.ndarray) -> float:
         residual = self._residual(parameters)
@@ -140,21 +178,18 @@ class _Problem:
         return parameters
 
     def _system(self, parameters: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
-        centre, matrix = _unpack(parameters)
-        e = self.measured - centre
-        field = e @ matrix
-        length = np.maximum(np.linalg.norm(field, axis=1, keepdims=True), 1e-12)
-        toward = field / length
-        columns = [-(toward @ matrix)]
-        for i, j in _SYMMETRIC:
-            column = toward[:, i] * e[:, j] + (toward[:, j] * e[:, i] if i != j else 0.0)
-            columns.append(column[:, None])
-        residual = self.strengths - length[:, 0]
+        """Weighted rows and right side of one step, prior included; derivatives by central differences."""
+        residual = self._residual(parameters)
+        columns = np.empty((len(residual), len(self.free)))
+        for column, k in enumerate(self.free):
+            ahead, behind = parameters.copy(), parameters.copy()
+            ahead[k] += _STEP
+            behind[k] -= _STEP
+            columns[:, column] = (self._residual(behind) - self._residual(ahead)) / (2.0 * _STEP)
         weight = np.sqrt(np.minimum(1.0, HUBER * noise / np.maximum(np.abs(residual), 1e-300))) / noise
-        data = np.hstack(columns)[:, self.free] * weight[:, None]
         prior_rows = np.diag(1.0 / self.sigma[self.free])
         prior_right = (self.mean - parameters)[self.free] / self.sigma[self.free]
-        return np.vstack((data, prior_rows)), np.concatenate((residual * weight, prior_right))
+        return np.vstack((columns * weight[:, None], prior_rows)), np.concatenate((residual * weight, prior_right))
 
 
 def _unpack(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

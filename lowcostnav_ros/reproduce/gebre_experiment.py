@@ -105,11 +105,13 @@ def boom_trace(context: Context) -> Outcome:
     rms = math.degrees(float(np.sqrt(np.mean(found.error[:1200] ** 2))))
 
     def draw(figure: Any) -> None:
-        made = axes(figure, x="time [s]", y="heading [deg]", title="one minute at 20 Hz")
-        t = np.arange(1200) / RATE_HZ
-        made.plot(t, np.degrees(found.heading[:1200] + found.error[:1200]), linewidth=0.6, label="magnetometer")
-        made.plot(t, np.degrees(found.heading[:1200]), "k--", linewidth=0.8, label="truth")
-        legend(made)
+        left = axes(figure, (1, 2, 1), x="time [s]", y="heading [deg]", title="one minute at 20 Hz")
+        t, truth, error = np.arange(1200) / RATE_HZ, np.unwrap(found.heading[:1200]), found.error[:1200]
+        left.plot(t, np.degrees(truth + error), linewidth=0.6, label="magnetometer")
+        left.plot(t, np.degrees(truth), "k--", linewidth=0.8, label="truth")
+        legend(left)
+        right = axes(figure, (1, 2, 2), x="time [s]", y="heading error [deg]", title="magnetometer minus truth")
+        right.plot(t, np.degrees(error), linewidth=0.6)
 
     return judged(f"{rms:.2f} deg RMS", rms < 3.0, FLEXING, draw)
 

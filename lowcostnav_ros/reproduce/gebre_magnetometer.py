@@ -14,7 +14,7 @@ from lowcostnav_ros.calibration.magnetometer_batch import MOST_ITERATIONS, linea
 from lowcostnav_ros.calibration.magnetometer_swing import coefficients_of, level_field, swing_fit
 from lowcostnav_ros.calibration.magnetometer_two_step import two_step
 from lowcostnav_ros.reproduce.figures import axes, histogram, legend
-from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
+from lowcostnav_ros.reproduce.registry import Context, DrawFunction, Outcome, judged, result
 from lowcostnav_ros.rotation import wrap
 
 STRENGTH_G = 0.5
@@ -125,24 +125,42 @@ def _batch_rates(context: Context) -> list[float]:
     return context.once("batch rates", compute)
 
 
-def _draw_convergence(context: Context, indices: tuple[int, ...]) -> Any:
+def _draw_convergence(context: Context, indices: tuple[int, ...]) -> DrawFunction:
+    """Histories of ten starts for each case; a single case has its cloud beside it."""
+
     def draw(figure: Any) -> None:
-        rng, strengths = context.rng("batch history"), np.full(POINTS, STRENGTH_G)
-        for place, index in enumerate(indices):
+        rng = context.rng("batch history")
+        if len(indices) == 1:
+            _draw_cloud(figure, CASES[indices[0]], rng)
+        for place, index in enumerate(indices, start=3 - len(indices)):
             title = f"case {CASES[index].label}: ten starts"
-            made = axes(figure, (1, len(indices), place + 1), x="iteration", y="largest hard-iron error [G]", title=title)
+            made = axes(figure, (1, 2, place), x="iteration", y="largest hard-iron error [G]", title=title)
             made.set_yscale("log")
-            for _ in range(10):
-                cloud = CASES[index].cloud(rng)
-                hard_iron, scale = HARD_IRON_G + 0.5 * rng.standard_normal(3), SCALE + 0.5 * rng.standard_normal(3)
-                history = [np.abs(hard_iron - HARD_IRON_G).max()]
-                for _ in range(30):
-                    hard_iron, scale, _ = linearised_batch(cloud, strengths, hard_iron, scale, 1)
-                    history.append(np.abs(hard_iron - HARD_IRON_G).max())
-                made.plot(np.clip(history, 1e-6, 1e3), linewidth=0.8)
             made.set_ylim(1e-5, 1e3)
+            for _ in range(10):
+                made.plot(np.clip(_history(CASES[index], rng), 1e-6, 1e3), linewidth=0.8)
 
     return draw
+
+
+def _history(case: CalibrationCase, rng: np.random.Generator) -> list[float]:
+    """Largest hard-iron error, G, at each of 30 iterations from one random start."""
+    cloud, strengths = case.cloud(rng), np.full(POINTS, STRENGTH_G)
+    hard_iron, scale = HARD_IRON_G + 0.5 * rng.standard_normal(3), SCALE + 0.5 * rng.standard_normal(3)
+    history = [float(np.abs(hard_iron - HARD_IRON_G).max())]
+    for _ in range(30):
+        hard_iron, scale, _ = linearised_batch(cloud, strengths, hard_iron, scale, 1)
+        history.append(float(np.abs(hard_iron - HARD_IRON_G).max()))
+    return history
+
+
+def _draw_cloud(figure: Any, case: CalibrationCase, rng: np.random.Generator) -> None:
+    measured = case.cloud(rng)[::5]
+    space = figure.add_subplot(1, 2, 1, projection="3d")
+    space.scatter(*measured.T, s=1, label="measured")
+    space.scatter(*((measured - HARD_IRON_G) / SCALE).T, s=1, label="true field")
+    space.set_title(f"strip of {case.strip_deg:g} deg, field [G]", fontsize=9)
+    legend(space)
 
 
 @result(

@@ -1,0 +1,175 @@
+"""The registry, the run, the page and the JSON of results, and the same numbers whoever does the work."""
+
+import json
+import re
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from lowcostnav_ros import cli
+from lowcostnav_ros.replay.campaign import CampaignError
+from lowcostnav_ros.reproduce import cluster, page, registry, run
+from lowcostnav_ros.reproduce.gebre_magnetometer import CASES, two_step_case
+from lowcostnav_ros.reproduce.registry import CRASHED, DIFFERS, REPRODUCED, Context, Entry, Outcome, ReproduceError, judged
+
+JSON_NAMES = ["id", "title", "source", "thesis", "ours", "tolerance", "verdict", "reason", "seconds", "figure"]
+
+
+def entry(id, function, study="gebre"):
+    return Entry(id, f"title | of {id}", "Figure 1", "1.0 m", "5 %", study, function)
+
+
+def drawn(figure):
+    figure.add_subplot().plot([0.0, 1.0])
+
+
+def broken(_):
+    raise ZeroDivisionError("no such luck")
+
+
+def test_every_result_says_what_was_printed_where_and_how_close_is_close():
+    entries = registry.all_results()
+    ids = [e.id for e in entries]
+    assert len(set(ids)) == len(ids)
+    assert {f"GR{k}" for k in range(1, 23)} <= set(ids)
+    assert ids.index("GR9") < ids.index("GR10")
+    for e in entries:
+        assert all((e.title, e.source, e.thesis, e.tolerance)), e.id
+        assert e.study in registry.STUDIES
+
+
+def test_selection_by_study_and_id_and_the_nearest_name_for_a_slip():
+    entries = [entry("GR2", broken), entry("GR12", broken), entry("SR1", broken, "solimeno")]
+    assert [e.id for e in registry.selected([], entries)] == ["GR2", "GR12", "SR1"]
+    assert [e.id for e in registry.selected(["GEBRE"], entries)] == ["GR2", "GR12"]
+    assert [e.id for e in registry.selected(["sr1", "gr2"], entries)] == ["GR2", "SR1"]
+    with pytest.raises(ReproduceError, match="did you mean 'GR12'"):
+        registry.selected(["GR11"], entries)
+
+
+def test_an_outcome_that_differs_needs_a_reason():
+    with pytest.raises(ReproduceError, match="needs a reason"):
+        Outcome("2 m", DIFFERS)
+    with pytest.raises(ReproduceError, match="one of reproduced"):
+        Outcome("2 m", "nearly")
+    assert judged("1 m", True, "unused") == Outcome("1 m", REPRODUCED)
+    assert judged("2 m", False).reason
+
+
+def test_an_id_is_registered_once():
+    with pytest.raises(ReproduceError, match="registered twice"):
+        registry.result("GR1", "another", source="-", thesis="-", tolerance="-")(broken)
+
+
+def test_random_streams_depend_on_seed_and_name_alone():
+    assert Context(seed=3).rng("a").random() == Context(seed=3, quick=True).rng("a").random()
+    assert Context(seed=3).rng("a").random() != Context(seed=3).rng("b").random()
+    assert Context().seeds("a", 5)[:3] == Context().seeds("a", 3)
+    context, calls = Context(), []
+    assert context.once("x", lambda: calls.append(1) or 7) == context.once("x", lambda: calls.append(1) or 8) == 7
+
+
+def test_a_crash_is_a_verdict_and_the_others_still_run(tmp_path):
+    seen = []
+    records = run.run_results(
+        [entry("GR1", broken), entry("GR2", lambda _: Outcome("1.01 m", REPRODUCED, "", drawn))], Context(), tmp_path, seen.append
+    )
+    assert [r.outcome.verdict for r in records] == [CRASHED, REPRODUCED]
+    assert "no such luck" in records[0].outcome.reason
+    assert "ZeroDivisionError" in records[0].trace
+    assert seen == records
+    assert (tmp_path / records[1].figure).stat().st_size > 1000
+    assert list(records[1].as_json(tmp_path)) == JSON_NAMES
+
+
+def test_equal_results_give_equal_pages_and_pictures(tmp_path):
+    bytes_of = []
+    for name in ("a", "b"):
+        records = run.run_results([entry("GR2", lambda _: Outcome("1.01 m", REPRODUCED, "", drawn))], Context(), tmp_path / name)
+        path = page.write_pages(records, tmp_path / name, quick=True)[0]
+        bytes_of.append(path.read_bytes() + (tmp_path / name / records[0].figure).read_bytes())
+    assert bytes_of[0] == bytes_of[1]
+
+
+def test_page_links_rows_to_sections_and_escapes_bars():
+    records = run.run_results([entry("GR2", lambda _: judged("2 m", False, "it is larger"))], Context())
+    text = page.page("gebre", records, quick=False)
+    assert "Gebre-Egziabher" in text
+    assert "title \\| of GR2" in text
+    assert "1 differs" in text
+    assert "**differs**. it is larger" in text
+    for anchor in re.findall(r"\]\(#(\w+)\)", text):
+        assert f"## {anchor.upper()}" in text
+
+
+def test_command_writes_the_json_and_the_page(tmp_path, capsys):
+    out, file = tmp_path / "out", tmp_path / "results.json"
+    assert cli.main(["reproduce", "GR21", "gr12", "--quick", "--out", str(out), "--json", str(file), "--workers", "1"]) == 0
+    results = json.loads(file.read_text())
+    assert list(results) == ["results"]
+    assert [list(r) for r in results["results"]] == [JSON_NAMES] * 2
+    assert [r["verdict"] for r in results["results"]] == [REPRODUCED] * 2
+    assert "GR21" in (out / "gebre.md").read_text()
+    assert "2 reproduced" in capsys.readouterr().out
+
+
+def test_command_lists_and_refuses(capsys, tmp_path):
+    assert cli.main(["reproduce", "--list"]) == 0
+    assert "GR16" in capsys.readouterr().out
+    assert cli.main(["reproduce", "GR99999"]) == 2
+    assert "There is no result" in capsys.readouterr().err
+    assert cli.main(["reproduce", "GR21", "--json", str(tmp_path / "none" / "x.json")]) == 2
+    assert "create it first" in capsys.readouterr().err
+    assert cli.main(["reproduce", "GR21", "--workers", "0"]) == 2
+
+
+def square(x):
+    return x * x
+
+
+def fails_at_two(x):
+    if x == 2:
+        raise ValueError("two is bad")
+    return x
+
+
+def test_any_executor_keeps_the_order_and_names_the_case_that_failed():
+    with ThreadPoolExecutor(3) as pool:
+        assert cluster.run_on(pool, square, range(20)) == [x * x for x in range(20)]
+        with pytest.raises(CampaignError, match=r"Case 2 \(2\) failed: two is bad"):
+            cluster.run_on(pool, fails_at_two, [0, 1, 2, 3])
+
+
+@pytest.fixture(scope="module")
+def few_cases():
+    return [(CASES[k % 4], 2, 100 + k) for k in range(4)]
+
+
+def test_numbers_do_not_depend_on_the_number_of_workers(few_cases):
+    with cluster.runner(1) as one, cluster.runner(2) as two:
+        for (a, failures_a), (b, failures_b) in zip(one(two_step_case, few_cases), two(two_step_case, few_cases), strict=True):
+            np.testing.assert_array_equal(a, b)
+            assert failures_a == failures_b == 0
+
+
+def test_a_dask_cluster_gives_the_same_numbers(few_cases):
+    distributed = pytest.importorskip("distributed", reason="the cluster extra is not installed")
+    local = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None)
+    try:
+        with cluster.runner(cluster=local.scheduler_address) as ours, cluster.runner(1) as here:
+            for (a, _), (b, _) in zip(ours(two_step_case, few_cases), here(two_step_case, few_cases), strict=True):
+                np.testing.assert_array_equal(a, b)
+    finally:
+        local.close()
+
+
+def test_no_scheduler_at_the_address_is_refused_with_a_sentence(monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="the cluster extra is not installed")
+
+    def unanswered(*_, **__):
+        raise OSError("timed out")
+
+    monkeypatch.setattr(distributed, "Client", unanswered)
+    with pytest.raises(ReproduceError, match="No dask scheduler answers"), cluster.runner(cluster="tcp://127.0.0.1:1"):
+        pass
