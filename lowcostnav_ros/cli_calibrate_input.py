@@ -1,6 +1,7 @@
 """Read columns of numbers for the calibration jobs: from a bag's sensor topics or from a CSV table."""
 
 import gzip
+import warnings
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -105,7 +106,9 @@ def read_table(path: str, wanted: list[str] | None, unit: str = "") -> Columns:
             raise CalibrationError(f"{path} has no column '{name}'{nearest(name, names)}.")
     columns = [names.index(name) for name in [*wanted, *([time] if time else [])]]
     try:
-        rows = np.loadtxt(path, delimiter=",", skiprows=1, usecols=columns, ndmin=2)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # an empty table is refused below, in our words
+            rows = np.loadtxt(path, delimiter=",", skiprows=1, usecols=columns, ndmin=2)
     except ValueError as error:
         raise CalibrationError(f"{path}: a cell is not a number ({error}); correct it, or choose other columns with --column.") from error
     if len(rows) == 0:
