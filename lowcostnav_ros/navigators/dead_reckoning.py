@@ -1,6 +1,6 @@
 """Dead reckoning: airspeed along the heading plus wind, taught by GPS while it lasts, held together by DME ranges when it is gone.
 
-Gebre-Egziabher (2004), sections 5.3, 6.4 and 6.5 (systems G41, G42, G52 and G53).  The error model is in
+Gebre-Egziabher (2004), sections 5.3, 6.4, 6.5 and 8.2 (systems G41, G42, G52, G53 and G61).  The error model is in
 :mod:`~lowcostnav_ros.navigators.dead_reckoning_model`, what it listens to in :mod:`~lowcostnav_ros.navigators.dead_reckoning_aids`.
 """
 
@@ -20,10 +20,13 @@ from lowcostnav_ros.navigators.dead_reckoning_inputs import HeldInputs
 from lowcostnav_ros.navigators.dead_reckoning_model import NM, POS
 from lowcostnav_ros.navigators.dead_reckoning_settings import DeadReckoningSettings
 from lowcostnav_ros.navigators.dead_reckoning_state import DeadReckoningState
+from lowcostnav_ros.navigators.dead_reckoning_uplink import RadarFixAid, WindUplinkAid
 from lowcostnav_ros.radionav.stations import StationTable
 
 HEARD_S = 120.0
 """A station counts for the geometry this long after its last accepted range."""
+UPLINK_S = 120.0
+"""What the ground sent is named this long after it was used."""
 
 
 class DeadReckoning(Navigator):
@@ -50,7 +53,8 @@ class DeadReckoning(Navigator):
 
     def __init__(self, settings: DeadReckoningSettings | None = None, stations: StationTable | None = None) -> None:
         settings = settings or DeadReckoningSettings()
-        optional = ("air/static_pressure", "gps/fix", "gps/vel", "dme/range")
+        uplinks = (topic for topic in (settings.radar.topic, settings.wind_uplink.topic) if topic)
+        optional = ("air/static_pressure", "gps/fix", "gps/vel", "dme/range", *uplinks)
         self.inputs = {settings.attitude_topic: True, "air/velocity": True, **dict.fromkeys(optional, False)}
         super().__init__(settings)
         self.stations = stations
@@ -89,7 +93,9 @@ class DeadReckoning(Navigator):
         self._gps_velocity = GpsVelocityAid(settings.gps, settings.wind)
         self._baro = BaroAid(settings.height, settings.gps.gate)
         self._dme = DmeAid(settings.dme, self.stations)
+        self._radar, self._wind_uplink = RadarFixAid(settings.radar), WindUplinkAid(settings.wind_uplink)
         self.aids = [self._gps_position, self._gps_velocity, self._baro, self._dme]
+        self.aids += [aid for aid in (self._radar, self._wind_uplink) if aid.settings.topic]
 
     def _fuse(self, item: Measurement) -> None:
         if self.state.t_ns is None:
@@ -132,6 +138,8 @@ class DeadReckoning(Navigator):
             self.use_aid(self._gps_velocity, item)
         elif isinstance(item, Pressure):
             self.use_aid(self._baro, item)
+        elif isinstance(item, NavSolution):
+            self.use_aid(self._radar if item.source == self.settings.radar.topic else self._wind_uplink, item)
         elif isinstance(item, SlantRange) and self.use_aid(self._dme, item):
             self._heard.heard(item.station, item.stamp_ns)
 
@@ -163,6 +171,7 @@ class DeadReckoning(Navigator):
             self.mode, self.reason = "calibrating", "GPS good" if self.held.airborne else "GPS good, on the ground: wind is not learned"
         else:
             self._judge_outage()
+            self.reason += self._uplinks_used()
         if self._alert():
             sigma, limit = self.state.horizontal_sigma() / NM, self.settings.alert_nm
             self.reason += f"; ALERT: believed error {sigma:.2f} NM is above {limit:g} NM"
@@ -181,6 +190,12 @@ class DeadReckoning(Navigator):
         self._look_at_geometry()
         stations = ", ".join(self._heard.idents(state.t_ns))
         self.mode, self.reason = "dme_aided", f"{gps}; DME {stations}" + (f"; {self.geometry}" if self.geometry else "")
+
+    def _uplinks_used(self) -> str:
+        """Name what the ground contributed lately."""
+        words = (("radar fix", self._radar), ("wind from the ground", self._wind_uplink))
+        ages = [(name, aid.status.age_s(self.state.t_ns)) for name, aid in words]
+        return "".join(f"; {name} {age:.0f} s ago" for name, age in ages if age is not None and age <= UPLINK_S)
 
     def _look_at_geometry(self) -> None:
         """Judge the geometry of the stations heard, once a second."""

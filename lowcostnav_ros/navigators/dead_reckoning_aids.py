@@ -12,6 +12,7 @@ from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Innova
 from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, Pressure, SlantRange
 from lowcostnav_ros.navigators.dead_reckoning_model import NM, POS
 from lowcostnav_ros.navigators.dead_reckoning_settings import DmeSettings, GpsSettings, HeightSettings, WindSettings
+from lowcostnav_ros.navigators.dead_reckoning_state import SLOWEST_MPS
 from lowcostnav_ros.radionav.geometry import range_and_direction
 from lowcostnav_ros.radionav.stations import StationTable
 
@@ -45,7 +46,7 @@ class GpsPositionAid(Aid):
         y = difference_n(measurement.lat, measurement.lon, measurement.height, *host.state.nav)
         H = np.zeros((3, host.state.layout.size))
         H[:, POS] = np.eye(3)
-        factor = correlation_factor(_since_s(self, measurement), self.settings.correlation_s)
+        factor = correlation_factor(since_s(self, measurement), self.settings.correlation_s)
         return Innovation(y, H, factor * self.noise(measurement), y.copy())
 
     def recover(self, measurement: GpsPosition, innovation: Innovation, host: Any) -> None:
@@ -73,7 +74,7 @@ class GpsVelocityAid(Aid):
         floor = np.maximum(self.settings.velocity_floor_mps**2 - np.diag(measurement.cov_n), 0.0)
         tau_s = max(self.settings.correlation_s, self.wind.gust_tau_s)
         R = measurement.cov_n + np.diag(floor) + host.state.velocity_noise(host.held)
-        return Innovation(measurement.vel_n - velocity, H, correlation_factor(_since_s(self, measurement), tau_s) * R, measurement.vel_n)
+        return Innovation(measurement.vel_n - velocity, H, correlation_factor(since_s(self, measurement), tau_s) * R, measurement.vel_n)
 
 
 class BaroAid(Aid):
@@ -97,13 +98,15 @@ class BaroAid(Aid):
 class DmeAid(Aid):
     """One slant range at a time, in full geometry; it never moves height.
 
-    The variance of a reply is that of its whole error; what the bias model explains of it is not counted twice.
+    The variance of a reply is that of its whole error; what the bias model explains of it is not counted twice.  Where the bias is no state
+    it is noise, of which replies of one station in quick succession repeat the same draw.
     While DME is all there is, a range outside the gate is limited to the gate rather than rejected, unless it lies far beyond.
     """
 
     def __init__(self, settings: DmeSettings, stations: StationTable | None) -> None:
         super().__init__("dme", ("slant_range_m",), settings.gate)
         self.settings, self.stations = settings, stations
+        self._used_ns: dict[str, int] = {}
 
     def innovation(self, measurement: SlantRange, host: Any) -> Innovation | str:
         if self.stations is None:
@@ -120,19 +123,34 @@ class DmeAid(Aid):
         R = max(measurement.variance - slow, (self.settings.noise_nm * NM) ** 2) + _curvature(host.P, direction, predicted)
         bias = host.state.range_bias_index(measurement.station)
         if bias is None:
-            R += slow
+            R += slow * self._repetition(measurement, host.held.speed)
         else:
             H[0, bias] = 1.0
             predicted += host.state.estimate[bias]
         y = np.array([measurement.range_m - predicted])
         return Innovation(y, H, np.array([[R]]), np.array([measurement.range_m]), host.state.free_for_ranges)
 
+    def process(self, measurement: SlantRange, host: Any) -> bool:
+        used = super().process(measurement, host)
+        if used:
+            self._used_ns[measurement.station] = measurement.stamp_ns
+        return used
+
+    def _repetition(self, measurement: SlantRange, speed_mps: float) -> float:
+        """Factor on the variance of a range bias that is not a state, for the time since the station's last reply."""
+        last_ns = self._used_ns.get(measurement.station)
+        if last_ns is None:
+            return 1.0
+        tau_s = self.settings.bias_distance_nm * NM / max(speed_mps, SLOWEST_MPS)
+        return correlation_factor(1e-9 * (measurement.stamp_ns - last_ns), tau_s)
+
     def control(self, stamp_ns: int, test_ratio: float, host: Any) -> tuple[Decision, str]:
         self.limit_instead_of_reject = test_ratio < FAR_BEYOND and not host.gps_good()
         return super().control(stamp_ns, test_ratio, host)
 
 
-def _since_s(aid: Aid, measurement: Any) -> float:
+def since_s(aid: Aid, measurement: Any) -> float:
+    """Seconds since an aid last used a measurement, ``inf`` before the first."""
     age = aid.status.age_s(measurement.stamp_ns)
     return math.inf if age is None else age
 

@@ -99,6 +99,32 @@ class DmeSettings:
 
 
 @dataclass(frozen=True)
+class RadarGateSettings(GateSettings):
+    """The gate of radar fixes; a radar sees the aircraft every few seconds."""
+
+    recovery_s: float = setting(60.0, "Rejecting this long makes the aid recover (widen or re-initialise).", unit="s", minimum=0.0)
+
+
+@dataclass(frozen=True)
+class RadarSettings:
+    """Position fixes of a ground radar, sent up by data link."""
+
+    topic: str = setting("", "Topic of the fixes (NavSatFix), such as radar/fix; empty for none.")
+    floor_m: float = setting(200.0, "Smallest horizontal sigma a fix is given.", unit="m", minimum=1.0, maximum=1e5)
+    gate: RadarGateSettings = group(RadarGateSettings)
+
+
+@dataclass(frozen=True)
+class WindUplinkSettings:
+    """Wind reported from the ground by data link."""
+
+    topic: str = setting("", "Topic of the wind (TwistWithCovarianceStamped), such as uplink/wind; empty for none.")
+    floor_mps: float = setting(2.0, "Smallest sigma a reported component is given.", unit="m/s", minimum=0.1, maximum=50.0)
+    correlation_s: float = setting(600.0, "Time over which the errors of reports stay correlated.", unit="s", minimum=0.0, maximum=1e5)
+    gate: DmeGateSettings = group(DmeGateSettings)
+
+
+@dataclass(frozen=True)
 class DeadReckoningSettings:
     """All settings of the dead-reckoning navigator."""
 
@@ -117,3 +143,5 @@ class DeadReckoningSettings:
     height: HeightSettings = group(HeightSettings)
     gps: GpsSettings = group(GpsSettings)
     dme: DmeSettings = group(DmeSettings)
+    radar: RadarSettings = group(RadarSettings)
+    wind_uplink: WindUplinkSettings = group(WindUplinkSettings)

@@ -33,6 +33,8 @@ class DeadReckoningState:
     P : ndarray (n, n)
     t_ns : int or None
         Time of the mean; None before the start.
+    wind_rows : ndarray (2, n)
+        Sum all that makes up the wind, north and east.
     """
 
     def __init__(self, settings: DeadReckoningSettings) -> None:
@@ -46,7 +48,7 @@ class DeadReckoningState:
         self._rate[CLIMB] = 1.0 / settings.height.climb_tau_s
         self._mean_rate = np.zeros(layout.size) if settings.model == "reduced" else self._rate
         self._kind_rows = {kind: (layout.kind == kind).astype(float) for kind in Kind}
-        self._wind_rows = np.array([(layout.kind == Kind.WIND) & (layout.axis == axis) for axis in range(2)], dtype=float)
+        self.wind_rows = np.array([(layout.kind == Kind.WIND) & (layout.axis == axis) for axis in range(2)], dtype=float)
         self._floor, self._ceiling = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2, np.full(layout.size, 1e14)
         considered = ["dme_bias"] if settings.dme.bias == "consider" else []
         self.free_for_ranges = 1.0 - layout.mask("baro_bias", *considered)
@@ -61,7 +63,7 @@ class DeadReckoningState:
 
     def know_wind(self, wind_n: np.ndarray, sigma: float) -> None:
         """Take a wind (2,), m/s, as known to ``sigma``: one measurement of all that makes up the wind."""
-        H = self._wind_rows
+        H = self.wind_rows
         self.P[:] = 0.5 * (self.P + self.P.T)
         y = np.asarray(wind_n, float) - H @ self.estimate
         self.correct(kalman.update(self.P, y, H, max(sigma, 1e-6) ** 2 * np.eye(2), np.ones(self.layout.size)))
@@ -124,7 +126,7 @@ class DeadReckoningState:
 
     def wind_covariance(self) -> np.ndarray:
         """Covariance (2, 2) of the whole wind, (m/s)^2."""
-        return self._wind_rows @ self.P @ self._wind_rows.T
+        return self.wind_rows @ self.P @ self.wind_rows.T
 
     def horizontal_sigma(self) -> float:
         """Believed horizontal error, m: root of the sum of both variances."""
