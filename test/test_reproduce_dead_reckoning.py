@@ -17,7 +17,7 @@ from lowcostnav_ros.reproduce import gebre_flights as flights
 from lowcostnav_ros.reproduce import gebre_ins_grades as grades
 from lowcostnav_ros.reproduce import gebre_navigator_montecarlo as montecarlo
 from lowcostnav_ros.reproduce import gebre_update_methods as methods
-from lowcostnav_ros.reproduce.registry import DIFFERS, REPRODUCED, Context, all_results
+from lowcostnav_ros.reproduce.registry import DIFFERS, NOT_IN_NUMBERS, REPRODUCED, Context, all_results
 from lowcostnav_ros.rotation import euler_to_quat, wrap
 
 OURS = ["GR33", "GR34", "GR35", "GR36", "GR40", "GR41", "GR42", "GR43", "GR44", "GR45", "GR46", "GR47", "GR48", "GR48a", "GR48b", "GR53"]
@@ -140,6 +140,18 @@ def test_ins_errors_begin_as_the_one_dimensional_closed_forms():
     for axis in (0, 1):
         assert parts["gyros"].sigma(axis)[-1] == pytest.approx(gyro, rel=0.003)
         assert parts["accelerometers"].sigma(axis)[-1] == pytest.approx(accel, rel=0.003)
+
+
+def test_sparse_ranges_do_not_hold_a_low_grade_ins(entries, context):
+    """Section 8.2.1: judged unsatisfactory; heading drifts on, half a mile is passed, though the ranges do bound the error."""
+    outcome = entries["GR59"].function(context)
+    assert outcome.verdict == NOT_IN_NUMBERS
+    labels, aided = grades.dme_aided("automotive")
+    heading = aided.sigma(labels.index("attitude_down_rad"))
+    free = math.hypot(0.25, 0.05 * math.sqrt(60.0))  # white rate noise alone, one minute
+    assert math.degrees(heading[60]) > free
+    assert np.max(aided.sigma(0, 1)) > reckoning.LIMIT_M
+    assert aided.sigma(0, 1)[-1] < 0.01 * grades.unaided("automotive").sigma(0, 1)[-1]  # bounded all the same
 
 
 def test_flights_move_with_the_air_and_end_on_the_way_to_the_airport():

@@ -9,9 +9,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from lowcostnav_ros.earth import gravity
-from lowcostnav_ros.estimation.covariance_study import History, Step, discretise, first_crossing, run
+from lowcostnav_ros.estimation.covariance_study import History, Step, Update, discretise, first_crossing, run
 from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.navigators.inertial import (
     ATT,
@@ -24,8 +25,19 @@ from lowcostnav_ros.navigators.inertial import (
     inertial_dynamics,
     noise_density,
 )
-from lowcostnav_ros.reproduce.gebre_dead_reckoning import EAST, FLIGHT_S, LIMIT_M, NORTH, SPEED_MPS, open_loop, worst_ratio
-from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
+from lowcostnav_ros.reproduce.gebre_dead_reckoning import (
+    EAST,
+    FLIGHT_S,
+    LIMIT_M,
+    NORTH,
+    SPEED_MPS,
+    dead_reckoning_step,
+    open_loop,
+    thesis_settings,
+    worst_ratio,
+)
+from lowcostnav_ros.reproduce.gebre_update_methods import Case, horizontal, study
+from lowcostnav_ros.reproduce.registry import NOT_IN_NUMBERS, Context, Outcome, judged, result
 from lowcostnav_ros.simulation.equipment import load_imu_profile
 from lowcostnav_ros.units import DEGREE, NAUTICAL_MILE
 
@@ -37,6 +49,8 @@ LATITUDE = 37.7 * DEGREE
 HEIGHT_M = 609.6
 VERTICAL = (2, 5)
 """Down position and velocity: pressure altitude holds them."""
+ALIGNED = (2.0, 2.0, 0.1, 0.1, 0.25 * DEGREE, 0.25 * DEGREE, 0.25 * DEGREE)
+"""Sigmas of an INS when GPS is lost: m, m/s and, from GPS attitude, rad."""
 
 TACTICAL_M = {120: 16.0, 300: 155.0, 550: 722.0, 600: 898.0, 900: 2450.0, 1200: 4842.0, 1800: 11591.0}
 AUTOMOTIVE_M = {60: 126.0, 120: 1163.0, 300: 23952.0, 600: 220350.0}
@@ -141,3 +155,52 @@ def draw_grades(figure: "Figure", until_s: int, top_m: float, grades: tuple[str,
     axes.set_title("Unaided, perfect start, 90 kt north")
     axes.grid(alpha=0.3)
     axes.legend()
+
+
+def dme_aided(grade: str) -> tuple[tuple[str, ...], History]:
+    """INS of a grade with one DME range every 15 s, range biases estimated, on the flight of the update methods; labels and history."""
+    imu = grade_settings(grade)
+    labels, step = inertial_step(imu)
+    n, aided = len(labels), study(Case("one"))
+    rows = dead_reckoning_step(thesis_settings())[0]["dme_bias"]
+    noise = {name: block_diag(Qd, np.zeros((2, 2))) for name, Qd in step.noise.items()}
+    noise["range bias"] = block_diag(np.zeros((n, n)), aided.step.noise["range bias"][rows, rows])
+    sensors = np.concatenate([block.sigma0 for block in bias_blocks(imu)])
+    P0 = block_diag(np.diag(np.concatenate((ALIGNED, sensors)) ** 2), aided.P0[rows, rows])
+
+    def updates(second: int) -> list[Update]:
+        return [Update(np.hstack((u.H[:, 0:2], np.zeros((1, n - 2)), u.H[:, rows])), u.R) for u in aided.updates(second)]
+
+    return labels, run(P0, Step(block_diag(step.Phi, aided.step.Phi[rows, rows]), noise, step.dt_s), aided.steps, updates)
+
+
+@result(
+    "GR59",
+    "Low-grade INS aided by one DME range every 15 s",
+    source="sections 6.2 and 8.2.1",
+    thesis="tried and judged unsatisfactory: states not observable from sparse ranges; no number",
+    tolerance="none printed; ours beside DME-aided dead reckoning on the same flight",
+)
+def sparse_ranges(context: Context) -> Outcome:
+    """Covariance of both low grades with range biases as states."""
+    reckoning, parts = horizontal(context, Case("one")), []
+    for grade in GRADES[1:]:
+        labels, history = dme_aided(grade)
+        sigma, heading = history.sigma(NORTH, EAST), history.sigma(labels.index("attitude_down_rad")) / DEGREE
+        parts.append(f"{grade}: at most {sigma.max():.0f} m, {sigma[1200]:.0f} m at 1200 s, heading {heading[1200]:.0f} deg")
+    ours = "; ".join(parts) + f"; dead reckoning: at most {reckoning.max():.0f} m, {reckoning[1200]:.0f} m at 1200 s"
+    reason = "the thesis gives a judgement only; the numbers bear it out: heading is not observed and half a mile is passed within minutes"
+    return Outcome(ours, NOT_IN_NUMBERS, reason, lambda figure: draw_sparse(figure, reckoning))
+
+
+def draw_sparse(figure: "Figure", reckoning: np.ndarray) -> None:
+    """Horizontal error of DME-aided INS by grade beside DME-aided dead reckoning."""
+    axes = figure.subplots()
+    for grade in GRADES:
+        _, history = dme_aided(grade)
+        axes.plot(history.t_s / 60.0, history.sigma(NORTH, EAST), linewidth=0.9, label=f"INS, {grade}")
+    axes.plot(np.arange(len(reckoning)) / 60.0, reckoning, color="black", linewidth=0.9, label="dead reckoning")
+    axes.axhline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
+    axes.set(xlabel="time [min]", ylabel="horizontal error, 1 sigma [m]", ylim=(0, None), title="One DME range every 15 s")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize="small")

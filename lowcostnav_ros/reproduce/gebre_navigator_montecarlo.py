@@ -267,7 +267,7 @@ def draw_methods(figure: "Figure", seed: int, tracks: dict[str, list[Track]]) ->
         axes.plot(truth[:, 1], truth[:, 0], color="black", label="truth", linewidth=1.2)
         axes.plot(0, 0, "ks", markersize=4)
         axes.set(xlabel="east [NM]", aspect="equal")
-    plan.set(ylabel="north [NM]", title="one flight (7.12, 7.13)", ylim=(-4, 10))
+    plan.set(ylabel="north [NM]", title="one flight (7.12, 7.13)", ylim=(-2, 8))
     final.set(title="final approach (7.15)", xlim=(-1.5, 5), ylim=(-2.5, 4))
     curves.axhline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
     curves.set(xlabel="time [min]", ylabel="horizontal error [m]", ylim=(0, 2000), title="errors (7.14)")
