@@ -13,6 +13,7 @@ from lowcostnav_ros.rotation import quat_from_rotvec, quat_multiply, quat_normal
 
 REAR_BASELINE_M, FRONT_BASELINE_M = 0.36, 0.50
 _ITERATIONS, _SMALL = 20, 1e-10
+_WORST_RESIDUAL = 5.0
 
 
 def isosceles_array(rear_m: float = REAR_BASELINE_M, front_m: float = FRONT_BASELINE_M) -> np.ndarray:
@@ -57,7 +58,7 @@ def attitude_from_phases(
     sight_n, baselines_b
         As :func:`phase_differences`.
     q_nb : ndarray, shape (4,)
-        Attitude to start from; the gyros' after a loss of lock.
+        Attitude to start from, the gyros' after a loss of lock: from half a radian off, one start in some hundred ends in a false minimum.
     sigma_m : float
         Noise of one difference, m (5 mm with multipath gives 0.25 to 1 deg on half a metre).
 
@@ -70,7 +71,8 @@ def attitude_from_phases(
     Raises
     ------
     ValueError
-        For fewer than three satellites, or a geometry that leaves the attitude open.
+        For fewer than three satellites, a geometry that leaves the attitude open, or residuals that the noise does not explain (a false
+        minimum, or a wrong integer).
     """
     m, k = phases_m.shape
     if m < 3 or m * k < 3 + k:
@@ -89,4 +91,9 @@ def attitude_from_phases(
         if np.abs(step).max() < _SMALL:
             break
     C = quat_to_dcm(q)
+    left = phases_m - sight_n @ C @ baselines_b.T - c
+    rms = float(np.sqrt(np.sum(left**2) / max(m * k - 3 - k, 1)))
+    if rms > _WORST_RESIDUAL * sigma_m:
+        noise_mm = 1e3 * sigma_m
+        raise ValueError(f"Residuals of {1e3 * rms:.0f} mm do not fit phases good to {noise_mm:.1f} mm; start nearer or fix the integers.")
     return q, C @ np.linalg.inv(H.T @ H)[:3, :3] @ C.T * sigma_m**2

@@ -28,6 +28,8 @@ MODULES = (
     "gebre_magnetometer",
     "gebre_experiment",
     "gebre_attitude",
+    "gebre_attitude_gains",
+    "gebre_attitude_switch",
     "gebre_dead_reckoning",
     "gebre_ins_grades",
     "gebre_update_methods",
