@@ -178,11 +178,12 @@ def _out_dir(arguments: argparse.Namespace) -> Path | None:
 
 def _print_table(heads: tuple[str, ...], rows: list[tuple], columns: "Columns") -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(*heads, box=None)
+    table = Table(*(escape(head) for head in heads), box=None)
     for row in rows:
-        table.add_row(row[0], *(f"{value:.4g}" for value in row[1:]))
+        table.add_row(escape(row[0]), *(f"{value:.4g}" for value in row[1:]))
     console = Console(width=None if sys.stdout.isatty() else 120)
     console.print(table)
     known = {unit for unit in columns.units.values() if unit}

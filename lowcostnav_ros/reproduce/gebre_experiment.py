@@ -24,7 +24,8 @@ DIP = math.radians(61.5)
 NOISE_G = 0.004
 RATE_HZ = 20
 MINUTES = 10
-FLEXING = "The simulated boom is rigid; the thesis puts the excess down to flexing of the boom, of which it gives no model."
+REPEATS = 9
+FLEXING = "The simulated boom is rigid; the thesis names flexing of its boom as a cause of large errors and gives no model of it."
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,19 +48,20 @@ def _attitudes(rng: np.random.Generator, seconds: float) -> np.ndarray:
     return np.column_stack([roll, pitch, wrap(0.11 * t)])
 
 
-def _experiment(context: Context) -> _Experiment:
-    def compute() -> _Experiment:
-        rng = context.rng("boom")
-        attitudes = _attitudes(rng, 60.0 * MINUTES)
-        field_n = HORIZONTAL_G * np.array([1.0, 0.0, math.tan(DIP)])
-        true_b = np.array([euler_to_dcm(*attitude).T @ field_n for attitude in attitudes])
-        raw = true_b * [1.05, 0.97, 1.02] + [0.10, -0.05, 0.08] + NOISE_G * rng.standard_normal(true_b.shape)
-        fit = two_step_fit(raw, float(np.linalg.norm(field_n)))
-        calibrated = fit.apply(raw)
-        headings = [magnetic_heading(a[0], a[1], b, 0.0) for a, b in zip(attitudes, calibrated, strict=True)]
-        return _Experiment(fit, raw, calibrated - true_b, attitudes[:, 2], wrap(np.array(headings) - attitudes[:, 2]))
+def _simulated(rng: np.random.Generator) -> _Experiment:
+    attitudes = _attitudes(rng, 60.0 * MINUTES)
+    field_n = HORIZONTAL_G * np.array([1.0, 0.0, math.tan(DIP)])
+    true_b = np.array([euler_to_dcm(*attitude).T @ field_n for attitude in attitudes])
+    raw = true_b * [1.05, 0.97, 1.02] + [0.10, -0.05, 0.08] + NOISE_G * rng.standard_normal(true_b.shape)
+    fit = two_step_fit(raw, float(np.linalg.norm(field_n)))
+    calibrated = fit.apply(raw)
+    headings = [magnetic_heading(a[0], a[1], b, 0.0) for a, b in zip(attitudes, calibrated, strict=True)]
+    return _Experiment(fit, raw, calibrated - true_b, attitudes[:, 2], wrap(np.array(headings) - attitudes[:, 2]))
 
-    return context.once("boom", compute)
+
+def _experiments(context: Context) -> list[_Experiment]:
+    """Repeat the experiment, because one calibration's mean residual is a matter of chance; the first is the one drawn."""
+    return context.once("boom", lambda: [_simulated(context.rng(f"boom {k}")) for k in range(REPEATS)])
 
 
 @result(
@@ -70,12 +72,17 @@ def _experiment(context: Context) -> _Experiment:
     tolerance="factor 2",
 )
 def boom_residual(context: Context) -> Outcome:
-    """Residual of the simulated experiment, against the true attitude."""
-    found = _experiment(context)
-    mean, sigma = 1e3 * found.residual.mean(axis=0), 1e3 * found.residual.std(axis=0)
-    worst = int(np.argmax(np.abs(mean)))
-    ours = f"worst axis {'xyz'[worst]}: mean {mean[worst]:.2f} mG, sigma {sigma[worst]:.1f} mG; calibration over {found.fit.coverage}"
-    good = 3.5 <= abs(mean[worst]) <= 14.0 and 2.0 <= sigma[worst] <= 8.0
+    """Residual of the simulated experiments, against the true attitude: median of their worst axes."""
+    repeats = _experiments(context)
+    found = repeats[0]
+    means = 1e3 * np.array([np.abs(e.residual.mean(axis=0)) for e in repeats])
+    mean, axis_of_worst = float(np.median(means.max(axis=1))), int(np.bincount(means.argmax(axis=1)).argmax())
+    sigma = float(np.median([1e3 * e.residual[:, axis_of_worst].std() for e in repeats]))
+    ours = (
+        f"worst axis {'xyz'[axis_of_worst]}: mean {mean:.1f} mG in size, sigma {sigma:.1f} mG (medians of {REPEATS} experiments); "
+        f"calibration over {found.fit.coverage}"
+    )
+    good = 3.5 <= mean <= 14.0 and 2.0 <= sigma <= 8.0
 
     def draw(figure: Any) -> None:
         space = figure.add_subplot(1, 2, 1, projection="3d")
@@ -101,7 +108,7 @@ def boom_residual(context: Context) -> Outcome:
 )
 def boom_trace(context: Context) -> Outcome:
     """First minute of the simulated experiment, 20 Hz."""
-    found = _experiment(context)
+    found = _experiments(context)[0]
     rms = math.degrees(float(np.sqrt(np.mean(found.error[:1200] ** 2))))
 
     def draw(figure: Any) -> None:
@@ -125,7 +132,7 @@ def boom_trace(context: Context) -> Outcome:
 )
 def boom_heading(context: Context) -> Outcome:
     """Statistics of the simulated experiment; no tolerance, so the verdict says what it is: another experiment."""
-    error = np.degrees(_experiment(context).error)
+    error = np.degrees(_experiments(context)[0].error)
     ours = f"mean {error.mean():.2f} deg, standard deviation {error.std():.2f} deg, largest {np.abs(error).max():.1f} deg"
 
     def draw(figure: Any) -> None:

@@ -6,11 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from lowcostnav_ros.reproduce.registry import CRASHED, Context, DrawFunction, Entry, Outcome
 
 FIGURE_INCHES = (9.0, 3.8)
 FIGURE_DPI = 80
 FIGURES = "figures"
+COLOURS = 128
 
 
 @dataclass(frozen=True)
@@ -79,14 +82,19 @@ def _run_one(entry: Entry, context: Context, out: Path | None) -> Record:
 
 
 def save_figure(draw: DrawFunction, out: Path, name: str) -> str:
-    """Draw a figure to ``out/figures/<name>.png`` without any display; return its path relative to ``out``."""
+    """Draw a figure to ``out/figures/<name>.png`` without any display; return its path relative to ``out``.
+
+    The picture has few colours and no version inside, so that it is small and equal results stay equal files.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from PIL import Image
 
     figure = Figure(figsize=FIGURE_INCHES, dpi=FIGURE_DPI, layout="constrained")
-    FigureCanvasAgg(figure)
+    canvas = FigureCanvasAgg(figure)
     draw(figure)
+    canvas.draw()
     path = Path(FIGURES) / f"{name}.png"
     (out / FIGURES).mkdir(parents=True, exist_ok=True)
-    figure.savefig(out / path, metadata={"Software": None})  # no version inside: equal pictures stay equal files
+    Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(COLOURS).save(out / path, optimize=True)
     return path.as_posix()
