@@ -154,3 +154,9 @@ def test_nees_of_matched_errors_falls_inside_its_band():
     low, high = acceptance_band(4, 4000, 0.999)
     assert low < nees(errors, np.broadcast_to(P, (4000, 4, 4))).mean() < high
     assert error_over_sigma_rms(errors[:, 0], np.sqrt(P[0, 0])) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("dof", range(1, 13))
+def test_gate_equals_the_chi_square_quantile(dof):
+    for probability in (0.5, 0.95, 0.9995, 0.9999999):
+        assert kalman.gate_threshold(probability, dof) == pytest.approx(chi2.ppf(probability, dof), rel=1e-7)

@@ -1,7 +1,7 @@
 """Is the filter's sigma honest? NEES, NIS and their Monte Carlo acceptance bands."""
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 
 def nees(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -28,8 +28,7 @@ def acceptance_band(dof: int, runs: int, probability: float = 0.95) -> tuple[flo
     Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, section 5.4.2.
     """
     tail = 0.5 * (1.0 - probability)
-    low, high = chi2.ppf([tail, 1.0 - tail], dof * runs) / runs
-    return float(low), float(high)
+    return float(chdtri(dof * runs, 1.0 - tail) / runs), float(chdtri(dof * runs, tail) / runs)
 
 
 def error_over_sigma_rms(error: np.ndarray, sigma: np.ndarray) -> float:

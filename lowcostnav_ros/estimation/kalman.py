@@ -5,19 +5,37 @@ scalar measurement updates in Joseph form, gating by probability, a guard on the
 The error state is zero before every update, so an update returns the correction to inject and the new covariance.
 """
 
+import math
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import expm
-from scipy.stats import chi2
 
 from lowcostnav_ros.kernels import kernel
+from lowcostnav_ros.small_matrices import cholesky, forward_solve, matmul, matvec, turned
 
 
 @lru_cache(maxsize=256)
 def gate_threshold(probability: float, dof: int) -> float:
-    """Chi-square value that a true innovation stays below with ``probability``, for ``dof`` degrees of freedom."""
-    return float(chi2.ppf(probability, dof))
+    """Chi-square value that a true innovation stays below with ``probability``, for ``dof`` degrees of freedom.
+
+    By bisection on the closed form of the upper tail; scipy.special would do it too, but costs every node 20 MB for this one number.
+    """
+    low, high = 0.0, dof + 1500.0
+    while high - low > 1e-12 * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _upper_tail(middle, dof) > 1.0 - probability else (low, middle)
+    return high
+
+
+def _upper_tail(x: float, dof: int) -> float:
+    """Probability that a chi-square value exceeds x (Abramowitz and Stegun 26.4.4, 26.4.5)."""
+    odd = dof % 2
+    tail = math.erfc(math.sqrt(0.5 * x)) if odd else math.exp(-0.5 * x)
+    term = math.sqrt(2.0 * x / math.pi) * math.exp(-0.5 * x) if odd else 0.5 * x * math.exp(-0.5 * x)
+    for k in range(odd, dof - 1 if odd else dof - 2, 2):
+        tail += term
+        term *= x / (k + 2) if odd else x / (k + 4)
+    return tail
 
 
 def van_loan(F: np.ndarray, GQG: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -40,6 +58,8 @@ def van_loan(F: np.ndarray, GQG: np.ndarray, dt: float) -> tuple[np.ndarray, np.
     ----------
     Van Loan, "Computing integrals involving the matrix exponential", IEEE TAC 23 (1978).
     """
+    from scipy.linalg import expm  # not on import: nodes never need it, and it costs them 16 MB
+
     n = F.shape[0]
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:], block[n:, n:] = -F, GQG, F.T
@@ -53,7 +73,7 @@ def van_loan(F: np.ndarray, GQG: np.ndarray, dt: float) -> tuple[np.ndarray, np.
 def transition(F, dt):
     """Second-order transition matrix I + F dt + (F dt)^2 / 2 for a step short against the dynamics."""
     A = F * dt
-    Phi = A + 0.5 * (A @ A)
+    Phi = A + 0.5 * matmul(A, A)
     for i in range(F.shape[0]):
         Phi[i, i] += 1.0
     return Phi
@@ -67,7 +87,7 @@ def predict_covariance(P, Phi, GQG, dt):
     """
     n = P.shape[0]
     half = GQG * (0.5 * dt)
-    moved = Phi @ (P + half) @ Phi.T
+    moved = turned(Phi, P + half)
     for i in range(n):
         for j in range(i + 1):
             value = 0.5 * (moved[i, j] + moved[j, i]) + half[i, j]
@@ -78,32 +98,28 @@ def predict_covariance(P, Phi, GQG, dt):
 @kernel
 def innovation_covariance(P, H, R):
     """S = H P H' + R, symmetric by construction."""
-    S = H @ P @ H.T + R
+    S = turned(H, P) + R
     return 0.5 * (S + S.T)
 
 
 @kernel
 def normalised_innovation_squared(y, S):
-    """y' S^-1 y by solving, without an inverse."""
-    return float(np.dot(y, np.linalg.solve(S, y)))
+    """y' S^-1 y by a Cholesky factor, without an inverse; NaN when S is not positive definite."""
+    white = forward_solve(cholesky(S), y)
+    total = 0.0
+    for value in white:
+        total += value * value
+    return total
 
 
 @kernel
 def whiten(y, H, R):
     """Scale y and H so that the measurement noise becomes the identity (R = L L', solve by forward substitution)."""
-    L = np.linalg.cholesky(R)
-    m = y.shape[0]
-    yw = y.copy()
+    L = cholesky(R)
     Hw = H.copy()
-    for i in range(m):
-        for k in range(i):
-            yw[i] -= L[i, k] * yw[k]
-            for j in range(H.shape[1]):
-                Hw[i, j] -= L[i, k] * Hw[k, j]
-        yw[i] /= L[i, i]
-        for j in range(H.shape[1]):
-            Hw[i, j] /= L[i, i]
-    return yw, Hw
+    for j in range(H.shape[1]):
+        Hw[:, j] = forward_solve(L, H[:, j])
+    return forward_solve(L, y), Hw
 
 
 @kernel
@@ -129,7 +145,7 @@ def scalar_update(dx, P, y, h, r, free):
         Innovation variance h P h' + r.
     """
     n = dx.shape[0]
-    Ph = P @ h
+    Ph = matvec(P, h)
     s = r
     for i in range(n):
         s += h[i] * Ph[i]

@@ -12,6 +12,7 @@ import numpy as np
 from lowcostnav_ros.earth import dcm_ne, ecef_to_geodetic, geodetic_to_ecef
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.rotation import dcm_to_quat, quat_to_dcm, wrap, wrap_2pi
+from lowcostnav_ros.small_matrices import matmul, matmul_transposed, matvec, turned
 
 HALF_SQRT2 = math.sqrt(0.5)
 
@@ -89,11 +90,11 @@ def map_from_local(lat, lon, height, q_nb, cov_pos, cov_att, xyz_0, C_0e):
         FRD to the origin's NED, scalar first.
     cov_pos_enu, cov_att_enu : ndarray (3, 3)
     """
-    turn = C_0e @ dcm_ne(lat, lon).T
-    ned = C_0e @ (geodetic_to_ecef(lat, lon, height) - xyz_0)
-    swap = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ turn
+    turn = matmul_transposed(C_0e, dcm_ne(lat, lon))
+    ned = matvec(C_0e, geodetic_to_ecef(lat, lon, height) - xyz_0)
+    swap = matmul(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), turn)
     position = np.array([ned[1], ned[0], -ned[2]])
-    return position, dcm_to_quat(turn @ quat_to_dcm(q_nb)), swap @ cov_pos @ swap.T, swap @ cov_att @ swap.T
+    return position, dcm_to_quat(matmul(turn, quat_to_dcm(q_nb))), turned(swap, cov_pos), turned(swap, cov_att)
 
 
 @kernel
@@ -102,17 +103,17 @@ def body_velocity(vel_n, cov_vel, q_nb):
     C_fn = quat_to_dcm(q_nb).T.copy()
     C_fn[1] *= -1.0
     C_fn[2] *= -1.0
-    return C_fn @ vel_n, C_fn @ cov_vel @ C_fn.T
+    return matvec(C_fn, vel_n), turned(C_fn, cov_vel)
 
 
 @kernel
 def local_from_map(position_enu, q_map, cov_pos_enu, cov_att_enu, xyz_0, C_0e):
     """Undo :func:`map_from_local`: returns (lat, lon, height), ``q_nb`` (4,), ``cov_pos``, ``cov_att`` (3, 3) NED at the aircraft."""
     ned = np.array([position_enu[1], position_enu[0], -position_enu[2]])
-    lat, lon, height = ecef_to_geodetic(xyz_0 + C_0e.T @ ned)
-    turn = dcm_ne(lat, lon) @ C_0e.T
-    swap = turn @ np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-    return (lat, lon, height), dcm_to_quat(turn @ quat_to_dcm(q_map)), swap @ cov_pos_enu @ swap.T, swap @ cov_att_enu @ swap.T
+    lat, lon, height = ecef_to_geodetic(xyz_0 + matvec(C_0e.T, ned))
+    turn = matmul_transposed(dcm_ne(lat, lon), C_0e)
+    swap = matmul(turn, np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
+    return (lat, lon, height), dcm_to_quat(matmul(turn, quat_to_dcm(q_map))), turned(swap, cov_pos_enu), turned(swap, cov_att_enu)
 
 
 @kernel
@@ -121,4 +122,4 @@ def local_velocity(vel_flu, cov_flu, q_nb):
     C_nf = quat_to_dcm(q_nb)
     C_nf[:, 1] *= -1.0
     C_nf[:, 2] *= -1.0
-    return C_nf @ vel_flu, C_nf @ cov_flu @ C_nf.T
+    return matvec(C_nf, vel_flu), turned(C_nf, cov_flu)

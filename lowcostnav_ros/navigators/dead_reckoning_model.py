@@ -20,6 +20,7 @@ from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_mar
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.navigators.dead_reckoning_settings import DeadReckoningSettings
 from lowcostnav_ros.rotation import quat_from_rotvec, quat_multiply, quat_rotate
+from lowcostnav_ros.small_matrices import turned
 
 CORE = 4
 POS, CLIMB = slice(0, 3), 3
@@ -216,7 +217,7 @@ def carry_covariance(P, sums, kind, axis, rate, psd, heading, airspeed, walk):
     G = coupling(sums[1] / dt, sums[2] / dt, sums[6] / dt, kind, axis)
     Phi, Qd = step_matrices(G, rate, psd, dt)
     add_position_noise(Qd, sums, heading, airspeed, walk)
-    moved = Phi @ P @ Phi.T + Qd
+    moved = turned(Phi, P) + Qd
     for i in range(P.shape[0]):
         for j in range(i + 1):
             value = 0.5 * (moved[i, j] + moved[j, i])

@@ -23,6 +23,7 @@ from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.rotation import quat_apply_phi_n, quat_to_dcm
 from lowcostnav_ros.sensors.imu_profile import ImuNoise
 from lowcostnav_ros.settings import setting
+from lowcostnav_ros.small_matrices import matvec
 from lowcostnav_ros.strapdown import strapdown_step
 
 POS, VEL, ATT = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -243,7 +244,7 @@ def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, stamps,
         mean_step(nav, last, f, w, dt)
         C = quat_to_dcm(nav[6:10])
         sums[0] += dt
-        f_n = C @ f
+        f_n = matvec(C, f)
         for r in range(3):
             sums[1 + r] += f_n[r] * dt
             sums[13 + r] += f[r] * dt

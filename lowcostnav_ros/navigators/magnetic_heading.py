@@ -16,6 +16,7 @@ import numpy as np
 from lowcostnav_ros.geomagnetism import HIGHEST_HEIGHT, LOWEST_HEIGHT, MagneticModel, declination_of
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.rotation import wrap, wrap_2pi
+from lowcostnav_ros.small_matrices import matvec
 
 STRENGTH_TOLERANCE = 0.2
 """Largest share by which the strength of the measured field may differ from the model's before it counts as interference."""
@@ -45,7 +46,7 @@ def magnetic_innovation(C_nb, field_b, declination):
     horizontal : float
         Horizontal strength, unit of the field; ``y`` and ``h`` are zero when it is zero.
     """
-    field_n = C_nb @ field_b
+    field_n = matvec(C_nb, field_b)
     h = np.zeros(3)
     squared = field_n[0] ** 2 + field_n[1] ** 2
     if squared <= 0.0:

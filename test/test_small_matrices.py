@@ -1,0 +1,33 @@
+"""Small matrix loops against numpy."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lowcostnav_ros import small_matrices as sm
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 9), st.integers(1, 9), st.integers(1, 9))
+def test_products_equal_numpy(seed, n, m, p):
+    rng = np.random.default_rng(seed)
+    A, B, x = rng.standard_normal((n, m)), rng.standard_normal((m, p)), rng.standard_normal(m)
+    A[rng.random((n, m)) < 0.4] = 0.0
+    assert np.allclose(sm.matmul(A, B), A @ B, rtol=1e-12, atol=1e-12)
+    assert np.allclose(sm.matmul_transposed(A, B.T.copy()), A @ B, rtol=1e-12, atol=1e-12)
+    assert np.allclose(sm.matvec(A, x), A @ x, rtol=1e-12, atol=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
+def test_factor_and_solve_equal_numpy(seed, n):
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((n, n))
+    A, b = root @ root.T + np.eye(n), rng.standard_normal(n)
+    L = sm.cholesky(A)
+    assert np.allclose(L, np.linalg.cholesky(A), rtol=1e-10)
+    assert np.allclose(L @ sm.forward_solve(L, b), b, rtol=1e-10)
+
+
+def test_what_is_not_positive_definite_has_no_factor():
+    assert np.isnan(sm.cholesky(np.array([[1.0, 2.0], [2.0, 1.0]]))).any()
