@@ -19,8 +19,12 @@ SIMULATOR_INPUTS: dict[str, tuple[str, ...]] = {
     "air_data_simulator": ("truth/odometry", "truth/wind"),
     "gps_simulator": ("truth/odometry",),
     "dme_simulator": ("truth/odometry",),
+    "gps_attitude_simulator": ("truth/odometry",),
 }
 """The part of the truth each sensor simulator listens to."""
+
+PACED = ("truth/imu", "truth/odometry", "imu/data_raw", "air/velocity")
+"""Topics that never pause in a simulated flight: on these a node reports how far it has come to a lossless source."""
 
 LONGEST_LAG_S = 10.0
 AHRS_OUTPUTS = ("imu/data", "imu/data_fused")
@@ -68,6 +72,8 @@ def shared_parameters(graph: "Graph", node: "GraphNode") -> dict[str, Any]:
     if node.executable in SOURCES:
         values["real_time_factor"] = graph.real_time_factor
         values["start.expected_subscribers"] = expected_subscribers(graph)
+        if graph.lossless:
+            values["flow.listeners"] = sum(bool(set(PACED) & set(inputs_of(other))) for other in graph.nodes)
     if node.executable in NAVIGATOR_NAMES and graph.real_time_factor > 1.0:
         # transport takes wall time, the horizon counts stamps: flying faster needs a longer lag (it delays, it changes no solution)
         values["horizon.lag_s"] = min(setting_of(node, "horizon.lag_s") * graph.real_time_factor, LONGEST_LAG_S)

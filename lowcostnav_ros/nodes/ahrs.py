@@ -1,17 +1,13 @@
 """Attitude and heading reference, live."""
 
 import sys
-from functools import partial
 
-from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.ros.navigator_node import NavigatorNode
-from lowcostnav_ros.ros.run import run
+from lowcostnav_ros.ros.run_navigator import run_navigator
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the node."""
-    settings, navigator = NAVIGATORS["ahrs"]
-    return run(partial(NavigatorNode, "ahrs", settings(), navigator), args)
+    return run_navigator("ahrs", args)
 
 
 if __name__ == "__main__":

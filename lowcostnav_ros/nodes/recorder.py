@@ -1,6 +1,5 @@
 """Record topics into a bag, in order of arrival."""
 
-import struct
 import sys
 from collections import deque
 from collections.abc import Iterable
@@ -12,6 +11,7 @@ from typing import Any
 from lowcostnav_ros.graph_nodes import recorded_topics
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import BagError, BagWriter
+from lowcostnav_ros.ros.flow import header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status
 from lowcostnav_ros.ros.node_base import NodeBase
 from lowcostnav_ros.ros.run import run
@@ -102,14 +102,6 @@ def free_path(path: Path) -> Path:
         number += 1
         taken = path.with_name(f"{path.name}_{number}")
     return taken
-
-
-def header_stamp_ns(cdr: bytes) -> int:
-    """Return the stamp of a serialised message that begins with a header; raises ValueError when it is too short to have one."""
-    if len(cdr) < 12:
-        raise ValueError("message too short for a header")
-    seconds, nanoseconds = struct.unpack_from("<iI" if cdr[1] & 1 else ">iI", cdr, 4)
-    return seconds * 1_000_000_000 + nanoseconds
 
 
 def main(args: list[str] | None = None) -> int:

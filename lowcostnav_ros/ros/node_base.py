@@ -13,11 +13,13 @@ from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from std_srvs.srv import Trigger
 
+from lowcostnav_ros.graph_nodes import PACED
 from lowcostnav_ros.measurements import Measurement
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.decode import Decoder, Rejected
 from lowcostnav_ros.ros import polling, qos
 from lowcostnav_ros.ros.diagnostics import DiagnosticsPublisher
+from lowcostnav_ros.ros.flow import ProgressReport, header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import OK, InputMonitor, Status
 from lowcostnav_ros.ros.parameters import Parameters, given_parameters
 from lowcostnav_ros.settings import group, setting
@@ -147,6 +149,7 @@ class NodeBase(Node):
             self.destroy_node()
             raise
         self._poller = polling.Poller()
+        self._progress: ProgressReport | None = None
         self.decoder = Decoder()
         self._gates: dict[str, OriginGate] = {}
         self.inputs: dict[str, InputMonitor] = {}
@@ -192,10 +195,14 @@ class NodeBase(Node):
         spec = topics.spec(source)
         monitor = InputMonitor(source, required, self.node_settings.input.silent_after_s)
 
+        reports = self._reports_on(source)
+
         def arrived(raw: bytes) -> None:
             monitor.arrived()
             try:
                 handler(monitor, raw)
+                if reports:
+                    self._progress.passed(header_stamp_ns(raw))
             except (ValueError, ArithmeticError, LookupError) as error:  # bad data in flight never ends a node
                 monitor.reject(f"{type(error).__name__}: {error}")
 
@@ -204,6 +211,13 @@ class NodeBase(Node):
         self.inputs[source] = monitor
         self.subscribe(message_class(spec.msgtype), name, arrived, profile)
         return monitor
+
+    def _reports_on(self, source: str) -> bool:
+        """Whether this is the input on which the node tells a lossless source how far it has come."""
+        if not self.node_settings.qos.lossless or source not in PACED or self._progress is not None:
+            return False
+        self._progress = ProgressReport(self)
+        return True
 
     def subscribe(self, kind: type, name: str, handler: Callable[[bytes], None], profile: QoSProfile) -> None:
         """Subscribe to the bytes of a topic; :meth:`poll` hands them to ``handler``."""

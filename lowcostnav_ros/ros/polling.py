@@ -39,6 +39,8 @@ class Poller:
     def __init__(self) -> None:
         self.group = NeverWoken()
         self._entries: list[tuple[Subscription, Callable[[bytes], None]]] = []
+        self._held: list[tuple[int, int, Callable[[bytes], None], bytes]] = []
+        self._count = 0
 
     def __bool__(self) -> bool:
         return bool(self._entries)
@@ -49,16 +51,24 @@ class Poller:
 
     def take(self) -> int:
         """Hand on what has come, in order of arrival; return how many messages there were."""
-        batch = []
+        batch, self._held = self._held, []
+        complete_until = None  # a topic with more than AT_ONCE waiting is known only up to its last message taken
         for subscription, handler in self._entries:
-            handle = subscription.handle
+            handle, last = subscription.handle, None
             with handle:  # it must not be destroyed meanwhile
                 for _ in range(AT_ONCE):
                     taken = handle.take_message(subscription.msg_type, True)
                     if taken is None:
                         break
-                    batch.append((taken[1]["received_timestamp"], len(batch), handler, taken[0]))
+                    last = taken[1]["received_timestamp"]
+                    self._count += 1
+                    batch.append((last, self._count, handler, taken[0]))
+                else:
+                    complete_until = last if complete_until is None else min(last, complete_until)
         batch.sort(key=lambda entry: entry[:2])
+        if complete_until is not None:
+            known = sum(entry[0] <= complete_until for entry in batch)
+            batch, self._held = batch[:known], batch[known:]
         for _received, _count, handler, raw in batch:
             handler(raw)
         return len(batch)

@@ -4,6 +4,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 
+from lowcostnav_ros.ros.memory import release_idle_code
 from lowcostnav_ros.settings import SettingsError
 
 EXIT_OK, EXIT_CANNOT_RUN = 0, 2
@@ -34,6 +35,7 @@ def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
     node = None
     try:
         node = make_node()
+        release_idle_code()
         node.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from lowcostnav_ros.ros.flow import FlowGate, FlowSettings
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, Status
 from lowcostnav_ros.ros.node_base import Bases, NodeBase, Output
 from lowcostnav_ros.ros.pacing import Pacer, StartSettings, wait_for_subscribers
@@ -21,6 +22,7 @@ class SourceSettings:
 
     real_time_factor: float = setting(1.0, "Simulated seconds per second; 0 is as fast as listeners allow.", minimum=0.0, maximum=1000.0)
     start: StartSettings = group(StartSettings)
+    flow: FlowSettings = group(FlowSettings)
 
 
 class SourceNode(NodeBase):
@@ -36,6 +38,7 @@ class SourceNode(NodeBase):
         self.state, self.trouble = "starting", ""
         self._stopping = threading.Event()
         self._pacer = Pacer(self.source_settings.real_time_factor)
+        self._gate = FlowGate(self, self.source_settings.flow)
         self._clock_output: Output = self.output("clock", "/clock")
         self._next_clock_ns = self._stamp_ns = self._first_ns = 0
         self.make_outputs()
@@ -53,6 +56,7 @@ class SourceNode(NodeBase):
         if not self._first_ns:
             self._first_ns = stamp_ns
         self._pacer.wait(stamp_ns)
+        self._gate.wait(stamp_ns, self.running)
         self._stamp_ns = stamp_ns
         if stamp_ns >= self._next_clock_ns:
             self._clock_output.send(clock_cdr(stamp_ns))
@@ -69,6 +73,7 @@ class SourceNode(NodeBase):
         flown = 1e-9 * (self._stamp_ns - self._first_ns)
         values = {"state": self.state.split(":")[0], "stamp_s": f"{1e-9 * self._stamp_ns:.3f}", "flown_s": f"{flown:.1f}"}
         values["held_up_s"] = f"{self._pacer.late_s:.1f}"
+        values["waited_for_listeners_s"] = f"{self._gate.waited_s:.1f}"
         message = self.trouble or f"{self.state}, {flown:.0f} s played"
         yield Status(f"{self.get_name()}: source", ERROR if self.trouble else OK, message, values)
 

@@ -1,0 +1,101 @@
+"""Flow control of lossless flights: the source waits for its slowest listener.
+
+Reliable, keep-all middleware loses nothing, but lets a queue grow to thousands of samples: a minute of flight between what one sensor's
+simulator has heard and another's, so that a fix would arrive long after the inertial samples it belongs to.  Here every node says now
+and then up to which stamp it has come, and the source flies no further ahead of the slowest than a second of flight.  The speed of a
+simulation then adapts to the machine, and the horizon of a navigator can be a fixed, small part of it.
+"""
+
+import struct
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Header
+
+from lowcostnav_ros.settings import setting
+
+TOPIC = "flow/progress"
+REPORT_NS = 100_000_000
+QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def header_stamp_ns(cdr: bytes) -> int:
+    """Return the stamp of a serialised message that begins with a header; raises ValueError when it is too short to have one."""
+    if len(cdr) < 12:
+        raise ValueError("message too short for a header")
+    seconds, nanoseconds = struct.unpack_from("<iI" if cdr[1] & 1 else ">iI", cdr, 4)
+    return seconds * 1_000_000_000 + nanoseconds
+
+
+@dataclass(frozen=True)
+class FlowSettings:
+    """How a source waits for its listeners (lossless only)."""
+
+    listeners: int = setting(0, "Nodes that report how far they have come; 0 waits for nobody.", minimum=0)
+    ahead_s: float = setting(1.0, "Fly at most this far ahead of the slowest of them.", unit="s", minimum=0.05, maximum=60.0)
+    patience_s: float = setting(15.0, "A listener that does not move for so long is left behind.", unit="s", minimum=1.0, maximum=600.0)
+
+
+class ProgressReport:
+    """One node's report: up to which stamp it has handled its paced topic."""
+
+    def __init__(self, node: Node) -> None:
+        self._publisher = node.create_publisher(Header, TOPIC, QOS)
+        self._message = Header(frame_id=node.get_name())
+        self._next_ns = 0
+
+    def passed(self, stamp_ns: int) -> None:
+        """Note a handled message; tell the source every tenth of a second of flight."""
+        if stamp_ns < self._next_ns and self._next_ns - stamp_ns <= REPORT_NS:
+            return
+        self._next_ns = stamp_ns + REPORT_NS
+        self._message.stamp.sec, self._message.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
+        self._publisher.publish(self._message)
+
+
+class FlowGate:
+    """The source's side: how far it may fly."""
+
+    def __init__(self, node: Node, settings: FlowSettings) -> None:
+        self._settings, self._node = settings, node
+        self._passed: dict[str, int] = {}
+        self._moved_at: dict[str, float] = {}
+        self._left_behind: set[str] = set()
+        self._first_ns = 0
+        self.waited_s = 0.0
+        if settings.listeners:
+            self._subscription = node.create_subscription(Header, TOPIC, self._heard, QOS)
+
+    def wait(self, stamp_ns: int, running: Callable[[], bool]) -> None:
+        """Block until the slowest listener is near enough to ``stamp_ns``."""
+        if not self._settings.listeners:
+            return
+        self._first_ns = self._first_ns or stamp_ns
+        began = time.monotonic()
+        while running() and stamp_ns - self._slowest() > 1e9 * self._settings.ahead_s:
+            time.sleep(0.002)
+            self._give_up_on_stragglers(began)
+        self.waited_s += time.monotonic() - began
+
+    def _heard(self, message: Header) -> None:
+        self._passed[message.frame_id] = message.stamp.sec * 1_000_000_000 + message.stamp.nanosec
+        self._moved_at[message.frame_id] = time.monotonic()
+
+    def _slowest(self) -> int:
+        waited_for = [stamp for name, stamp in list(self._passed.items()) if name not in self._left_behind]
+        if len(self._passed) < self._settings.listeners - len(self._left_behind - set(self._passed)):
+            waited_for.append(self._first_ns)
+        return min(waited_for, default=2**62)
+
+    def _give_up_on_stragglers(self, began: float) -> None:
+        now = time.monotonic()
+        if now - began < self._settings.patience_s:
+            return
+        stuck = [name for name in self._passed if now - max(self._moved_at[name], began) > self._settings.patience_s]
+        unheard = [f"listener {k}" for k in range(len(self._passed), self._settings.listeners)]
+        for name in [n for n in stuck + unheard if n not in self._left_behind]:
+            self._left_behind.add(name)
+            self._node.get_logger().warning(f"{name} has not moved for {self._settings.patience_s:g} s; flying on without it.")
