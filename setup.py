@@ -13,6 +13,7 @@ NODES = [
     "air_data_simulator",
     "gps_simulator",
     "dme_simulator",
+    "gps_attitude_simulator",
     "ahrs",
     "dead_reckoning",
     "ins_gps",

@@ -169,6 +169,7 @@ _BY_NAME: dict[str, tuple[str, Callable]] = {
     "imu/data": (topics.IMU, sensor.attitude),
     "imu/data_fused": (topics.IMU, sensor.attitude),
     "truth/imu": (topics.IMU, sensor.attitude),
+    "gps/attitude": (topics.IMU, sensor.gps_attitude),
     "imu/mag": (topics.MAGNETIC_FIELD, sensor.magnetic),
     "gps/fix": (topics.NAV_SAT_FIX, sensor.gps_fix),
     "gps/vel": (topics.TWIST, sensor.gps_velocity),

@@ -78,6 +78,18 @@ def attitude(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Not
     return Attitude(stamp_ns, source, q_nb, cov_att, rate, force)
 
 
+def gps_attitude(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Notes) -> Attitude:
+    """Turn an Imu message object with nothing but an orientation into an attitude at no rate, unaccelerated; raises Refusal."""
+    checks.frame(source, message.header.frame_id, rules)
+    cov = checks.covariance(message.orientation_covariance, "orientation")
+    cov_att = _or_default(cov, source, rules, notes, conv.swap_world_cov)
+    q = message.orientation
+    checks.quaternion(q.x, q.y, q.z, q.w)
+    q_nb = conv.quat_from_ros(q.x, q.y, q.z, q.w)
+    force = quat_to_dcm(q_nb).T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
+    return Attitude(stamp_ns, source, q_nb, cov_att, np.zeros(3), force)
+
+
 def _or_default(cov: np.ndarray | None, source: str, rules: DecodeRules, notes: Notes, swap: Callable) -> np.ndarray:
     """Return the covariance in our axes, the default where it is unknown, or refuse where there is none."""
     return swap(cov) if cov is not None else np.diag(_default(source, rules, notes))

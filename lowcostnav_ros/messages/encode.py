@@ -78,6 +78,13 @@ def imu_attitude(attitude: m.Attitude, specific_force_known: bool = True) -> obj
     return _imu(attitude.stamp_ns, attitude.q_nb, attitude.cov_att, attitude.angular_rate_b, attitude.specific_force_b, force_cov)
 
 
+def gps_attitude(attitude: m.Attitude) -> object:
+    """Build a ``gps/attitude`` message: orientation and its covariance, angular velocity and acceleration marked absent."""
+    cov, none = np.ravel(conv.swap_world_cov(attitude.cov_att)), np.zeros(3)
+    orientation = _quaternion(attitude.q_nb)
+    return Imu(_header(attitude.stamp_ns, "base_link"), orientation, cov, _flu(none), _ABSENT, _flu(none), _ABSENT)
+
+
 def imu_from_solution(solution: m.NavSolution) -> object:
     """Build an ``imu/data`` message from a solution that has an attitude: attitude, its covariance, corrected rate and specific force.
 
@@ -285,6 +292,8 @@ def encode(measurement: m.Measurement) -> object:
         return nav_sat_fix(measurement.stamp_ns, measurement.lat, measurement.lon, measurement.height, measurement.cov_n, "gps")
     if isinstance(measurement, m.ImuBlock) and len(measurement) == 1:
         return imu_raw(measurement.stamp_ns, measurement.specific_force_b[0], measurement.angular_rate_b[0])
+    if isinstance(measurement, m.Attitude) and measurement.source == "gps/attitude":
+        return gps_attitude(measurement)
     builder = _BUILDERS.get(type(measurement))
     if builder is None:
         raise TypeError(f"A {type(measurement).__name__} from {measurement.source} has no message of its own.")

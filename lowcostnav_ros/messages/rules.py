@@ -16,6 +16,7 @@ DEFAULT_FRAMES: Mapping[str, frozenset[str]] = MappingProxyType(
         "imu/data": _BODY,
         "imu/data_fused": _BODY,
         "imu/mag": _BODY | {"mag_link"},
+        "gps/attitude": frozenset({"base_link"}),
         "gps/fix": _ANTENNA,
         "gps/vel": frozenset({"gps", "gps_link", "gnss", "antenna", "map"}),  # base_link would mean body axes
         "air/static_pressure": _BODY | {"air_data"},
@@ -35,6 +36,7 @@ DEFAULT_VARIANCES: Mapping[str, tuple[float, ...]] = MappingProxyType(
         "imu/data": (3.0e-4, 3.0e-4, 1.2e-3),  # 1 deg roll and pitch, 2 deg heading
         "imu/data_fused": (3.0e-4, 3.0e-4, 1.2e-3),
         "imu/mag": (2.5e-13, 2.5e-13, 2.5e-13),  # 5 mG
+        "gps/attitude": (7.6e-5, 7.6e-5, 7.6e-5),  # 0.5 deg
         "gps/fix": (9.0, 9.0, 25.0),
         "gps/vel": (0.04, 0.04, 0.09),
         "air/static_pressure": (400.0,),

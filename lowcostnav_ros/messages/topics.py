@@ -38,6 +38,7 @@ _SENSORS = (
     TopicSpec("imu/data_fused", IMU, "The AHRS attitude at the fusion horizon: repeatable.", "base_link", "rad/s, m/s^2"),
     TopicSpec("imu/mag", MAGNETIC_FIELD, "Magnetic field.", "imu_link", "T"),
     TopicSpec("gps/fix", NAV_SAT_FIX, "Position, height above the ellipsoid, covariance ENU.", "gps", "deg, m, m^2"),
+    TopicSpec("gps/attitude", IMU, "Attitude from several GPS antennas; rate and acceleration absent (-1).", "base_link", "rad"),
     TopicSpec("gps/vel", TWIST, "Velocity over ground, east north up at the antenna.", "gps", "m/s"),
     TopicSpec("air/static_pressure", FLUID_PRESSURE, "Static pressure.", "base_link", "Pa"),
     TopicSpec("air/dynamic_pressure", FLUID_PRESSURE, "Impact pressure, total minus static.", "base_link", "Pa"),

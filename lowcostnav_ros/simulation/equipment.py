@@ -7,7 +7,9 @@ from lowcostnav_ros.radionav.stations import StationTable, stations_from_text
 from lowcostnav_ros.sensors.imu_profile import ImuProfile, imu_profile_from_text
 from lowcostnav_ros.settings import SettingsError, nearest
 
-SENSORS = ("imu", "magnetometer", "air_data", "gps", "dme")
+SENSORS = ("imu", "magnetometer", "air_data", "gps", "dme", "gps_attitude")
+USUAL = SENSORS[:5]
+"""Aboard unless a scenario says otherwise."""
 
 
 def load_imu_profile(name: str) -> ImuProfile:
@@ -42,7 +44,7 @@ def build(sensor: str, settings: Any) -> Any:
     Parameters
     ----------
     sensor : str
-        ``imu``, ``magnetometer``, ``air_data``, ``gps`` or ``dme``.
+        One of :data:`SENSORS`.
     settings : settings dataclass
         The settings of that simulator.
 
@@ -62,6 +64,10 @@ def build(sensor: str, settings: Any) -> Any:
         from lowcostnav_ros.sensors.gps import GpsSimulator
 
         return GpsSimulator(settings)
+    if sensor == "gps_attitude":
+        from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulator
+
+        return GpsAttitudeSimulator(settings)
     if sensor == "magnetometer":
         from lowcostnav_ros.sensors.magnetometer import MagnetometerSimulator
 

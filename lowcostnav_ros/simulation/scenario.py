@@ -10,10 +10,11 @@ import yaml
 from lowcostnav_ros.sensors.airdata import AirDataSimulatorSettings
 from lowcostnav_ros.sensors.dme import DmeSimulatorSettings
 from lowcostnav_ros.sensors.gps import GpsSimulatorSettings
+from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulatorSettings
 from lowcostnav_ros.sensors.imu import ImuSimulatorSettings
 from lowcostnav_ros.sensors.magnetometer import MagnetometerSimulatorSettings
 from lowcostnav_ros.settings import SettingsError, from_mapping, group, nearest, setting
-from lowcostnav_ros.simulation.equipment import SENSORS
+from lowcostnav_ros.simulation.equipment import SENSORS, USUAL
 from lowcostnav_ros.trajectory import TruthSettings
 
 
@@ -27,13 +28,14 @@ class Scenario:
     name: str = setting("scenario", "Name of the scenario.")
     description: str = setting("", "What the flight is for.")
     seed: int = setting(1, "Seed of everything random in the flight.", minimum=0)
-    sensors: list = setting(list(SENSORS), "Sensors aboard.", choices=SENSORS)
+    sensors: list = setting(list(USUAL), "Sensors aboard.", choices=SENSORS)
     truth: TruthSettings = group(TruthSettings)
     imu: ImuSimulatorSettings = group(ImuSimulatorSettings)
     magnetometer: MagnetometerSimulatorSettings = group(MagnetometerSimulatorSettings)
     air_data: AirDataSimulatorSettings = group(AirDataSimulatorSettings)
     gps: GpsSimulatorSettings = group(GpsSimulatorSettings)
     dme: DmeSimulatorSettings = group(DmeSimulatorSettings)
+    gps_attitude: GpsAttitudeSimulatorSettings = group(GpsAttitudeSimulatorSettings)
 
     def __post_init__(self) -> None:
         if len(set(self.sensors)) < len(self.sensors):
@@ -43,7 +45,7 @@ class Scenario:
             raise SettingsError(
                 f"Scenario '{self.name}': imu.rate_hz of {self.imu.rate_hz:g} must divide truth.rate_hz of {self.truth.rate_hz:g}."
             )
-        for name in ("magnetometer", "air_data", "gps"):
+        for name in ("magnetometer", "air_data", "gps", "gps_attitude"):
             rate_hz = getattr(self, name).rate_hz
             if name in self.sensors and rate_hz > self.truth.rate_hz:
                 raise SettingsError(
@@ -57,7 +59,7 @@ def scenario_from_text(text: str, where: str = "scenario", **changes: Any) -> Sc
     Parameters
     ----------
     text : str
-        YAML mapping with the fields of :class:`Scenario`; ``gps.outages_s`` may be a list of pairs.
+        YAML mapping with the fields of :class:`Scenario`; the ``outages_s`` of a section may be a list of pairs.
     where : str
         What to call the source in a refusal.
     **changes
@@ -87,10 +89,11 @@ def _completed(values: dict[str, Any], where: str) -> dict[str, Any]:
         values[name] = {"seed": values.get("seed", 1), **_section(values, name, where)}
     if isinstance(stamp_s, int | float):
         values["magnetometer"] = {"decimal_year": decimal_year(stamp_s), **values["magnetometer"]}
-    outages = values["gps"].get("outages_s")
-    if isinstance(outages, list):
-        pairs = [pair if isinstance(pair, list) else [pair] for pair in outages]
-        values["gps"] = {**values["gps"], "outages_s": [time for pair in pairs for time in pair]}
+    for name in ("gps", "gps_attitude"):
+        outages = values[name].get("outages_s")
+        if isinstance(outages, list):
+            pairs = [pair if isinstance(pair, list) else [pair] for pair in outages]
+            values[name] = {**values[name], "outages_s": [time for pair in pairs for time in pair]}
     for sensor in values.get("sensors") or ():
         if sensor not in SENSORS:
             raise SettingsError(f"{where}: there is no sensor '{sensor}'{nearest(str(sensor), SENSORS)}.")

@@ -1,0 +1,86 @@
+"""Multi-antenna GPS attitude simulator: roll, pitch and heading with white noise, free of drift, with latency, dropouts and outages.
+
+0.25 deg on each angle at 2 Hz, as a triangle of antennas 36, 50 and 50 cm apart gives (Gebre-Egziabher 2004, sections 3.10 and 4.6).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lowcostnav_ros.earth import STANDARD_GRAVITY
+from lowcostnav_ros.measurements import Attitude
+from lowcostnav_ros.rotation import euler_jacobian_n, euler_to_quat, quat_to_dcm, quat_to_euler
+from lowcostnav_ros.sensors.gps import outage_windows
+from lowcostnav_ros.sensors.sampling import SampleClock
+from lowcostnav_ros.sensors.seeds import stream
+from lowcostnav_ros.settings import SettingsError, setting
+from lowcostnav_ros.truth import TruthBlock
+
+STEEPEST = np.radians(85.0)
+"""Pitch beyond which the receiver, which speaks in Euler angles, is taken to give none."""
+
+
+@dataclass(frozen=True)
+class GpsAttitudeSimulatorSettings:
+    """Settings of the GPS attitude simulator."""
+
+    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    rate_hz: float = setting(2.0, "Output rate.", unit="Hz", minimum=0.1, maximum=10.0)
+    noise_deg: float = setting(0.25, "White error of roll, pitch and heading, 1 sigma.", unit="deg", minimum=0.001, maximum=10.0)
+    latency_s: float = setting(0.0, "Time from validity to availability.", unit="s", minimum=0.0, maximum=10.0)
+    dropout_probability: float = setting(0.0, "Probability that one epoch is missing.", minimum=0.0, maximum=1.0)
+    outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
+
+    def __post_init__(self) -> None:
+        if len(self.outages_s) % 2:
+            raise SettingsError("GPS attitude: 'outages_s' needs pairs of start and end; add the missing end.")
+        for start, end in outage_windows(self.outages_s):
+            if end <= start:
+                raise SettingsError(f"GPS attitude: an outage ends at {end:g} s, not after its start at {start:g} s; swap or correct them.")
+
+
+class GpsAttitudeSimulator:
+    """Turn truth into attitudes; keeps what is still on its way from call to call.
+
+    An epoch is handed over in the call whose newest truth stamp reaches its time of validity plus the latency.
+    """
+
+    def __init__(self, settings: GpsAttitudeSimulatorSettings, source: str = "gps/attitude") -> None:
+        self.settings, self.source = settings, source
+        self._clock = SampleClock(settings.rate_hz)
+        self._start_ns: int | None = None
+        self._latency_ns = round(settings.latency_s * 1e9)
+        self._pending: list[Attitude] = []
+        self._noise_rng = stream(settings.seed, "gps_attitude.noise")
+        self._dropout_rng = stream(settings.seed, "gps_attitude.dropout")
+
+    def simulate(self, truth: TruthBlock) -> list[Attitude]:
+        """Return the attitudes that become available during ``truth``, in stamp order."""
+        if len(truth) == 0:
+            return []
+        if self._start_ns is None:
+            self._start_ns = int(truth.stamps_ns[0])
+        rows = self._clock.rows(truth.stamps_ns)
+        noise = np.radians(self.settings.noise_deg) * self._noise_rng.standard_normal((len(rows), 3))
+        received = self._dropout_rng.random(len(rows)) >= self.settings.dropout_probability
+        for row, error, ok in zip(rows, noise, received, strict=True):
+            stamp_ns = int(truth.stamps_ns[row])
+            angles = np.array(quat_to_euler(truth.q_nb[row]))
+            if ok and abs(angles[1]) < STEEPEST and not self._in_outage(stamp_ns):
+                self._pending.append(self._epoch(stamp_ns, angles + error))
+        now_ns = int(truth.stamps_ns[-1])
+        ready = [m for m in self._pending if m.stamp_ns + self._latency_ns <= now_ns]
+        self._pending = self._pending[len(ready) :]
+        return ready
+
+    def _in_outage(self, stamp_ns: int) -> bool:
+        elapsed_s = (stamp_ns - self._start_ns) * 1e-9
+        return any(start <= elapsed_s < end for start, end in outage_windows(self.settings.outages_s))
+
+    def _epoch(self, stamp_ns: int, angles: np.ndarray) -> Attitude:
+        """Rates are zero and specific force that of unaccelerated flight: the receiver measures neither."""
+        q_nb = euler_to_quat(*angles)
+        turned = np.linalg.inv(euler_jacobian_n(*angles))
+        cov = turned @ turned.T * np.radians(self.settings.noise_deg) ** 2
+        force = quat_to_dcm(q_nb).T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
+        return Attitude(stamp_ns, self.source, q_nb, cov, np.zeros(3), force)

@@ -1,0 +1,81 @@
+"""The multi-antenna GPS attitude: statistics, timing, outages, and its message there and back."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from lowcostnav_ros.measurements import Attitude
+from lowcostnav_ros.messages import encode
+from lowcostnav_ros.messages.decode import Rejected, decode
+from lowcostnav_ros.messages.store import to_cdr
+from lowcostnav_ros.messages.topics import IMU
+from lowcostnav_ros.rotation import euler_to_quat, quat_to_euler, wrap
+from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulator, GpsAttitudeSimulatorSettings
+from lowcostnav_ros.settings import SettingsError, from_mapping
+from lowcostnav_ros.simulation.scenario import scenario_from_text
+from lowcostnav_ros.truth import TruthBlock
+
+T0, DEG = 1_780_000_000_000_000_000, math.pi / 180.0
+
+
+def truth(seconds: float, rate_hz: int = 20, roll: float = 0.3, pitch: float = -0.2, heading: float = 2.0) -> TruthBlock:
+    n = round(seconds * rate_hz)
+    stamps = T0 + np.arange(n) * (1_000_000_000 // rate_hz)
+    zeros, column = np.zeros((n, 3)), np.zeros(n)
+    return TruthBlock(stamps, column, column, column, zeros, np.tile(euler_to_quat(roll, pitch, heading), (n, 1)), zeros, zeros, zeros)
+
+
+def test_noise_rate_and_covariance_are_those_stated():
+    block = truth(3000.0, 10)
+    found = GpsAttitudeSimulator(GpsAttitudeSimulatorSettings()).simulate(block)
+    assert len(found) == 6000
+    errors = np.array([wrap(np.array(quat_to_euler(m.q_nb)) - [0.3, -0.2, 2.0]) for m in found]) / DEG
+    np.testing.assert_allclose(errors.std(axis=0), 0.25, rtol=0.04)
+    np.testing.assert_allclose(errors.mean(axis=0), 0.0, atol=0.015)
+    true = Rotation.from_quat(np.roll(block.q_nb[0], -1))
+    phi = np.array([(true * Rotation.from_quat(np.roll(m.q_nb, -1)).inv()).as_rotvec() for m in found])
+    np.testing.assert_allclose(np.cov(phi.T), np.mean([m.cov_att for m in found], axis=0), atol=0.06 * (0.25 * DEG) ** 2)
+
+
+def test_outages_latency_and_blocks():
+    settings = from_mapping(GpsAttitudeSimulatorSettings, {"outages_s": [2.0, 4.0], "latency_s": 0.3})
+    whole = GpsAttitudeSimulator(settings).simulate(truth(8.0))
+    assert [round((m.stamp_ns - T0) * 1e-9, 3) for m in whole] == [0.0, 0.5, 1.0, 1.5, 4.0, 4.5, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5]
+    parts, simulator = [], GpsAttitudeSimulator(settings)
+    for start in range(0, 160, 7):
+        parts += simulator.simulate(truth(8.0)[start : start + 7])
+    np.testing.assert_array_equal([m.q_nb for m in parts], [m.q_nb for m in whole])
+    with pytest.raises(SettingsError, match="missing end"):
+        from_mapping(GpsAttitudeSimulatorSettings, {"outages_s": [1.0]})
+
+
+def test_message_there_and_back():
+    sent = GpsAttitudeSimulator(GpsAttitudeSimulatorSettings()).simulate(truth(1.0))[0]
+    message = encode.encode(sent)
+    assert message.angular_velocity_covariance[0] == -1.0 == message.linear_acceleration_covariance[0]
+    assert message.header.frame_id == "base_link"
+    back = decode("/gps/attitude", IMU, to_cdr(message))
+    assert isinstance(back, Attitude)
+    assert (back.stamp_ns, back.source) == (sent.stamp_ns, "gps/attitude")
+    np.testing.assert_allclose(back.q_nb * np.sign(back.q_nb @ sent.q_nb), sent.q_nb, atol=1e-12)
+    np.testing.assert_allclose(back.cov_att, sent.cov_att, atol=1e-15)
+    np.testing.assert_allclose(back.specific_force_b, sent.specific_force_b, atol=1e-9)
+
+
+def test_message_that_is_no_attitude_is_refused():
+    message = encode.encode(GpsAttitudeSimulator(GpsAttitudeSimulatorSettings()).simulate(truth(1.0))[0])
+    message.orientation_covariance[:] = 0.0
+    assert isinstance(decode("gps/attitude", IMU, to_cdr(message)), Attitude)  # unknown: the default
+    message.orientation_covariance[0] = -1.0
+    refused = decode("gps/attitude", IMU, to_cdr(message))
+    assert isinstance(refused, Rejected)
+    assert refused.reason == "orientation is absent"
+
+
+def test_aboard_only_when_asked_for():
+    assert "gps_attitude" not in scenario_from_text("name: x").sensors
+    scenario = scenario_from_text("{name: x, seed: 7, sensors: [imu, gps_attitude], gps_attitude: {outages_s: [[1, 2]]}}")
+    assert scenario.gps_attitude.seed == 7
+    assert scenario.gps_attitude.outages_s == [1.0, 2.0]
