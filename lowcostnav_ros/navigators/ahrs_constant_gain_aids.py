@@ -20,6 +20,7 @@ from lowcostnav_ros.navigators.attitude_vectors import matching_rows
 from lowcostnav_ros.navigators.inertial import ATT, DEG
 from lowcostnav_ros.navigators.ins_gps_aids import MagneticAid
 from lowcostnav_ros.rotation import euler_jacobian_n, quat_to_dcm, quat_to_euler, wrap
+from lowcostnav_ros.small_matrices import matmul, turned
 
 if TYPE_CHECKING:
     from lowcostnav_ros.navigators.ahrs_constant_gain import ConstantGainAhrs
@@ -40,8 +41,7 @@ def tunings(settings: AhrsSettings) -> tuple[Tuning, Tuning]:
 @kernel
 def joseph(P, K, H, R):
     """Covariance after an update with any gain, in place: (I - K H) P (I - K H)' + K R K', kept symmetric."""
-    A = np.eye(P.shape[0]) - K @ H
-    moved = A @ P @ A.T + K @ R @ K.T
+    moved = turned(np.eye(P.shape[0]) - matmul(K, H), P) + turned(K, R)
     for i in range(P.shape[0]):
         for j in range(P.shape[0]):
             P[i, j] = 0.5 * (moved[i, j] + moved[j, i])

@@ -94,5 +94,3 @@ def restart_velocity_from_air(core: InertialCore, air: AirVelocity, wind_n: np.n
     kalman.reset_block(P, VEL, P[wind, wind] + np.eye(3) * UNKNOWN_SPEED**2 + heading_part)
     P[VEL, wind] = P[wind, wind]
     P[wind, VEL] = P[wind, wind]
-
-

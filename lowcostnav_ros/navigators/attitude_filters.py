@@ -8,11 +8,13 @@ import math
 
 import numpy as np
 
+from lowcostnav_ros.earth import STANDARD_GRAVITY
 from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.navigators.attitude_propagation import euler_rate_matrix, euler_step
+from lowcostnav_ros.navigators.attitude_propagation import body_rate_matrix, euler_step
 from lowcostnav_ros.navigators.attitude_switch import follow_switch
 from lowcostnav_ros.navigators.attitude_vectors import level_angles
 from lowcostnav_ros.rotation import wrap
+from lowcostnav_ros.small_matrices import matvec
 
 OPEN_LOOP, ALWAYS, HEADING_SWITCH, RATE_SWITCH = 0, 1, 2, 3
 """When accelerometers and magnetometer are fed back: never, always, by the heading's change between updates, by body rates."""
@@ -46,7 +48,7 @@ def euler_filter(angles, correction, rates, measured, every, on_angle, on_rate, 
         m = (k + 1) // every - 1
         if (k + 1) % every == 0 and m < updates:
             y = wrap(measured[m] - now)
-            d = d + on_rate * np.linalg.solve(euler_rate_matrix(now[0], now[1]), y)
+            d = d + on_rate * matvec(body_rate_matrix(now[0], now[1]), y)
             now = now + on_angle * y
         out[k] = now
         learned[k] = d
@@ -94,7 +96,7 @@ def accel_mag_filter(angles, rates, forces, heading, every, on_level, on_heading
         if (k + 1) % every == 0:
             m = (k + 1) // every - 1
             turning[m] = wrap(now[2] - before) / (every * dt)
-            load = math.sqrt((forces[k] ** 2).sum()) / 9.80665
+            load = math.sqrt((forces[k] ** 2).sum()) / STANDARD_GRAVITY
             calm = abs(turning[m]) <= limits[0] and load <= 1.0 + limits[2]
             used[m] = feedback == 1 or (feedback == 2 and calm) or (feedback == 3 and quiet)
             if used[m]:

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.navigators.attitude_propagation import euler_rate_matrix
+from lowcostnav_ros.navigators.attitude_propagation import body_rate_matrix, euler_rate_matrix
 from lowcostnav_ros.rotation import skew
 from lowcostnav_ros.settings import SettingsError
 from lowcostnav_ros.units import DEGREE
@@ -131,7 +131,7 @@ def scheduled_euler_gain(roll: float, pitch: float, tuning: Tuning) -> np.ndarra
     the inverse of f takes the place of its transpose, which is its inverse at zero pitch: then angle errors reach the axis that made them.
     """
     on_angle, on_rate = np.array([axis_gains(tuning, sigma) for sigma in tuning.angle_sigma_deg]).T
-    return np.vstack((np.diag(on_angle), np.linalg.inv(euler_rate_matrix(roll, pitch)) * on_rate))
+    return np.vstack((np.diag(on_angle), body_rate_matrix(roll, pitch) * on_rate))
 
 
 def constant_gain(tuning: Tuning) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.rotation import quat_from_rotvec, quat_multiply, quat_normalise, quat_to_euler
+from lowcostnav_ros.small_matrices import matvec
 
 
 @kernel
@@ -21,10 +22,18 @@ def euler_rate_matrix(roll, pitch):
 
 
 @kernel
+def body_rate_matrix(roll, pitch):
+    """Matrix (3, 3) with ``(p, q, r) = matrix d(roll, pitch, heading)/dt``: the inverse of :func:`euler_rate_matrix`, never singular."""
+    sr, cr = math.sin(roll), math.cos(roll)
+    sp, cp = math.sin(pitch), math.cos(pitch)
+    return np.array([[1.0, 0.0, -sp], [0.0, cr, sr * cp], [0.0, -sr, cr * cp]])
+
+
+@kernel
 def euler_step(angles, rates, dt):
     """Euler angles (3,) after ``dt`` seconds of constant body rates (3,), rad/s: two-stage Runge-Kutta, heading not wrapped."""
-    middle = angles + 0.5 * dt * (euler_rate_matrix(angles[0], angles[1]) @ rates)
-    return angles + dt * (euler_rate_matrix(middle[0], middle[1]) @ rates)
+    middle = angles + 0.5 * dt * matvec(euler_rate_matrix(angles[0], angles[1]), rates)
+    return angles + dt * matvec(euler_rate_matrix(middle[0], middle[1]), rates)
 
 
 @kernel

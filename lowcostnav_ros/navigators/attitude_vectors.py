@@ -12,6 +12,7 @@ import numpy as np
 from lowcostnav_ros.earth import STANDARD_GRAVITY
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.rotation import euler_to_quat, quat_conjugate, quat_multiply, quat_normalise, quat_rotate, quat_to_euler, skew, wrap
+from lowcostnav_ros.small_matrices import matvec
 
 RIGHT, LEFT, LITERAL = 0, 1, 2
 """Forms of the iteration: Jacobian and correction both in b, both in n, or (as printed, and wrong) Jacobian in n, correction in b."""
@@ -156,5 +157,5 @@ def specific_force_from_velocity(vel_before_n, vel_after_n, span_s):
 @kernel
 def matching_rows(C_nb, u_n, u_b):
     """Innovation (3,) and Jacobian (3, 3) on ``phi_n`` of one vector: ``y = u_n - C u_b``, ``H = -[(C u_b) x]`` (equation 4.60)."""
-    seen_n = C_nb @ u_b
+    seen_n = matvec(C_nb, u_b)
     return u_n - seen_n, -skew(seen_n)

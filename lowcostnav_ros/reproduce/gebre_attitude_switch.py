@@ -193,7 +193,12 @@ def vibrating_gyros(context: Context) -> Outcome:
     ours += f" deg RMS; flight-dynamics flight: navigator {roll:.2f} deg RMS (largest {worst:.1f}), gyros alone {alone:.1f}"
     bounded = all(value < 2.5 and value < rms["open loop"] / 3.0 for label, value in rms.items() if label.startswith("switch"))
 
-    return judged(ours, bounded and roll < 2.5 and roll < alone / 3.0, "The gyros of this draw drift less than their sigma.", lambda figure: _draw(figure, runs, flown))
+    return judged(
+        ours,
+        bounded and roll < 2.5 and roll < alone / 3.0,
+        "The gyros of this draw drift less than their sigma.",
+        lambda figure: _draw(figure, runs, flown),
+    )
 
 
 @result(
