@@ -126,6 +126,49 @@ class SlantRange(Measurement):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class GnssEpoch(Measurement):
+    """Satellite observations of one instant, as columns of n satellites, ready for a navigator.
+
+    What the satellites and the atmosphere add is already taken off (satellite clock, relativity, group delay, ionosphere, troposphere) and
+    satellite states stand in ECEF at the time of reception, so that with e the unit vector from the receiver to the satellite
+
+        pseudorange_m = |sat_pos_e - r_e| + clock_m + noise,    doppler_mps = e . (sat_vel_e - v_e) + clock_drift_mps + noise
+
+    Attributes
+    ----------
+    system : ndarray of str, shape (n,)
+        ``G`` GPS, ``E`` Galileo; systems may differ by a constant clock offset.
+    sat_id : ndarray of int, shape (n,)
+    pseudorange_m : ndarray, shape (n,)
+    doppler_mps : ndarray, shape (n,)
+        Range rate, m/s, positive receding.
+    sigma_m, sigma_mps : ndarray, shape (n,)
+        1-sigma of the two, m and m/s.
+    cn0 : ndarray, shape (n,)
+        Carrier to noise density, dB-Hz; 0 where the receiver does not tell.
+    sat_pos_e, sat_vel_e : ndarray, shape (n, 3)
+        M and m/s.
+    range_valid, doppler_valid : ndarray of bool, shape (n,)
+        False: leave this observation out; its number is finite but means nothing.
+    """
+
+    system: np.ndarray
+    sat_id: np.ndarray
+    pseudorange_m: np.ndarray
+    doppler_mps: np.ndarray
+    sigma_m: np.ndarray
+    sigma_mps: np.ndarray
+    cn0: np.ndarray
+    sat_pos_e: np.ndarray
+    sat_vel_e: np.ndarray
+    range_valid: np.ndarray
+    doppler_valid: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.sat_id)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class NavSolution(Measurement):
     """The state a navigator reports; ``source`` is the navigator's name.
 
