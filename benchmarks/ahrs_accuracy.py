@@ -1,7 +1,8 @@
 """How accurate, how honest and how fast the attitude reference is on flight-dynamics flights of 20 minutes with repeated turns.
 
 IMU of DMU-6X grade at 100 Hz, calibrated magnetometer, wind with variation and light turbulence.  Cases: GPS velocity throughout; GPS
-withheld after alignment, with airspeed; neither GPS velocity nor airspeed after alignment (levelling in steady flight only).
+withheld after alignment, with airspeed; neither GPS velocity nor airspeed after alignment (levelling in steady flight only).  Then the
+constant-gain filters: with GPS attitude, with it withheld after five minutes, with GPS velocity, and without any GPS.
 """
 
 import time
@@ -21,7 +22,7 @@ from lowcostnav_ros.truth import TruthBlock
 SCENARIO = """
 name: ahrs_accuracy
 seed: {seed}
-sensors: [imu, magnetometer, air_data, gps]
+sensors: [imu, magnetometer, air_data, gps, gps_attitude]
 truth:
   kind: {kind}
   name: banked_turns
@@ -44,7 +45,17 @@ SETTINGS = {
 }
 WITHHELD_AFTER_S = 60.0
 SETTLED_S = 90.0
-CASES = {"gps": (), "gps_withheld": ("gps/vel", "gps/fix"), "gps_and_air_withheld": ("gps/vel", "gps/fix", "air/velocity")}
+ATTITUDE_WITHHELD_AFTER_S = 300.0
+CASES = {
+    "gps": ("full", ()),
+    "gps_withheld": ("full", ("gps/vel", "gps/fix")),
+    "gps_and_air_withheld": ("full", ("gps/vel", "gps/fix", "air/velocity")),
+    "euler": ("euler", ()),
+    "quaternion": ("quaternion", ()),
+    "quaternion_gps_withheld": ("quaternion", ("gps/attitude", "gps/vel", "gps/fix")),
+    "vector_matching": ("vector_matching", ()),
+    "switched": ("switched", ()),
+}
 TARGETS = {"gps": (1.0, 1.0, 2.5), "gps_withheld": (1.5, 1.5, 3.0)}
 
 
@@ -53,10 +64,11 @@ def flight(kind: str, seed: int, duration_s: float) -> tuple[TruthBlock, list[Me
     return fly(scenario_from_text(SCENARIO.format(kind=kind, seed=seed, duration_s=duration_s)))
 
 
-def navigate(measurements: list[Measurement], withheld: tuple[str, ...]) -> tuple[list[NavSolution], float]:
-    """Fused solutions with some inputs withheld after a minute, and the processor seconds they took."""
-    navigator = Ahrs(from_mapping(AhrsSettings, SETTINGS))
-    end_ns = measurements[0].stamp_ns + round(1e9 * WITHHELD_AFTER_S)
+def navigate(measurements: list[Measurement], kind: str, withheld: tuple[str, ...]) -> tuple[list[NavSolution], float]:
+    """Fused solutions of a filter with some inputs withheld after a while, and the processor seconds they took."""
+    navigator = Ahrs(from_mapping(AhrsSettings, SETTINGS | {"filter": kind}))
+    after_s = ATTITUDE_WITHHELD_AFTER_S if "gps/attitude" in withheld else WITHHELD_AFTER_S
+    end_ns = measurements[0].stamp_ns + round(1e9 * after_s)
     heard = [m for m in measurements if m.source in navigator.inputs and not (m.source in withheld and m.stamp_ns > end_ns)]
     begin = time.process_time()
     return navigator.feed_all(heard), time.process_time() - begin
@@ -106,13 +118,15 @@ def judge(case: str, flights: list[tuple]) -> dict:
 def measure(options) -> dict:
     """Fly every seed, run every case on it, judge the cases."""
     kind, seeds, duration_s = ("segments", (1,), 300.0) if options.quick else ("jsbsim", (1, 2, 3, 4), 0.0)
-    navigate(flight("segments", 9, 20.0)[1], ())  # compile before the clock runs
+    warm = flight("segments", 9, 20.0)[1]
+    for filter_kind, withheld in CASES.values():  # compile before the clock runs
+        navigate(warm, filter_kind, withheld)
     flights: dict[str, list] = {case: [] for case in CASES}
     for seed in seeds:
         truth, measurements = flight(kind, seed, duration_s)
         bias = true_gyro_bias(truth, measurements)
-        for case, withheld in CASES.items():
-            flights[case].append((truth, bias, *navigate(measurements, withheld)))
+        for case, (filter_kind, withheld) in CASES.items():
+            flights[case].append((truth, bias, *navigate(measurements, filter_kind, withheld)))
     return {"kind": kind, "flights": len(seeds), **{case: judge(case, flown) for case, flown in flights.items()}}
 
 

@@ -124,11 +124,10 @@ class ConstantGainSettings:
 
 @dataclass(frozen=True)
 class RateSwitchSettings:
-    """Manoeuvre switch of the constant-gain filters: the yaw rate, load and release of ``level``, and how fast it reacts."""
+    """Manoeuvre switch of the constant-gain filters: what it has beside the yaw rate, load, low-pass and release of ``level``."""
 
     tilt_rate_dps: float = setting(2.0, "Rolling or pitching faster than this is manoeuvring.", unit="deg/s", minimum=0.1, maximum=50.0)
     tilt_filter_s: float = setting(0.2, "Time constant of the low-pass of roll and pitch rate.", unit="s", minimum=0.01, maximum=10.0)
-    yaw_filter_s: float = setting(0.5, "Time constant of the low-pass of yaw rate and load.", unit="s", minimum=0.01, maximum=10.0)
     hold_off_s: float = setting(1.0, "Flight must be quiet for this long before it counts as steady.", unit="s", minimum=0.0, maximum=60.0)
 
 

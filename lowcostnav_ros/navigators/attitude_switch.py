@@ -21,7 +21,7 @@ MEMORY = 5
 def switch_limits(level: LevelSettings, rates: RateSwitchSettings) -> np.ndarray:
     """Limits as :func:`follow_switch` reads them: yaw and tilt rate [rad/s], load [g], release share, hold-off, two time constants [s]."""
     angular = (level.yaw_rate_dps * DEGREE, rates.tilt_rate_dps * DEGREE)
-    return np.array([*angular, level.force_g, level.release, rates.hold_off_s, rates.yaw_filter_s, rates.tilt_filter_s])
+    return np.array([*angular, level.force_g, level.release, rates.hold_off_s, level.filter_s, rates.tilt_filter_s])
 
 
 @kernel
