@@ -51,6 +51,7 @@ class InputMonitor:
         self._interval_s = 0.0
         self._last_stamp_ns = 0
         self._stamp_interval_ns = 0.0
+        self._steps = 0
 
     def arrived(self) -> None:
         """Note that a message came, good or bad."""
@@ -71,7 +72,8 @@ class InputMonitor:
         elif self._stamp_interval_ns and step > 1.5 * self._stamp_interval_ns:
             self.gaps += round(step / self._stamp_interval_ns) - 1
         else:
-            self._stamp_interval_ns += (step - self._stamp_interval_ns) * (0.05 if self._stamp_interval_ns else 1.0)
+            self._steps += 1  # a plain mean at first: one jittering step must not stand for the interval
+            self._stamp_interval_ns += (step - self._stamp_interval_ns) * max(0.05, 1.0 / self._steps)
 
     def reject(self, reason: str) -> None:
         """Count one rejection under its reason."""
