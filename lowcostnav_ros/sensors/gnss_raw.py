@@ -1,0 +1,178 @@
+"""Simulator of satellite observations: pseudoranges and Dopplers of simulated constellations, receiver clock and range errors included.
+
+    pseudorange = |r_sat - r| + clock + noise + slow error + fault,     doppler = e . (v_sat - v) + clock drift + noise
+
+What it hands over is a corrected epoch, as a receiver with ephemerides would: satellite states are those the observations were made
+with, and the range noise is the budget of what corrections leave (Solimeno 2007, sections 2.3, 5.2.1 and 6.3).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
+from lowcostnav_ros.gnss import GnssError
+from lowcostnav_ros.gnss.constellation import Constellation, galileo_27, gps_24
+from lowcostnav_ros.gnss.error_budget import COMMON_SHARE, obliquity, range_noise
+from lowcostnav_ros.gnss.observables import azimuth_elevation, range_and_rate, states_at_reception
+from lowcostnav_ros.gnss.receiver_clock import CLOCKS
+from lowcostnav_ros.gnss.receiver_clock import simulate as simulate_clock
+from lowcostnav_ros.gnss.signals import GALILEO, SPEED_OF_LIGHT
+from lowcostnav_ros.gnss.visibility import Schedule, choose
+from lowcostnav_ros.measurements import GnssEpoch
+from lowcostnav_ros.sensors.drift import DriftBank
+from lowcostnav_ros.sensors.sampling import SampleClock
+from lowcostnav_ros.sensors.seeds import stream
+from lowcostnav_ros.settings import SettingsError, setting
+from lowcostnav_ros.stochastic import GaussMarkov
+from lowcostnav_ros.truth import TruthBlock
+
+MILLISECOND_M = SPEED_OF_LIGHT * 1e-3
+
+
+@dataclass(frozen=True)
+class GnssRawSimulatorSettings:
+    """Settings of the simulator of satellite observations."""
+
+    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    rate_hz: float = setting(10.0, "Output rate.", unit="Hz", minimum=0.1, maximum=50.0)
+    constellation: str = setting("gps", "Satellites to simulate.", choices=("gps", "galileo", "gps_galileo"))
+    constellation_time_s: float = setting(10800.0, "Age of the constellation at the first truth stamp.", unit="s", minimum=0.0)
+    light_time: bool = setting(False, "Take satellites where they were at transmission and turn with the earth.")
+    mask_deg: float = setting(5.0, "Lowest elevation.", unit="deg", minimum=0.0, maximum=90.0)
+    max_satellites: int = setting(0, "Channels; satellites of smallest GDOP are used.  0 uses all in view.", minimum=0)
+    schedule: list = setting([], "Number of satellites as start (s), number, start, number, ... from the first stamp.", minimum=0.0)
+    select_every_s: float = setting(30.0, "Time between selections.", unit="s", minimum=0.1)
+    noise: str = setting("white", "White range noise, or one that grows to the horizon, partly common.", choices=("white", "elevation"))
+    gps_sigma_m: float = setting(5.5, "Range noise of GPS, 1 sigma.", unit="m", minimum=0.001)
+    galileo_sigma_m: float = setting(4.18, "Range noise of Galileo, 1 sigma.", unit="m", minimum=0.001)
+    slow_sigma_m: float = setting(0.0, "Slow range error of each satellite, 1 sigma.", unit="m", minimum=0.0)
+    slow_tau_s: float = setting(600.0, "Correlation time of the slow range error.", unit="s", minimum=0.1)
+    doppler_sigma_mps: float = setting(0.2, "Noise of a Doppler, 1 sigma.", unit="m/s", minimum=0.001)
+    clock: str = setting("compensated_crystal", "Receiver oscillator.", choices=tuple(CLOCKS))
+    clock_bias_m: float = setting(3000.0, "Receiver clock at switch-on, 1 sigma.", unit="m", minimum=0.0)
+    clock_drift_mps: float = setting(30.0, "Receiver clock drift at switch-on, 1 sigma.", unit="m/s", minimum=0.0)
+    clock_reset_ms: float = setting(0.0, "The receiver sets its clock back by a millisecond beyond this; 0 never.", unit="ms", minimum=0.0)
+    range_faults: list = setting([], "Range faults as start (s), satellite number, step (m), start, number, step, ...")
+
+    def __post_init__(self) -> None:
+        if len(self.range_faults) % 3:
+            raise SettingsError("GNSS: 'range_faults' needs start, satellite number and step of each fault; add what is missing.")
+        if 0 < self.max_satellites < 4:
+            raise SettingsError("GNSS: 'max_satellites' must be 0 or at least 4; use 'schedule' for fewer.")
+        if 0.0 < self.clock_reset_ms < 0.5:
+            raise SettingsError("GNSS: 'clock_reset_ms' must be 0 or at least 0.5, or every reset causes the next.")
+        try:
+            Schedule.of(self.schedule)
+        except GnssError as error:
+            raise SettingsError(f"GNSS: 'schedule': {error}") from error
+
+
+def constellation_of(settings: GnssRawSimulatorSettings) -> Constellation:
+    """The satellites that exist in a simulation."""
+    made = {"gps": gps_24, "galileo": galileo_27, "gps_galileo": lambda: gps_24() + galileo_27()}
+    return made[settings.constellation]()
+
+
+class GnssRawSimulator:
+    """Turn truth into epochs of observations; keeps clock, slow errors and selection from call to call.
+
+    No epoch is handed over while no satellite is in use.  Every satellite has its own column of random numbers whether in view or not,
+    so neither the schedule nor the mask changes the errors of the others.
+
+    Parameters
+    ----------
+    settings : GnssRawSimulatorSettings
+    source : str
+        Source name of the epochs.
+    """
+
+    def __init__(self, settings: GnssRawSimulatorSettings, source: str = "gnss/raw") -> None:
+        self.settings, self.source = settings, source
+        self.constellation = constellation_of(settings)
+        self._clock = SampleClock(settings.rate_hz)
+        self._schedule = Schedule.of(settings.schedule)
+        self._sigma_m = np.where(self.constellation.system == GALILEO, settings.galileo_sigma_m, settings.gps_sigma_m)
+        self._noise_rng = stream(settings.seed, "gnss.noise")
+        slow = [GaussMarkov(settings.slow_sigma_m, settings.slow_tau_s)] * len(self.constellation)
+        self._slow = DriftBank(slow, 1.0 / settings.rate_hz, stream(settings.seed, "gnss.slow"))
+        self._clock_rng = stream(settings.seed, "gnss.clock")
+        switch_on = np.array([settings.clock_bias_m, settings.clock_drift_mps])
+        self.clock_state = switch_on * self._clock_rng.standard_normal(2)
+        self._reset_m = 0.0
+        self._start_ns: int | None = None
+        self._selection: np.ndarray | None = None
+        self._selected_for: tuple = ()
+
+    def simulate(self, truth: TruthBlock) -> list[GnssEpoch]:
+        """Return the epochs whose time falls in ``truth``."""
+        if len(truth) == 0:
+            return []
+        if self._start_ns is None:
+            self._start_ns = int(truth.stamps_ns[0])
+        rows, n = self._clock.rows(truth.stamps_ns), len(self.constellation)
+        normals = self._noise_rng.standard_normal((len(rows), 2 * n + 1))
+        slow = self._slow.draw(len(rows))
+        clock = simulate_clock(CLOCKS[self.settings.clock], 1.0 / self.settings.rate_hz, len(rows), self._clock_rng, self.clock_state)
+        epochs = [self._epoch(truth, int(row), z, s, c) for row, z, s, c in zip(rows, normals, slow, clock, strict=True)]
+        return [epoch for epoch in epochs if epoch is not None]
+
+    def _epoch(self, truth: TruthBlock, row: int, normals: np.ndarray, slow: np.ndarray, clock: np.ndarray) -> GnssEpoch | None:
+        settings, n = self.settings, len(self.constellation)
+        stamp_ns = int(truth.stamps_ns[row])
+        elapsed_s = (stamp_ns - self._start_ns) * 1e-9
+        lat, lon = float(truth.lat[row]), float(truth.lon[row])
+        position_e = geodetic_to_ecef(lat, lon, float(truth.height[row]))
+        velocity_e = dcm_ne(lat, lon).T @ truth.vel_n[row]
+        at_s = settings.constellation_time_s + elapsed_s
+        sat_pos, sat_vel = states_at_reception(self.constellation.states, at_s, position_e, light_time=settings.light_time)
+        ranges, rates, los = range_and_rate(position_e, velocity_e, sat_pos, sat_vel)
+        _, elevation = azimuth_elevation(lat, lon, los)
+        used = self._used(los, elevation, elapsed_s)
+        clock_m = clock[0] + self._set_clock(float(clock[0]))
+        if not used.size:
+            return None
+        error, sigma = self._range_errors(elevation, normals, used)
+        pseudorange = ranges[used] + clock_m + error + slow[used] + self._faults(elapsed_s)[used]
+        doppler = rates[used] + clock[1] + settings.doppler_sigma_mps * normals[n + 1 + used]
+        sigmas = np.hypot(sigma, settings.slow_sigma_m), np.full(used.size, settings.doppler_sigma_mps)
+        names, states = (self.constellation.system[used], self.constellation.sat_id[used]), (sat_pos[used], sat_vel[used])
+        valid = np.ones(used.size, dtype=bool)
+        return GnssEpoch(stamp_ns, self.source, *names, pseudorange, doppler, *sigmas, np.zeros(used.size), *states, valid, valid)
+
+    def _used(self, los: np.ndarray, elevation: np.ndarray, elapsed_s: float) -> np.ndarray:
+        """Satellites in use: chosen anew at times, and whenever those in view or the wanted number change."""
+        visible = np.flatnonzero(elevation >= math.radians(self.settings.mask_deg))
+        limits = [c for c in (self.settings.max_satellites or None, self._schedule.at(elapsed_s)) if c is not None]
+        count = min(limits) if limits else None
+        due = math.floor(elapsed_s / self.settings.select_every_s + 1e-6)
+        wanted = (visible.tobytes(), count, due)
+        if self._selection is None or wanted != self._selected_for:
+            self._selection = visible[choose(los[visible], elevation[visible], count)]
+            self._selected_for = wanted
+        return self._selection
+
+    def _range_errors(self, elevation: np.ndarray, normals: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """White range errors and their sigmas, m, of the satellites in use; columns of ``normals``: own noise, common noise, Doppler."""
+        own, common, sigma = normals[used], float(normals[len(self.constellation)]), self._sigma_m[used]
+        if self.settings.noise == "white":
+            return sigma * own, sigma
+        f = obliquity(elevation[used])
+        return sigma * range_noise(elevation[used], 1.0, own, common), sigma * np.sqrt(1.0 - COMMON_SHARE + COMMON_SHARE * f * f)
+
+    def _set_clock(self, bias_m: float) -> float:
+        """Sum of the resets up to now, m: a millisecond back each time the clock as shown passes the limit."""
+        limit_m = self.settings.clock_reset_ms * MILLISECOND_M
+        if limit_m > 0.0 and abs(bias_m + self._reset_m) > limit_m:
+            self._reset_m -= math.copysign(MILLISECOND_M, bias_m + self._reset_m)
+        return self._reset_m
+
+    def _faults(self, elapsed_s: float) -> np.ndarray:
+        """Range steps, m, of all satellites at a time."""
+        steps = np.zeros(len(self.constellation))
+        listed = self.settings.range_faults
+        for start_s, sat_id, step_m in zip(listed[0::3], listed[1::3], listed[2::3], strict=True):
+            if elapsed_s >= start_s:
+                steps[self.constellation.sat_id == int(sat_id)] += step_m
+        return steps
