@@ -98,7 +98,7 @@ BAD = [
     ("air/static_pressure", {"fluid_pressure": 29.92}, "pressure implausible, kilopascal or inches of mercury instead of pascal?"),
     ("air/static_pressure", {"variance": -4.0}, "pressure variance is negative"),
     ("air/dynamic_pressure", {"fluid_pressure": -5000.0}, "pressure is negative"),
-    ("air/temperature", {"temperature": 15.0}, "temperature implausible, celsius instead of kelvin?"),
+    ("air/temperature", {"temperature": 288.0}, "temperature implausible, kelvin instead of degrees Celsius?"),
     ("dme/range", {"range": -1.0}, "range is negative"),
     ("dme/range", {"range": 500_000.0}, "range is beyond the station's maximum"),
     ("dme/range", {"range": math.nan}, "range is not finite"),

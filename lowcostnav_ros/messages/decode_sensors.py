@@ -22,6 +22,7 @@ from lowcostnav_ros.messages import checks
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal
 from lowcostnav_ros.rotation import quat_to_dcm
+from lowcostnav_ros.units import kelvin
 
 Notes = Counter[str]
 
@@ -186,16 +187,16 @@ def _refuse_dynamic(value: float) -> None:
 
 
 def temperature(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Notes) -> AirTemperature:
-    """Turn a message object into a measurement; raises Refusal."""
+    """Turn a message object, degrees Celsius as the type says, into a measurement in kelvin; raises Refusal."""
     checks.frame(source, message.header.frame_id, rules)
     value = message.temperature
     checks.finite((value,), "temperature")
-    if -100.0 < value < 100.0:
-        raise Refusal("temperature implausible, celsius instead of kelvin?", f"{value:g}")
-    if not 150.0 <= value <= 350.0:
-        raise Refusal("temperature implausible", f"{value:g} K")
+    if 150.0 <= value <= 350.0:
+        raise Refusal("temperature implausible, kelvin instead of degrees Celsius?", f"{value:g}")
+    if not -120.0 <= value <= 80.0:
+        raise Refusal("temperature implausible", f"{value:g} deg C")
     variance = checks.variance(message.variance, "temperature")
-    return AirTemperature(stamp_ns, source, value, _default(source, rules, notes)[0] if variance is None else variance)
+    return AirTemperature(stamp_ns, source, kelvin(value), _default(source, rules, notes)[0] if variance is None else variance)
 
 
 def dme_range(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Notes) -> SlantRange:

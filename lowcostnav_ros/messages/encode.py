@@ -11,6 +11,7 @@ from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.store import STORE, to_cdr
 from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.units import celsius
 
 _T = STORE.types
 Header, Time = _T["std_msgs/msg/Header"], _T["builtin_interfaces/msg/Time"]
@@ -169,8 +170,8 @@ def fluid_pressure(measurement: m.Pressure) -> object:
 
 
 def temperature(measurement: m.AirTemperature) -> object:
-    """Build an ``air/temperature`` message, kelvin."""
-    return Temperature(_header(measurement.stamp_ns, "base_link"), float(measurement.temperature_k), float(measurement.variance))
+    """Build an ``air/temperature`` message, degrees Celsius as its type says."""
+    return Temperature(_header(measurement.stamp_ns, "base_link"), celsius(float(measurement.temperature_k)), float(measurement.variance))
 
 
 def dme_range(measurement: m.SlantRange, max_range_m: float = 400.0e3) -> object:

@@ -42,7 +42,7 @@ _SENSORS = (
     TopicSpec("gps/vel", TWIST, "Velocity over ground, east north up at the antenna.", "gps", "m/s"),
     TopicSpec("air/static_pressure", FLUID_PRESSURE, "Static pressure.", "base_link", "Pa"),
     TopicSpec("air/dynamic_pressure", FLUID_PRESSURE, "Impact pressure, total minus static.", "base_link", "Pa"),
-    TopicSpec("air/temperature", TEMPERATURE, "Static air temperature. The message is in kelvin here, never Celsius.", "base_link", "K"),
+    TopicSpec("air/temperature", TEMPERATURE, "Static air temperature.", "base_link", "deg C"),
     TopicSpec("air/velocity", TWIST, "Air-relative velocity: TAS on x, sideslip on y, incidence on z.", "base_link", "m/s"),
     TopicSpec("dme/range", RANGE, "One reply: slant range; frame_id is the station ident.", "", "m"),
     TopicSpec("truth/odometry", ODOMETRY, "True pose and velocity, simulators only.", "map", "m, m/s"),
