@@ -79,7 +79,7 @@ def _add_system_jobs(jobs: argparse._SubParsersAction) -> None:
     convert = _job(jobs, "convert", "Turn a recorded log (CSV) into a bag with the standard topics.")
     convert.add_argument("source", help="file or directory of the log")
     convert.add_argument("-o", "--output", required=True, metavar="BAG", help="bag to create")
-    convert.add_argument("--profile", required=True, metavar="NAME|FILE", help="column profile: a shipped one or a YAML file")
+    convert.add_argument("--profile", metavar="NAME|FILE", help="column profile: a shipped one or a YAML file (default: the one that fits)")
 
 
 def _add_simulate(jobs: argparse._SubParsersAction) -> None:

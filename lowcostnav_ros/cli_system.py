@@ -47,8 +47,10 @@ def demo(arguments: argparse.Namespace) -> int:
 def convert(arguments: argparse.Namespace) -> int:
     """Turn a recorded log into a bag."""
     from lowcostnav_ros import convert as conversion
+    from lowcostnav_ros.convert.profile import shipped_profile_for
 
-    report = conversion.convert(arguments.source, arguments.profile, arguments.output)
+    profile = arguments.profile or shipped_profile_for(arguments.source)
+    report = conversion.convert(arguments.source, profile, arguments.output)
     if report is not None:
         print(report, file=sys.stdout)
     return 0

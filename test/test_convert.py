@@ -206,3 +206,15 @@ def test_shipped_profiles_are_sound():
     for name in names:
         assert load_profile(name).description
     assert {q.dimension for fields in TOPIC_FIELDS.values() for q in fields.values()} <= set(UNITS)
+
+
+def test_the_shipped_profile_is_found_by_the_files_of_a_folder(tmp_path):
+    from lowcostnav_ros.convert.profile import shipped_profile_for
+
+    with pytest.raises(ConvertError, match="No shipped profile fits"):
+        shipped_profile_for(tmp_path)
+    for name in ("gps_5hz.csv", "airspeed_83hz.csv.gz", "attitude_86hz.csv.gz"):
+        (tmp_path / name).touch()
+    assert shipped_profile_for(tmp_path) == "px4_flight"
+    with pytest.raises(ConvertError, match="does not exist"):
+        shipped_profile_for(tmp_path / "nowhere")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lowcostnav_ros.config_files import find_config, read_yaml
+from lowcostnav_ros.config_files import config_dir, find_config, read_yaml
 from lowcostnav_ros.convert.units_by_name import UNITS
 from lowcostnav_ros.settings import nearest
 
@@ -141,6 +141,27 @@ def load_profile(path: str | Path) -> Profile:
         given if given.suffix == ".yaml" and given.is_file() else find_config(Path("convert") / f"{given.name.removesuffix('.yaml')}.yaml")
     )
     return profile_from(read_yaml(found), str(found))
+
+
+def shipped_profile_for(source: str | Path) -> str:
+    """Name of the shipped profile whose files all lie in ``source``.
+
+    Raises
+    ------
+    ConvertError
+        When none fits, or more than one does; the sentence lists the shipped profiles.
+    """
+    folder = Path(source)
+    if not folder.exists():
+        raise ConvertError(f"{folder} does not exist; give a folder or file of recorded tables.")
+    shipped = sorted((config_dir() / "convert").glob("*.yaml"))
+    fitting = [path.stem for path in shipped if all((folder / table.file).is_file() for table in load_profile(path).tables)]
+    if len(fitting) == 1:
+        return fitting[0]
+    known = ", ".join(path.stem for path in shipped)
+    if fitting:
+        raise ConvertError(f"{folder} fits several profiles ({', '.join(fitting)}); choose one with --profile.")
+    raise ConvertError(f"No shipped profile fits the files in {folder}; give one with --profile (shipped: {known}, or your own YAML file).")
 
 
 def profile_from(content: Any, where: str = "profile") -> Profile:
