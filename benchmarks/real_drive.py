@@ -78,7 +78,9 @@ def outages(measurements: list[Measurement], settings: InsGpsSettings, step_s: f
         "p95_m": round(float(np.percentile(horizontal, 95)), 2),
         "max_m": round(float(horizontal.max()), 2),
         "error_over_sigma_rms": round(rms(np.array([error / sigma for error, sigma in ends])), 2),
-        "ends_m": [round(float(h), 1) for h in horizontal],
+        "start_s": np.arange(FIRST_S, LAST_S - OUTAGE_S, step_s).tolist(),
+        "end_m": [round(float(h), 1) for h in horizontal],
+        "end_sigma_m": [round(float(np.hypot(*sigma)), 1) for _, sigma in ends],
     }
 
 

@@ -113,11 +113,11 @@ def outages(measurements: list[Measurement], reference: Reference, settings: dic
                     ends[due.pop(0)[1]].append((reference.error(solution), sigma))
             if not due:
                 break
-    return {f"{length:.0f}_s": summary(errors, BAR_M[length]) for length, errors in ends.items()}
+    return {f"{length:.0f}_s": summary(errors, starts_s, BAR_M[length]) for length, errors in ends.items()}
 
 
-def summary(ends: list[tuple[np.ndarray, np.ndarray]], bar_m: tuple[float, float]) -> dict:
-    """Median, largest and honesty of errors at the end of outages."""
+def summary(ends: list[tuple[np.ndarray, np.ndarray]], starts_s: np.ndarray, bar_m: tuple[float, float]) -> dict:
+    """Median, largest and honesty of errors at the end of outages, and each of them."""
     horizontal = np.array([math.hypot(*error) for error, _ in ends])
     return {
         "outages": len(ends),
@@ -126,6 +126,9 @@ def summary(ends: list[tuple[np.ndarray, np.ndarray]], bar_m: tuple[float, float
         "wind_triangle_median_m": bar_m[0],
         "wind_triangle_max_m": bar_m[1],
         "error_over_sigma_rms": round(rms(np.array([error / sigma for error, sigma in ends])), 2),
+        "start_s": starts_s[: len(ends)].tolist(),
+        "end_m": [round(float(h), 1) for h in horizontal],
+        "end_sigma_m": [round(float(np.hypot(*sigma)), 1) for _, sigma in ends],
     }
 
 
