@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov, random_walk
 from lowcostnav_ros.navigators.base import HorizonSettings
@@ -151,6 +152,7 @@ class AhrsSettings:
     imu: ImuSettings = group(ImuSettings)
     place: PlaceSettings = group(PlaceSettings)
     gps: GpsVelocitySettings = group(GpsVelocitySettings)
+    magnetometer: MagnetometerCalibration = group(MagnetometerCalibration)
     magnetic: MagneticHeadingSettings = group(MagneticHeadingSettings)
     airflow: AirflowSettings = group(AirflowSettings)
     level: LevelSettings = group(LevelSettings)

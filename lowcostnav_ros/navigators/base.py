@@ -2,13 +2,13 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from lowcostnav_ros.earth import LocalFrame
 from lowcostnav_ros.estimation.aiding import Aid, AidStatus
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
-from lowcostnav_ros.measurements import ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.measurements import ImuBlock, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.settings import setting
 
 OK, WARN, ERROR = 0, 1, 2
@@ -63,7 +63,7 @@ class Navigator:
     Parameters
     ----------
     settings : settings dataclass
-        Must hold ``horizon`` (:class:`HorizonSettings`).
+        Must hold ``horizon`` (:class:`HorizonSettings`); a ``magnetometer`` calibration in it is applied to every field that comes in.
     """
 
     name: ClassVar[str] = ""
@@ -82,6 +82,8 @@ class Navigator:
         self.restarts = Counter()
         self.on_aid: Callable[[AidStatus], None] | None = None
         self._out: list[NavSolution] = []
+        calibration = getattr(settings, "magnetometer", None)
+        self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
 
     def feed(self, measurement: Measurement) -> list[NavSolution]:
         """Take one measurement (or block of inertial samples) in; return the fused solutions that became final, oldest first."""
@@ -89,6 +91,8 @@ class Navigator:
         if record is None:
             return []
         record.received += len(measurement) if isinstance(measurement, ImuBlock) else 1
+        if self._magnetometer is not None and isinstance(measurement, MagneticField):
+            measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
         refusal = self.horizon.push(measurement)
         if refusal == TIME_JUMPED:
             self.reset("time base jumped")

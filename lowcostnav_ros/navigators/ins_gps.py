@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
 from lowcostnav_ros.measurements import (
     AirVelocity,
@@ -57,6 +58,7 @@ class InsGpsSettings:
     split_turn_on: bool = setting(False, "Estimate turn-on biases beside Gauss-Markov drifts (21 or 27 states instead of 15).")
     gps: GpsSettings = group(GpsSettings)
     baro: BaroSettings = group(BaroSettings)
+    magnetometer: MagnetometerCalibration = group(MagnetometerCalibration)
     magnetic: MagneticSettings = group(MagneticSettings)
     airdata: AirDataSettings = group(AirDataSettings)
     wheels: WheelSettings = group(WheelSettings)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from lowcostnav_ros.measurements import Measurement, NavSolution
@@ -28,6 +29,7 @@ class OutputSettings:
         maximum=1000.0,
         live=True,
     )
+    folder: str = setting(".", "Where files made in flight go (a magnetometer calibration).")
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,11 @@ class NavigatorNode(NodeBase):
         warm_up(make(self.parameters.settings[0]))
         self._set_rate(self.parameters.settings[1])
         self._is_attitude_only = name == "ahrs"
+        self._magnetometer = None
+        if self._is_attitude_only:
+            from lowcostnav_ros.ros.magnetometer_service import MagnetometerService
+
+            self._magnetometer = MagnetometerService(self, self.navigator, Path(self.parameters.settings[1].output.folder))
         self._room = "nav" if name == "supervisor" else self.get_name()
         self._next_output_ns = 0
         self._origin = None
@@ -80,6 +87,8 @@ class NavigatorNode(NodeBase):
         yield from super().rows()
         if hasattr(self, "navigator"):
             yield from navigator_rows(self.get_name(), self.navigator.status())
+        if getattr(self, "_magnetometer", None) is not None:
+            yield from self._magnetometer.rows()
 
     def reset(self, reason: str) -> str:
         """Start the estimator over."""
@@ -95,6 +104,8 @@ class NavigatorNode(NodeBase):
         self._output_period_ns = round(1e9 / settings.output.rate_hz)
 
     def _feed(self, measurement: Measurement) -> None:
+        if self._magnetometer is not None:
+            self._magnetometer.take(measurement)
         fused = self.navigator.feed(measurement)
         self._publish_origin(measurement.stamp_ns)
         for solution in fused:
