@@ -39,15 +39,15 @@ measured. An `Odometry` carries 1e12 where its navigator estimates nothing.
 NODE_PARAMETERS = """
 Every node also has `qos.lossless` (default false), `input.silent_after_s` (default 1 s: an input silent for longer, or five of its own
 intervals, is named on /diagnostics) and the service `~/reset` (`std_srvs/Trigger`). Navigator nodes have `output.rate_hz` (default 20).
-The AHRS has the services `~/calibrate_start` and `~/calibrate_stop` (`std_srvs/Trigger`): in between it collects the raw magnetic field, then
-it writes `magnetometer_N.yaml` into `output.folder`, to be loaded with `--params-file` at the next start; the answer says what to fly.
+The AHRS has the services `~/calibrate_start` and `~/calibrate_stop` (`std_srvs/Trigger`): in between it collects the raw magnetic field,
+then it writes `magnetometer_N.yaml` into `output.folder`, to be loaded with `--params-file` at the next start; the answer says what to fly.
 
 ## Diagnostics
 
 `/diagnostics` (`diagnostic_msgs/DiagnosticArray`) once a second, and at once when a level rises. One status per input
 (`<node>: input <topic>`: rate_hz, age_s, count, gaps, last_reject, rejected[reason]), per output, per aid (`<node>: aid <name>`:
-observation, innovation, test_ratio, accepted, reason, age, counters) and per navigator (`<node>: navigator`: mode, reason, sigmas). Values are plain
-scalars, so that plotting tools read them.
+observation, innovation, test_ratio, accepted, reason, age, counters) and per navigator (`<node>: navigator`: mode, reason, sigmas).
+Values are plain scalars, so that plotting tools read them.
 """
 
 
