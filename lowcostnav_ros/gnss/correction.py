@@ -47,6 +47,7 @@ def corrected(
     position_e: np.ndarray | None,
     settings: CorrectionSettings,
     rejected: Counter,
+    clock_m: float = 0.0,
     source: str = "gnss/raw",
 ) -> GnssEpoch:
     """Correct an epoch.
@@ -61,6 +62,8 @@ def corrected(
     settings : CorrectionSettings
     rejected : Counter
         Gets a count for every satellite left out, by reason.
+    clock_m : float
+        Receiver clock of the last fix, m: the receiver's time of reception is late by so much, which goes off the stamp.
 
     Returns
     -------
@@ -86,7 +89,8 @@ def corrected(
     measured = np.isfinite(doppler)
     columns = (pseudorange, np.where(measured, doppler, 0.0), sigma, np.full(len(raw), settings.doppler_sigma_mps), raw.cn0)
     columns = (raw.system, raw.sat_id, *columns, position, velocity, np.ones(len(raw), dtype=bool), measured)
-    return GnssEpoch(unix_ns(raw.gps_ns), source, *(column[rows] for column in columns))
+    valid_ns = raw.gps_ns - round(clock_m / SPEED_OF_LIGHT * SECOND)
+    return GnssEpoch(unix_ns(valid_ns), source, *(column[rows] for column in columns))
 
 
 def _with_states(raw: RawEpoch, navigation: Navigation, rejected: Counter) -> tuple[list[int], list[Ephemeris], list[SatelliteState]]:

@@ -110,6 +110,7 @@ def solve(
     start_e: Sequence[float] = (0.0, 0.0, 0.0),
     probability: float = 0.999,
     clock_per_system: bool = False,
+    anywhere: bool = False,
 ) -> PointFix:
     """Position from the pseudoranges of one epoch.
 
@@ -126,6 +127,8 @@ def solve(
         With which a good set of residuals passes the test.
     clock_per_system : bool
         Solve a clock for each system; takes one satellite more per system.
+    anywhere : bool
+        Accept a solution far from the ground, to look for the fault that put it there.
 
     Raises
     ------
@@ -141,7 +144,7 @@ def solve(
     weight = np.diag(epoch.sigma_m[rows] ** -2.0) if covariance is None else np.linalg.inv(covariance)
     x, iterations = _iterate(epoch, rows, clock, weight, np.concatenate((np.asarray(start_e, float), np.zeros(len(systems)))))
     lat, lon, height = ecef_to_geodetic(x[:3])
-    if not LOWEST_M <= height <= HIGHEST_M:
+    if not anywhere and not LOWEST_M <= height <= HIGHEST_M:
         raise GnssError(f"The pseudoranges meet {height / 1000.0:.0f} km above the ellipsoid, not near the ground; check their source.")
     ranges, los = line_of_sight(x[:3], epoch.sat_pos_e[rows])
     residuals = epoch.pseudorange_m[rows] - ranges - x[3 + clock]

@@ -20,7 +20,7 @@ from scipy.stats import chi2, ncx2
 
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.dop import cofactor
-from lowcostnav_ros.gnss.positioning import PointFix, solve
+from lowcostnav_ros.gnss.positioning import PASSED, PointFix, solve
 from lowcostnav_ros.gnss.signals import name
 from lowcostnav_ros.measurements import GnssEpoch
 from lowcostnav_ros.settings import setting
@@ -90,12 +90,14 @@ def check(epoch: GnssEpoch, settings: RaimSettings | None = None, **solve_option
     """
     settings = settings or RaimSettings()
     options = {**solve_options, "probability": 1.0 - settings.false_alarm_probability}
-    fix = solve(epoch, **options)
+    fix = solve(epoch, **options, anywhere=True)  # a gross fault moves it off the earth and must still be looked for
     if fix.test.redundancy < 1:
+        fix = solve(epoch, **options)
         needed = fix.geometry.shape[1] + 1
         reason = f"{len(fix.rows)} satellites leave nothing to check with; at least {needed} are needed to see a fault."
         return RaimResult(NOT_POSSIBLE, reason, fix, "", math.inf, math.inf)
-    if fix.test.verdict == "passed":
+    if fix.test.verdict == PASSED:
+        fix = solve(epoch, **options)
         return RaimResult(HEALTHY, "", fix, "", *protection_levels(fix, settings))
     return _exclude(epoch, fix, settings, options)
 
@@ -117,7 +119,7 @@ def _exclude(epoch: GnssEpoch, fix: PointFix, settings: RaimSettings, options: d
         without = solve(epoch, **{**options, "rows": np.delete(fix.rows, worst)})
     except GnssError:
         return faulty(f"{suspect} seems faulty and the others give no position; the position cannot be used.")
-    if without.test.verdict != "passed":
+    if without.test.verdict != PASSED:
         return faulty("More than one satellite contradicts the others; the position cannot be used.")
     reason = f"{suspect} contradicts the others and was left out."
     return RaimResult(EXCLUDED, reason, without, suspect, *protection_levels(without, settings))

@@ -152,8 +152,8 @@ def full_availability(_: Context) -> Outcome:
     )
     within = below and level and 0.3 < step < 0.7
     reason = (
-        f"we keep the six of smallest GDOP, an arbitrary six cost {100 * median:.0f} % (median): the thesis seems to lose satellites rather "
-        "than to choose among them; place, time and satellites of its figure are not printed"
+        f"we keep the six of smallest GDOP, an arbitrary six cost {100 * median:.0f} % (median): the thesis seems to lose satellites "
+        "rather than to choose among them; place, time and satellites of its figure are not printed"
     )
     return judged(text, bool(within), reason, figure=lambda f: figures.availability(f, times, counts, column))
 

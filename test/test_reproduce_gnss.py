@@ -1,0 +1,33 @@
+"""The registered results of satellite geometry, canyon and load: verdicts and figures."""
+
+import pytest
+from matplotlib.figure import Figure
+
+from lowcostnav_ros.reproduce import registry
+from lowcostnav_ros.reproduce.registry import DIFFERS, REPRODUCED, Context
+
+
+@pytest.fixture(scope="module")
+def mine():
+    """The entries of the module; where the registry does not list their study yet, they are taken out again."""
+    from lowcostnav_ros.reproduce import solimeno_gnss
+
+    entries = {e.id: e for e in registry._ENTRIES.values() if e.function.__module__ == solimeno_gnss.__name__}
+    yield entries
+    if "solimeno_gnss" not in registry.MODULES:
+        for name in entries:
+            registry._ENTRIES.pop(name, None)
+
+
+@pytest.mark.parametrize("name", [f"SR{k}" for k in range(9, 22)])
+def test_verdicts_hold_and_figures_draw(mine, name):
+    outcome = mine[name].function(Context(quick=True))
+    assert outcome.verdict == (DIFFERS if name == "SR12" else REPRODUCED)
+    figure = Figure()
+    outcome.figure(figure)
+    assert all(ax.has_data() for ax in figure.axes)
+
+
+def test_thirteen_results_with_source_and_tolerance(mine):
+    assert sorted(mine, key=lambda name: int(name[2:])) == [f"SR{k}" for k in range(9, 22)]
+    assert all(e.study == "solimeno" and e.source and e.tolerance for e in mine.values())
