@@ -51,8 +51,8 @@ GNSS thinned to 1 Hz; outages of 15 s from every 10 s of the drive, RTK the refe
 
 ![Error at the end of each outage against its start](images/validation_drive.png)
 
-The first outages come before turns have shown the heading: without the wheels they end far off, and are believed to. Outages from about 150 s
-are the outlier: two to three times the believed sigma, not explained.
+The first outages come before turns have shown the heading: without the wheels they end far off, and are believed to. Outages from
+about 150 s are the outlier: two to three times the believed sigma, not explained.
 """
 
 

@@ -233,7 +233,7 @@ def test_a_hole_in_the_inertial_data_realigns_and_says_so(truth, rate_hz):
     assert np.abs(e[e[:, 0] > 100.0, 1:4]).max() < 6.0
 
 
-@pytest.mark.parametrize("broken", [dict(lat=np.nan), dict(cov_n=np.full((3, 3), np.inf))])
+@pytest.mark.parametrize("broken", [{"lat": np.nan}, {"cov_n": np.full((3, 3), np.inf)}])
 def test_a_value_that_is_no_number_is_refused_by_name_and_harms_nothing(truth, broken):
     stream = measurements(truth[:4000], 3)
     fixes = [i for i, m in enumerate(stream) if isinstance(m, GpsPosition)]

@@ -144,6 +144,7 @@ class InsGps(Navigator):
         self._emitted = -1
         self._fused_fix_ns: int | None = None
         self._used_ns: dict[str, int] = {}
+        self._newest: ImuBlock | None = None
         self.rate_b = np.zeros(3)
         self.force_b = -GRAVITY_N
         self.levelling.clear()
@@ -161,8 +162,10 @@ class InsGps(Navigator):
             self._judge()
 
     def _run(self, block: ImuBlock) -> None:
-        before = np.concatenate(([self.core.t_ns], block.stamps_ns[:-1]))
-        if self._aligned and (block.stamps_ns - before).max() > GAP_NS:
+        gap_ns = block.stamps_ns[0] - self.core.t_ns
+        if len(block) > 1:
+            gap_ns = max(gap_ns, np.diff(block.stamps_ns).max())
+        if self._aligned and gap_ns > GAP_NS:
             self.realign(f"inertial data missing for more than {1e-9 * GAP_NS:.1f} s")
         if not self._aligned:
             self.levelling.add(block)
@@ -173,12 +176,16 @@ class InsGps(Navigator):
             epoch = self.core.t_ns // self.output_period_ns
             if epoch != self._emitted:
                 self._emitted = epoch
-                self.force_b, self.rate_b = self.core.corrected(block.specific_force_b[start - 1], block.angular_rate_b[start - 1])
+                self._note_sample(block, start - 1)
                 if self.settings.wheels.enabled and self._due("wheels", self.core.t_ns, self.settings.wheels.period_s):
                     self.use_aid(self.wheel_aid, Measurement(self.core.t_ns, IMU))
                 self._judge()
                 self._out.append(self._solution(self.core.t_ns, self.core.nav, self.force_b, self.rate_b))
-        self.force_b, self.rate_b = self.core.corrected(block.specific_force_b[-1], block.angular_rate_b[-1])
+        self._newest = block
+
+    def _note_sample(self, block: ImuBlock, row: int) -> None:
+        """Keep the corrected specific force and rate of a sample: outputs and the lever arm's velocity need them."""
+        self.force_b, self.rate_b = self.core.corrected(block.specific_force_b[row], block.angular_rate_b[row])
 
     def _aid(self, item: Measurement) -> None:
         settings = self.settings
@@ -187,6 +194,8 @@ class InsGps(Navigator):
                 self._fused_fix_ns = item.stamp_ns
         elif isinstance(item, GpsVelocity):
             if self._due("velocity", item.stamp_ns, settings.gps.period_s):
+                if self._newest is not None:
+                    self._note_sample(self._newest, -1)
                 self.use_aid(self.velocity_aid, item)
         elif isinstance(item, Pressure) and settings.baro.enabled and self._due("baro", item.stamp_ns, settings.baro.period_s):
             self.use_aid(self.baro_aid, item)
@@ -302,6 +311,7 @@ class InsGps(Navigator):
             return None
         block, _ = self.horizon.ahead()
         t_ns, nav = self.core.predicted(block)
+        block = self._newest if block is None else block
         if block is None:
             return self._solution(t_ns, nav, self.force_b, self.rate_b)
         return self._solution(t_ns, nav, *self.core.corrected(block.specific_force_b[-1], block.angular_rate_b[-1]))
