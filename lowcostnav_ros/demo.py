@@ -91,11 +91,11 @@ def _fly(graph: Graph, out: Path, console: Console) -> tuple[dict[str, dict[str,
 
 
 class _Narrator:
-    """Say what the supervisor does while the mission flies; on a terminal, also the live table of nodes."""
+    """Say what the supervisor does while the mission flies."""
 
     def __init__(self, runner: GraphRunner, console: Console) -> None:
         self._runner, self._console = runner, console
-        self._said, self._next = "", 0.0
+        self._said, self._next = ("", ""), 0.0
 
     def __call__(self) -> None:
         if time.monotonic() < self._next:
@@ -104,9 +104,9 @@ class _Narrator:
         source = self._runner.rows.get("truth_source: source", {})
         flown = float(source.get("values", {}).get("flown_s", 0.0))
         sentence = self._runner.navigator("supervisor").get("message", "")
-        mode = sentence.partition(":")[0]
-        if mode and mode != self._said:
-            self._said = mode
+        chosen = (sentence.partition(":")[0], sentence.partition("flying on ")[2].partition(" ")[0])  # mode, and on whom
+        if sentence and chosen != self._said:
+            self._said = chosen
             self._console.print(f"  {flown / 60.0:4.1f} min  {sentence}", highlight=False)
 
 

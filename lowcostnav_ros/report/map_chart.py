@@ -197,15 +197,21 @@ def _north() -> str:
 
 
 def _legend(tracks: Sequence[Track], has_ellipses: bool) -> str:
-    parts, x = [], float(MARGIN)
-    for track in tracks:
-        if track.dots:
-            parts.append(svg.element("circle", cx=x + 10, cy=MARGIN - 18, r=2.5, fill=track.colour))
-        else:
-            line = {"stroke": track.colour, "stroke_width": 3, "stroke_dasharray": track.dash}
-            parts.append(svg.element("line", x1=x, x2=x + 20, y1=MARGIN - 18, y2=MARGIN - 18, **line))
-        parts.append(svg.text(x + 26, MARGIN - 14, track.label, class_="legend"))
-        x += 44 + 6.6 * len(track.label)
-    if has_ellipses:
-        parts.append(svg.text(x, MARGIN - 14, "ellipses: 2 sigma, every minute without GPS", class_="legend"))
+    parts, x, y = [], float(MARGIN), MARGIN - 32.0
+    labels = [t.label for t in tracks] + (["ellipses: 2 sigma, every minute without GPS"] if has_ellipses else [])
+    for index, label in enumerate(labels):
+        width = 44 + 6.6 * len(label)
+        if x + width > WIDTH - MARGIN / 2 and x > MARGIN:
+            x, y = float(MARGIN), y + 18.0
+        if index < len(tracks):
+            parts.append(_sample(tracks[index], x, y - 4))
+        parts.append(svg.text(x + (26 if index < len(tracks) else 0), y, label, class_="legend"))
+        x += width
     return "".join(parts)
+
+
+def _sample(track: Track, x: float, y: float) -> str:
+    """The mark of a track in the legend."""
+    if track.dots:
+        return svg.element("circle", cx=x + 10, cy=y, r=2.5, fill=track.colour)
+    return svg.element("line", x1=x, x2=x + 20, y1=y, y2=y, stroke=track.colour, stroke_width=3, stroke_dasharray=track.dash)
