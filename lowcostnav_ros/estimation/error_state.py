@@ -25,7 +25,8 @@ class Kind(enum.IntEnum):
     AIRSPEED_SCALE = 6
     AIRSPEED_BIAS = 7
     HEADING_BIAS = 8
-    FREE = 9  # acts only through measurements: baro bias, range bias, position bias, receiver clock
+    FREE = 9  # acts only through measurements: baro bias, range bias, position bias
+    CHAIN = 10  # acts only through measurements; each state is the integral of the next: receiver clock bias and drift
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +75,11 @@ def random_walk(name: str, labels: Iterable[str], kind: Kind, sigma0: float, den
     """Block of random walks growing by ``density`` (unit per square root of second); density 0 is a random constant."""
     names = tuple(labels)
     return Block(name, names, kind, (sigma0,) * len(names), np.inf, (density * density,) * len(names))
+
+
+def chain(name: str, labels: Iterable[str], sigma0: Iterable[float], psd: Iterable[float]) -> Block:
+    """Block in which each state is the integral of the next, plus white noise of density ``psd`` (unit^2/s): a clock's bias and drift."""
+    return Block(name, tuple(labels), Kind.CHAIN, tuple(sigma0), np.inf, tuple(psd))
 
 
 class Layout:

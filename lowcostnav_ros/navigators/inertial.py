@@ -171,6 +171,8 @@ def inertial_dynamics(nav, f_n, f_b, w_b, C, kind, axis, rate):
                 F[3 + r, i] = -C[r, k] * f_b[k]
             elif kind[i] == 4:
                 F[6 + r, i] = -C[r, k] * w_b[k]
+        if kind[i] == 10 and k > 0:
+            F[i - 1, i] = 1.0
     return F
 
 
@@ -206,7 +208,7 @@ def sensor_errors(estimate, kind, axis):
 
 @kernel
 def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd):
-    """Carry P over the interval gathered in ``sums`` and clear it; Gauss-Markov estimates decay by their own transition.
+    """Carry P over the interval gathered in ``sums`` and clear it; estimates of Gauss-Markov states decay, those of a chain add up.
 
     ``sums`` (19,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3).
     """
@@ -219,6 +221,8 @@ def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd):
     for i in range(CORE, kind.shape[0]):
         if rate[i] > 0.0:
             estimate[i] *= np.exp(-rate[i] * dt)
+        if kind[i] == 10 and axis[i] > 0:
+            estimate[i - 1] += estimate[i] * dt
     sums[:] = 0.0
 
 

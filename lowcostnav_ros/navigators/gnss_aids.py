@@ -1,0 +1,291 @@
+"""Aids from single satellites: pseudoranges and Dopplers of an epoch, each satellite judged by its own innovation.
+
+With p the antenna, e the unit vector from it to the satellite (both predicted), b and d the receiver clock's bias and drift,
+
+    pseudorange: y = rho - (|s - p| + b),      H = [-e | 0 | e x L | 1 0]
+    Doppler:     y = rate - (e . (v_s - v) + d), H = [h_r | -e | e x V | 0 1]
+
+where L = C l is the lever arm and V = C (w x l) its velocity in n.  h_r holds the turn of the line of sight, -(u - rate e)/rho with u the
+relative velocity, and the turn of n with position, -e . (dtheta x v) (Solimeno 2007, (5-36), (5-37), in metres; checked against
+differences in the tests).  One satellite is worth as much as it is: nothing here needs four.
+"""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef, radii
+from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings
+from lowcostnav_ros.gnss.receiver_clock import CLOCKS
+from lowcostnav_ros.gnss.signals import name
+from lowcostnav_ros.kernels import kernel
+from lowcostnav_ros.measurements import GnssEpoch
+from lowcostnav_ros.navigators.inertial import DEG, VEL
+from lowcostnav_ros.rotation import quat_to_dcm, skew
+from lowcostnav_ros.settings import group, setting
+from lowcostnav_ros.small_matrices import matvec
+
+if TYPE_CHECKING:
+    from lowcostnav_ros.navigators.gnss_only import GnssOnly
+    from lowcostnav_ros.navigators.ins_gnss import InsGnss
+
+    Host = InsGnss | GnssOnly
+
+CLOCK_SIGMA_M, CLOCK_SIGMA_MPS = 100.0, 10.0
+"""Sigmas of a clock just seeded from the median innovation of an epoch."""
+RECOVERED = "recovered after rejections"
+JUMP_SIGMAS = 8.0
+"""A clock jump moves all pseudoranges together by more than this many sigmas, and apart by less."""
+
+
+@dataclass(frozen=True)
+class GnssSettings:
+    """Satellite observations."""
+
+    systems: str = setting("GE", "Letters of the systems used: G GPS, E Galileo.")
+    oscillator: str = setting("compensated_crystal", "Receiver oscillator.", choices=tuple(CLOCKS))
+    mask_deg: float = setting(5.0, "Lowest elevation used.", unit="deg", minimum=0.0, maximum=60.0)
+    minimum_cn0: float = setting(0.0, "Weakest signal used where the receiver tells.", unit="dB-Hz", minimum=0.0, maximum=60.0)
+    doppler: bool = setting(True, "Use Dopplers.")
+    range_sigma_scale: float = setting(1.0, "Factor on the stated sigma of a pseudorange.", minimum=0.1, maximum=100.0)
+    doppler_sigma_scale: float = setting(1.0, "Factor on the stated sigma of a Doppler.", minimum=0.1, maximum=100.0)
+    system_offset_m: float = setting(0.0, "Sigma of Galileo's clock against that of GPS; 0 takes them as one.", unit="m", minimum=0.0)
+    screening: bool = setting(True, "Leave out satellites whose innovation is beyond the gate.")
+    gate: GateSettings = group(GateSettings)
+
+
+@kernel
+def satellite_model(nav, lever_n, swing_n, sat_pos, sat_vel, n):
+    """Predict an epoch at a navigation state.
+
+    Parameters
+    ----------
+    nav : ndarray (10,)
+    lever_n, swing_n : ndarray (3,)
+        Antenna relative to the IMU, m, and its velocity, m/s, in n.
+    sat_pos, sat_vel : ndarray (m, 3)
+        ECEF, m and m/s.
+    n : int
+        Number of states.
+
+    Returns
+    -------
+    ranges, rates : ndarray (m,)
+        Without the receiver clock, m and m/s.
+    H_range, H_rate : ndarray (m, n)
+        Position, velocity and attitude columns.
+    sin_elevation : ndarray (m,)
+    """
+    m = sat_pos.shape[0]
+    levered = np.any(lever_n != 0.0)  # without a lever arm nothing turns, and a navigator may have no attitude states
+    C = dcm_ne(nav[0], nav[1])
+    position_e = geodetic_to_ecef(nav[0], nav[1], nav[2])
+    meridian, normal = radii(nav[0])
+    along, across, tan_lat = meridian + nav[2], normal + nav[2], math.tan(nav[0])
+    v = nav[3:6] + swing_n
+    ranges, rates, sin_elevation = np.empty(m), np.empty(m), np.empty(m)
+    H_range, H_rate = np.zeros((m, n)), np.zeros((m, n))
+    for k in range(m):
+        e = matvec(C, sat_pos[k] - position_e) - lever_n
+        rho = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
+        e /= rho
+        u = matvec(C, sat_vel[k]) - v
+        rate = e[0] * u[0] + e[1] * u[1] + e[2] * u[2]
+        ranges[k], rates[k], sin_elevation[k] = rho, rate, -e[2]
+        for j in range(3):
+            i1, i2 = (j + 1) % 3, (j + 2) % 3
+            H_range[k, j] = -e[j]
+            H_rate[k, j] = -(u[j] - rate * e[j]) / rho
+            H_rate[k, 3 + j] = -e[j]
+            if levered:
+                H_range[k, 6 + j] = e[i1] * lever_n[i2] - e[i2] * lever_n[i1]
+                H_rate[k, 6 + j] = e[i1] * swing_n[i2] - e[i2] * swing_n[i1]
+        c0, c1, c2 = v[1] * e[2] - v[2] * e[1], v[2] * e[0] - v[0] * e[2], v[0] * e[1] - v[1] * e[0]
+        H_rate[k, 0] += c1 / along
+        H_rate[k, 1] -= (c0 - c2 * tan_lat) / across
+    return ranges, rates, H_range, H_rate, sin_elevation
+
+
+@kernel
+def scalar_variances(P, H, r):
+    """Innovation variance h P h' + r of each row taken alone, (m,)."""
+    out = r.copy()
+    for k in range(H.shape[0]):
+        Ph = matvec(P, H[k])
+        for i in range(H.shape[1]):
+            out[k] += H[k, i] * Ph[i]
+    return out
+
+
+@dataclass(slots=True)
+class Observations:
+    """Usable observations of one kind at one epoch: satellite rows, innovations (m,), Jacobian (m, n), variances (m,)."""
+
+    rows: np.ndarray
+    y: np.ndarray
+    H: np.ndarray
+    r: np.ndarray
+
+
+class SatelliteAid(Aid):
+    """Base of the two: screening satellite by satellite, fusing what passes in one update, recovery when most do not.
+
+    ``used`` names the satellites of the last epoch that were fused; ``epoch_nis`` and ``epoch_dof`` hold the normalised innovation
+    squared of all of them together.  The status shows their mean innovation with its own variance, and the worst test ratio.
+    """
+
+    def __init__(self, aid: str, label: str, settings: GnssSettings) -> None:
+        super().__init__(aid, (label,), settings.gate)
+        self.settings = settings
+        self.used: tuple[str, ...] = ()
+        self.satellites = Counter()
+        self.epoch_nis, self.epoch_dof = 0.0, 0
+
+    def observations(self, epoch: GnssEpoch, host: "Host") -> Observations:
+        """Innovations of the usable satellites; counts why the others are not. Changes no state."""
+        raise TypeError(f"{type(self).__name__} does not define its observations.")
+
+    def process(self, measurement: GnssEpoch, host: "Host") -> bool:
+        """Judge and fuse one epoch; return whether anything of it was used."""
+        status, self.used = self.status, ()
+        status.stamp_ns = measurement.stamp_ns
+        obs = self.observations(measurement, host)
+        if not obs.rows.size:
+            return self._refused("no usable satellite")
+        S = scalar_variances(host.P, obs.H, obs.r)
+        if not (np.isfinite(obs.y).all() and np.isfinite(S).all()):
+            return self._refused("innovation not finite")
+        ratios = obs.y**2 / (S * self.threshold) if self.settings.screening else np.zeros(len(S))
+        self._report(obs, ratios, host)
+        # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
+        decision, reason = self.control(measurement.stamp_ns, float(np.sort(ratios)[(len(ratios) - 1) // 2]), host)
+        if decision is Decision.REJECT:
+            return self._refused(reason)
+        good = np.arange(len(ratios)) if decision is Decision.RECOVER else np.flatnonzero(ratios <= 1.0)
+        if decision is Decision.RECOVER:
+            obs.r = obs.r + obs.y**2
+            status.rejected[RECOVERED] += 1
+        self._name_rejected(measurement, obs, np.setdiff1d(np.arange(len(ratios)), good))
+        self._apply(obs, good, host)
+        self.used = tuple(name(measurement.system[k], measurement.sat_id[k]) for k in obs.rows[good])
+        status.accepted, status.accepted_ns = True, measurement.stamp_ns
+        status.fused += 1
+        return True
+
+    def _apply(self, obs: Observations, good: np.ndarray, host: "Host") -> None:
+        y, H, r = obs.y[good], obs.H[good], obs.r[good]
+        R = np.diag(r)
+        self.epoch_nis = kalman.normalised_innovation_squared(y, kalman.innovation_covariance(host.P, H, R))
+        self.epoch_dof = len(good)
+        host.correct(kalman.update(host.P, y, H, R, np.ones(len(host.P))))
+
+    def _report(self, obs: Observations, ratios: np.ndarray, host: "Host") -> None:
+        h = obs.H.mean(axis=0)
+        variance = scalar_variances(host.P, h[None], np.array([obs.r.sum() / len(obs.r) ** 2]))
+        mean = np.array([obs.y.mean()])
+        status = self.status
+        status.observation, status.innovation, status.innovation_variance = np.array([float(len(obs.y))]), mean, variance
+        status.nis, status.test_ratio = float(mean[0] ** 2 / variance[0]), float(ratios.max())
+
+    def _name_rejected(self, epoch: GnssEpoch, obs: Observations, bad: np.ndarray) -> None:
+        self.status.reason = ""
+        for k in bad:
+            self.leave_out("innovation beyond gate", epoch, obs.rows[k])
+
+    def leave_out(self, reason: str, epoch: GnssEpoch, row: int) -> None:
+        """Count one satellite under its reason."""
+        satellite = name(epoch.system[row], epoch.sat_id[row])
+        self.status.rejected[reason] += 1
+        self.satellites[f"{satellite}: {reason}"] += 1
+        self.status.reason = f"{satellite}: {reason}"
+
+    def usable(self, epoch: GnssEpoch, valid: np.ndarray, sin_elevation: np.ndarray) -> np.ndarray:
+        """Rows that are valid, of a wanted system, high and strong enough."""
+        settings = self.settings
+        tests = (
+            ("not valid", valid),
+            ("system not used", np.char.find(settings.systems, epoch.system.astype(str)) >= 0),
+            ("below the mask", sin_elevation >= math.sin(settings.mask_deg * DEG)),
+            ("signal too weak", (epoch.cn0 == 0.0) | (epoch.cn0 >= settings.minimum_cn0)),
+        )
+        keep = np.ones(len(epoch), dtype=bool)
+        for reason, passed in tests:
+            if not passed.all():
+                for row in np.flatnonzero(keep & ~passed):
+                    self.leave_out(reason, epoch, row)
+                keep &= passed
+        return np.flatnonzero(keep)
+
+
+def predicted(epoch: GnssEpoch, host: "Host") -> tuple:
+    """Output of :func:`satellite_model` for an epoch at the state of the navigator."""
+    C = quat_to_dcm(host.core.nav[6:10])
+    lever_n, swing_n = C @ host.lever_b, C @ np.cross(host.rate_b, host.lever_b)
+    return satellite_model(host.core.nav, lever_n, swing_n, epoch.sat_pos_e, epoch.sat_vel_e, host.layout.size)
+
+
+class RangeAid(SatelliteAid):
+    """Pseudoranges, m."""
+
+    def __init__(self, settings: GnssSettings) -> None:
+        super().__init__("gnss_range", "mean_range_m", settings)
+
+    def observations(self, epoch: GnssEpoch, host: "Host") -> Observations:
+        """y = pseudorange - (range + clock + system offset); a jump of the whole clock is followed first."""
+        ranges, _, H, _, sin_elevation = predicted(epoch, host)
+        rows = self.usable(epoch, epoch.range_valid, sin_elevation)
+        clock = host.layout["clock"].start
+        H = H[rows]
+        H[:, clock] = 1.0
+        y = epoch.pseudorange_m[rows] - ranges[rows] - host.core.estimate[clock]
+        if "system_offset" in host.layout:
+            offset = host.layout["system_offset"].start
+            H[:, offset] = epoch.system[rows] == "E"
+            y -= H[:, offset] * host.core.estimate[offset]
+        obs = Observations(rows, y, H, (self.settings.range_sigma_scale * epoch.sigma_m[rows]) ** 2)
+        return self._follow_clock(obs, clock, host)
+
+    def _follow_clock(self, obs: Observations, clock: int, host: "Host") -> Observations:
+        """Seed an unknown clock, and follow one that jumped: all satellites moved together, so it was not they."""
+        if not obs.rows.size:
+            return obs
+        common = float(np.median(obs.y))
+        if host.clock_known:
+            S = scalar_variances(host.P, obs.H, obs.r)
+            apart = np.abs(obs.y - common) > JUMP_SIGMAS * np.sqrt(obs.r)
+            if len(obs.y) < 2 or abs(common) < JUMP_SIGMAS * math.sqrt(S.max()) or apart.any():
+                return obs
+            self.status.rejected["clock jump followed"] += 1
+        host.seed_clock(common)
+        obs.y = obs.y - common
+        return obs
+
+
+class RangeRateAid(SatelliteAid):
+    """Dopplers as range rates, m/s."""
+
+    def __init__(self, settings: GnssSettings) -> None:
+        super().__init__("gnss_range_rate", "mean_rate_mps", settings)
+
+    def observations(self, epoch: GnssEpoch, host: "Host") -> Observations:
+        """y = rate - (predicted rate + clock drift); the velocity of the lever arm also depends on the gyro bias."""
+        _, rates, _, H, sin_elevation = predicted(epoch, host)
+        rows = self.usable(epoch, epoch.doppler_valid, sin_elevation)
+        drift = host.layout["clock"].start + 1
+        H = H[rows]
+        H[:, drift] = 1.0
+        if host.lever_b.any():
+            turn = H[:, VEL] @ quat_to_dcm(host.core.nav[6:10]) @ skew(host.lever_b)
+            for block in ("gyro_bias", "gyro_drift"):
+                if block in host.layout:
+                    H[:, host.layout[block]] = turn
+        y = epoch.doppler_mps[rows] - rates[rows] - host.core.estimate[drift]
+        if not host.drift_known and rows.size:
+            common = float(np.median(y))
+            host.seed_drift(common)
+            y = y - common
+        return Observations(rows, y, H, (self.settings.doppler_sigma_scale * epoch.sigma_mps[rows]) ** 2)

@@ -1,0 +1,219 @@
+"""INS/GNSS: the strapdown core aided by satellites one by one (tight) or by a receiver's solution (loose).
+
+The error state is a chosen list: core nine, bias drifts, turn-on biases, scale factors (27 with all of them) and, tightly coupled, the
+receiver clock's bias and drift (29); an IMU without drift needs 21 and 23.  Tight coupling uses whatever satellites there are, down to
+one; loose coupling coasts where the receiver has no solution (Solimeno 2007, sections 5.2 and 5.3).  Baro, magnetic heading and air data
+of the GPS/INS navigator may be switched on beside either.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, chain, random_walk
+from lowcostnav_ros.gnss import GnssError
+from lowcostnav_ros.gnss.receiver_clock import CLOCKS
+from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, Measurement, NavSolution
+from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, GnssSettings, RangeAid, RangeRateAid
+from lowcostnav_ros.navigators.inertial import InertialCore
+from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
+from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
+from lowcostnav_ros.settings import group, setting
+
+EPOCH = "gnss/raw"
+SOLUTION = "gnss_only/odometry_fused"
+THESIS_POSITION_PSD = (6.0, 6.0, 90.0)
+"""Position random walk, m^2/s north east down, with which the filter follows the range noise as the thesis's published errors do."""
+ENOUGH = 4
+"""Satellites from which position and clock follow from one epoch alone."""
+
+
+@dataclass(frozen=True)
+class NoBaro(BaroSettings):
+    """Static pressure, off unless asked for."""
+
+    enabled: bool = setting(False, "Use static pressure for height.")
+
+
+@dataclass(frozen=True)
+class NoMagnetic(MagneticSettings):
+    """Magnetometer, off unless asked for."""
+
+    enabled: bool = setting(False, "Use the magnetometer for heading.")
+
+
+@dataclass(frozen=True)
+class NoAirData(AirDataSettings):
+    """Air data, off unless asked for."""
+
+    enabled: bool = setting(False, "Use airspeed and sideslip.")
+
+
+@dataclass(frozen=True)
+class LooseSettings:
+    """A filtered solution as a measurement: its errors last, and taking them for white would count the same satellites many times."""
+
+    position_tau_s: float = setting(10.0, "Correlation time of its position error.", unit="s", minimum=0.0, maximum=600.0)
+    velocity_tau_s: float = setting(0.5, "Correlation time of its velocity error.", unit="s", minimum=0.0, maximum=600.0)
+
+
+@dataclass(frozen=True)
+class InsGnssSettings(InsGpsSettings):
+    """All settings of the INS/GNSS navigator."""
+
+    coupling: str = setting("tight", "Satellites one by one (tight), or a receiver's solution (loose).", choices=("tight", "loose"))
+    loose_source: str = setting("gnss_only", "Whose solution loose coupling uses.", choices=("gnss_only", "receiver"))
+    tuning: str = setting("consistent", "Process noise: as the sensors are, or as the thesis's.", choices=("consistent", "thesis"))
+    split_turn_on: bool = setting(True, "Estimate turn-on biases beside Gauss-Markov drifts.")
+    gnss: GnssSettings = group(GnssSettings)
+    loose: LooseSettings = group(LooseSettings)
+    baro: BaroSettings = group(NoBaro)
+    magnetic: MagneticSettings = group(NoMagnetic)
+    airdata: AirDataSettings = group(NoAirData)
+
+
+def gnss_blocks(settings: InsGnssSettings) -> list[Block]:
+    """The list of blocks the settings ask for; sensor errors that the IMU does not have are left out."""
+    blocks = [b for b in chosen_blocks(settings) if any(b.sigma0)]
+    if settings.tuning == "thesis":
+        blocks[0] = replace(blocks[0], psd=THESIS_POSITION_PSD + blocks[0].psd[3:])
+    if settings.coupling == "tight":
+        blocks.append(clock_block(settings.gnss))
+        if settings.gnss.system_offset_m > 0.0:
+            blocks.append(random_walk("system_offset", ["galileo_offset_m"], Kind.FREE, settings.gnss.system_offset_m))
+    return blocks
+
+
+def clock_block(settings: GnssSettings) -> Block:
+    """Bias, m, and drift, m/s, of the receiver clock with the noise of its oscillator."""
+    model = CLOCKS[settings.oscillator]
+    labels = ("clock_bias_m", "clock_drift_mps")
+    return chain("clock", labels, (CLOCK_SIGMA_M, CLOCK_SIGMA_MPS), (model.bias_psd(), model.drift_psd()))
+
+
+class InsGnss(InsGps):
+    """INS/GNSS navigator; see the module head.
+
+    Modes: those of the GPS/INS navigator and ``sparse``, aided by one to three satellites.
+    """
+
+    name = "ins_gnss"
+
+    def __init__(self, settings: InsGnssSettings) -> None:
+        self.tight = settings.coupling == "tight"
+        self.inputs = {IMU: True, **_fixes(settings), MAG: False, PRESSURE: False, AIR: False}
+        self.range_aid, self.rate_aid = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
+        self.lever_b = np.array(settings.gps.lever_arm_b_m, dtype=float)
+        super().__init__(settings)
+        self.layout = Layout(gnss_blocks(settings))
+        self.core = InertialCore(self.layout)
+        self._air_only, self._all_free = self.layout.mask("wind", "airspeed_bias"), np.ones(self.layout.size)
+        if self.tight:
+            self.aids = [self.range_aid, *([self.rate_aid] if settings.gnss.doppler else []), *self.aids[2:]]
+
+    def begin(self, stamp_ns: int, nav: np.ndarray, core_covariance: np.ndarray) -> None:
+        """Start at a state known from elsewhere (transfer alignment): ``nav`` (10,) and the covariance (9, 9) of the core states."""
+        self.set_origin(*(float(x) for x in nav[:3]))
+        self.core.start(stamp_ns, nav, core_covariance)
+        self._emitted = stamp_ns // self.output_period_ns
+        self._aligned, self.reason = True, ""
+
+    def seed_clock(self, step_m: float) -> None:
+        """Move the clock bias by ``step_m`` and forget how well it was known."""
+        rows = self.layout["clock"]
+        bias = slice(rows.start, rows.start + 1)
+        self.core.estimate[bias] += step_m
+        kalman.reset_block(self.P, bias, np.array([[CLOCK_SIGMA_M**2]]))
+        self.clock_known = True
+
+    def seed_drift(self, step_mps: float) -> None:
+        """Move the clock drift by ``step_mps`` and forget how well it was known."""
+        drift = slice(self.layout["clock"].start + 1, self.layout["clock"].stop)
+        self.core.estimate[drift] += step_mps
+        kalman.reset_block(self.P, drift, np.array([[CLOCK_SIGMA_MPS**2]]))
+        self.drift_known = True
+
+    def _restart(self) -> None:
+        super()._restart()
+        self.clock_known = self.drift_known = False
+        self._satellites = 0
+        self._heard_ns = -(10**18)
+
+    def _fuse(self, item: Measurement) -> None:
+        if isinstance(item, NavSolution):
+            for part in self._fix_of(item):
+                super()._fuse(part)
+        else:
+            super()._fuse(item)
+
+    def _fix_of(self, solution: NavSolution) -> tuple[GpsPosition, GpsVelocity]:
+        """Another navigator's solution as position and velocity of the antenna.
+
+        Errors of sigma s that last tau are worth, every dt, white ones of variance s^2 2 tau/dt: the information then is the same.
+        """
+        stamp, source, loose = solution.stamp_ns, solution.source, self.settings.loose
+        since_s, self._heard_ns = 1e-9 * (stamp - self._heard_ns), stamp
+        position, velocity = (c * max(1.0, 2.0 * tau / since_s) for c, tau in (
+            (solution.cov_pos, loose.position_tau_s),
+            (solution.cov_vel, loose.velocity_tau_s),
+        ))  # fmt: skip
+        place = (solution.lat, solution.lon, solution.height)
+        return GpsPosition(stamp, source, *place, position), GpsVelocity(stamp, source, solution.vel_n, velocity)
+
+    def _aid(self, item: Measurement) -> None:
+        if not isinstance(item, GnssEpoch):
+            super()._aid(item)
+        elif self._due("epoch", item.stamp_ns, self.settings.gps.period_s):
+            # Doppler after range: the turn of the lines of sight is then taken at the mended position
+            ranged = self.use_aid(self.range_aid, item)
+            rated = self.settings.gnss.doppler and self.use_aid(self.rate_aid, item)
+            if ranged or rated:
+                self._satellites = len(set(self.range_aid.used) | set(self.rate_aid.used))
+                self._fused_fix_ns = item.stamp_ns
+
+    def _judge(self) -> None:
+        super()._judge()
+        if not self.tight:
+            return
+        if self.mode == "coasting":
+            self.reason = self.reason.replace("GPS fix", "satellites")
+        elif self.mode == "gps":
+            self.mode = "gps" if self._satellites >= ENOUGH else "sparse"
+            self.reason = f"{self._satellites} satellites"
+
+    def _prepare(self, item: Measurement) -> None:
+        """Align on the point solution of an epoch, which takes four satellites."""
+        if not isinstance(item, GnssEpoch):
+            super()._prepare(item)
+            return
+        try:
+            fix, velocity = point_solution(item)
+        except GnssError as error:
+            self.mode, self.reason = "aligning", str(error)
+            return
+        super()._prepare(fix)
+        super()._prepare(velocity)
+
+
+def _fixes(settings: InsGnssSettings) -> dict[str, bool]:
+    """Sources of satellite data and that they are needed."""
+    if settings.coupling == "tight":
+        return {EPOCH: True}
+    return {SOLUTION: True} if settings.loose_source == "gnss_only" else {FIX: True, VELOCITY: True}
+
+
+def point_solution(epoch: GnssEpoch) -> tuple[GpsPosition, GpsVelocity]:
+    """Least-squares position and velocity of one epoch.
+
+    Raises
+    ------
+    GnssError
+        When it has none; the message says what is missing.
+    """
+    from lowcostnav_ros.gnss.positioning import solve, solve_velocity  # not on import: it brings scipy.stats, needed once a flight
+
+    fix = solve(epoch)
+    velocity = solve_velocity(epoch, fix.position_e)
+    position = GpsPosition(epoch.stamp_ns, epoch.source, fix.lat, fix.lon, fix.height, fix.cov_n)
+    return position, GpsVelocity(epoch.stamp_ns, epoch.source, velocity.vel_n, velocity.cov_n)

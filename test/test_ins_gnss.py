@@ -1,0 +1,234 @@
+"""INS/GNSS: rows against differences, clock against its exact process, consistency, few satellites, faults, clock jumps, order."""
+
+import dataclasses
+import random
+
+import numpy as np
+import pytest
+
+from lowcostnav_ros.earth import dcm_ne, displace, geodetic_to_ecef
+from lowcostnav_ros.estimation.consistency import acceptance_band
+from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.gnss.observables import range_and_rate
+from lowcostnav_ros.gnss.receiver_clock import CLOCKS, process_noise, transition
+from lowcostnav_ros.navigators.gnss_aids import GnssSettings, satellite_model
+from lowcostnav_ros.navigators.inertial import CORE, InertialCore, core_block, imu_settings
+from lowcostnav_ros.navigators.ins_gnss import InsGnss, InsGnssSettings, clock_block, gnss_blocks
+from lowcostnav_ros.navigators.ins_gps_aids import GpsSettings
+from lowcostnav_ros.reproduce.solimeno_flights import (
+    Case,
+    epochs_of,
+    fed,
+    flight_of,
+    fly,
+    imu_of,
+    inertial_settings,
+    some_satellites,
+    started,
+    truth_of,
+)
+from lowcostnav_ros.rotation import euler_to_quat, quat_apply_phi_n, quat_to_dcm
+from lowcostnav_ros.simulation.equipment import load_imu_profile
+
+SHORT_S = 60.0
+NAV = np.array([0.67, -0.16, 1500.0, 60.0, -45.0, 4.0, *euler_to_quat(0.3, -0.1, 2.0)])
+LEVER_B, RATE_B = np.array([3.0, -1.0, 0.5]), np.array([0.2, -0.1, 0.3])
+PROFILE = load_imu_profile("mems")
+
+
+def satellites(count=6, seed=3):
+    """Random satellites above the horizon, m and m/s ECEF."""
+    rng = np.random.default_rng(seed)
+    up = geodetic_to_ecef(*NAV[:3])
+    away = rng.normal(size=(200, 3))
+    away *= 2.2e7 / np.linalg.norm(away, axis=1)[:, None]
+    high = away @ up > 0.2 * 2.2e7 * np.linalg.norm(up)
+    return up + away[high][:count], 2500.0 * rng.normal(size=(count, 3))
+
+
+def observed(nav, rate_b=RATE_B):
+    """Range and range rate of the antenna by the simulator's own geometry."""
+    sat_pos, sat_vel = satellites()
+    C, C_ne = quat_to_dcm(nav[6:10]), dcm_ne(nav[0], nav[1])
+    antenna_e = geodetic_to_ecef(*nav[:3]) + C_ne.T @ C @ LEVER_B
+    velocity_e = C_ne.T @ (nav[3:6] + C @ np.cross(rate_b, LEVER_B))
+    ranges, rates, _ = range_and_rate(antenna_e, velocity_e, sat_pos, sat_vel)
+    return np.concatenate((ranges, rates))
+
+
+def moved(x):
+    nav = NAV.copy()
+    nav[:3], nav[3:6] = displace(*NAV[:3], x[:3]), NAV[3:6] + x[3:6]
+    nav[6:10] = quat_apply_phi_n(NAV[6:10], x[6:9])
+    return nav
+
+
+def test_rows_equal_differences_of_the_simulated_observations():
+    C = quat_to_dcm(NAV[6:10])
+    sat_pos, sat_vel = satellites()
+    ranges, rates, H_range, H_rate, _ = satellite_model(NAV, C @ LEVER_B, C @ np.cross(RATE_B, LEVER_B), sat_pos, sat_vel, 12)
+    assert np.concatenate((ranges, rates)) == pytest.approx(observed(NAV), rel=1e-12)
+    H = np.vstack((H_range, H_rate))
+    for i, step in enumerate([50.0] * 3 + [1.0] * 3 + [1e-3] * 3):
+        x = np.zeros(9)
+        x[i] = step
+        numeric = (observed(moved(x)) - observed(moved(-x))) / (2.0 * step)
+        # radii are constant in the linearisation; a turning lever arm also turns the line of sight, by 3e-4 (m/s)/rad, left out
+        assert numeric == pytest.approx(H[:, i], rel=2e-5, abs=2e-7 if i < 6 else 6e-4), i
+    assert not H[:, 9:].any()
+
+
+def test_clock_states_follow_the_exact_two_state_process():
+    block = clock_block(GnssSettings())
+    layout = Layout([core_block(imu_settings(PROFILE.filter_noise())), block])
+    core = InertialCore(layout)
+    core.start(0, NAV, np.eye(CORE))
+    core.estimate[9:] = [5.0, 2.0]
+    core.P[9:, 9:] = [[4.0, 0.3], [0.3, 0.5]]
+    Phi, P = np.eye(2), core.P[9:, 9:].copy()
+    for _ in range(20):
+        core._sums[0] = 0.1
+        core.settle()
+        Phi = transition(0.1)
+        P = Phi @ P @ Phi.T + process_noise(CLOCKS["compensated_crystal"], 0.1)
+    assert core.estimate[9:] == pytest.approx([9.0, 2.0])
+    assert core.P[9:, 9:] == pytest.approx(P, rel=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("grade", "coupling", "states"), [("crista", "tight", 29), ("crista", "loose", 27), ("fog", "tight", 23), ("fog", "loose", 21)]
+)
+def test_the_four_filters_are_lists(grade, coupling, states):
+    imu = imu_settings(load_imu_profile(grade).filter_noise())
+    assert Layout(gnss_blocks(InsGnssSettings(imu=imu, coupling=coupling))).size == states
+
+
+def test_errors_stay_inside_their_sigmas_and_innovations_are_white():
+    flights = [fly(Case("tight", "HD", "mems", seed, duration_s=SHORT_S)) for seed in range(4)]
+    scores = np.mean([f.nees[100:].mean(axis=0) for f in flights], axis=0)
+    low, high = acceptance_band(3, 4, 0.999)  # one independent look per flight: errors of a flight hang together
+    assert np.all((low < scores) & (scores < high)), scores
+    assert np.mean([f.rms_3d() for f in flights]) < 1.2
+    assert np.mean([f.rms_3d(slice(3, 6)) for f in flights]) < 0.1
+
+
+def test_innovations_are_as_large_as_predicted():
+    navigator, nis, dof = ready(), 0.0, 0
+    truth = truth_of("HD", SHORT_S)
+
+    def count(status):
+        nonlocal nis, dof
+        aid = navigator.range_aid if status.name == "gnss_range" else navigator.rate_aid
+        nis, dof = nis + aid.epoch_nis, dof + aid.epoch_dof
+
+    navigator.on_aid = count
+    fed(navigator, imu_of(PROFILE, truth, 1), epochs_of(CASE, truth))
+    assert dof > 9000
+    assert nis / dof == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / dof))
+
+
+CASE = Case("tight", "HD", "mems", 1, duration_s=SHORT_S)
+
+
+def ready(case=CASE, **changes):
+    settings = dataclasses.replace(inertial_settings(case, imu_settings(load_imu_profile(case.grade).filter_noise())), **changes)
+    return started(InsGnss(settings), truth_of(case.dataset, case.duration_s), case.seed)
+
+
+def after(seconds, change, case=CASE, navigator=None):
+    """Fly; from ``seconds`` on every epoch goes through ``change`` (None drops it); returns navigator and flight."""
+    truth = truth_of(case.dataset, case.duration_s)
+    start = truth.stamps_ns[0] + round(seconds * 1e9)
+    epochs = [e if e.stamp_ns < start else change(e) for e in epochs_of(case, truth)]
+    navigator = navigator or ready(case)
+    solutions = fed(navigator, imu_of(load_imu_profile(case.grade), truth, case.seed), [e for e in epochs if e is not None])
+    return navigator, flight_of(truth, solutions)
+
+
+def test_every_further_satellite_bounds_the_drift_more():
+    worst, sigma = {}, {}
+    crista = dataclasses.replace(CASE, grade="crista")
+    for count in (3, 2, 1, 0):
+        navigator, flight = after(30.0, lambda e, n=count: some_satellites(e, np.arange(n)) if n else None, crista)
+        worst[count], sigma[count] = flight.worst(30.0, 60.0), float(np.linalg.norm(flight.sigma[-1, :3]))
+        assert navigator.mode == ("sparse" if count else "coasting")
+        assert worst[count] < 4.0 * sigma[count]
+    assert sigma[3] < sigma[2] < sigma[1] < sigma[0]
+    assert worst[3] < 0.5 * worst[0]
+
+
+def test_a_satellite_that_lies_is_left_out_by_name_and_the_others_carry_on():
+    def fault(epoch):
+        pseudorange = epoch.pseudorange_m.copy()
+        pseudorange[2] += 60.0
+        return dataclasses.replace(epoch, pseudorange_m=pseudorange)
+
+    liar = epochs_of(CASE, truth_of("HD", SHORT_S))[-1].sat_id[2]
+    navigator, flight = after(30.0, fault)
+    assert navigator.range_aid.satellites[f"G{liar:02d}: innovation beyond gate"] > 250
+    assert flight.worst(30.0, 60.0) < 4.0
+    assert navigator.mode == "gps"
+
+
+def test_a_clock_that_jumps_by_a_millisecond_is_followed_without_moving_the_position():
+    jump_m = 299792.458
+    navigator, flight = after(30.0, lambda e: dataclasses.replace(e, pseudorange_m=e.pseudorange_m + jump_m))
+    assert navigator.range_aid.status.rejected["clock jump followed"] == 1
+    assert flight.worst(30.0, 60.0) < 4.0
+
+
+@pytest.mark.parametrize(("change", "reason"), [
+    (lambda e: dataclasses.replace(e, range_valid=np.zeros(len(e), bool), doppler_valid=np.zeros(len(e), bool)), "not valid"),
+    (lambda e: dataclasses.replace(e, system=np.full(len(e), "R")), "system not used"),
+    (lambda e: dataclasses.replace(e, cn0=np.full(len(e), 12.0)), "signal too weak"),
+])  # fmt: skip
+def test_what_cannot_be_used_is_counted_by_its_reason(change, reason):
+    gnss = GnssSettings(minimum_cn0=20.0)
+    navigator, _ = after(50.0, change, navigator=ready(gnss=gnss))
+    assert navigator.range_aid.status.rejected[reason] >= 4 * 90
+    assert navigator.mode == "coasting"
+
+
+def test_aligns_on_the_move_from_satellites_alone():
+    truth = truth_of("LD", SHORT_S)
+    case = dataclasses.replace(CASE, dataset="LD")
+    settings = inertial_settings(case, imu_settings(PROFILE.filter_noise()))
+    navigator = InsGnss(settings)
+    flight = flight_of(truth, fed(navigator, imu_of(PROFILE, truth, 1), epochs_of(case, truth)))
+    assert flight.t_s[0] < 5.0
+    assert flight.worst(20.0, 60.0) < 5.0
+    assert np.degrees(np.abs(flight.error[-50:, 6:])).max() < 5.0
+
+
+def test_too_few_satellites_to_start_is_said_in_a_sentence():
+    navigator = InsGnss(InsGnssSettings(gps=GpsSettings(latency_s=0.0)))
+    truth = truth_of("LD", SHORT_S)
+    epochs = [some_satellites(e, np.arange(3)) for e in epochs_of(CASE, truth)]
+    fed(navigator, imu_of(PROFILE, truth, 1), epochs[:40])
+    assert navigator.mode == "aligning" and "at least 4" in navigator.reason
+
+
+def test_loose_coupling_coasts_with_three_satellites_and_is_consistent():
+    truth = truth_of("HD", SHORT_S)
+    case = dataclasses.replace(CASE, navigator="loose")
+    flight = fly(case)
+    assert flight.rms_3d() < 1.5
+    assert flight.nees[100:].mean(axis=0)[0] < acceptance_band(3, 1, 0.999)[1]
+    assert len(flight.t_s) > 10 * (len(truth) / 100 - 2)
+
+
+def test_the_order_of_arrival_changes_no_bit():
+    case = dataclasses.replace(CASE, duration_s=10.0)
+    truth = truth_of(case.dataset, case.duration_s)
+    block, epochs = imu_of(PROFILE, truth, 1), epochs_of(case, truth)
+    lagged = {"gps": GpsSettings(latency_s=0.5)}
+    straight, shuffled = ready(case, **lagged), ready(case, **lagged)
+    first = {s.stamp_ns: s for s in fed(straight, block, epochs)}
+    late = [dataclasses.replace(e) for e in epochs]
+    rng, queue = random.Random(1), sorted(late, key=lambda e: e.stamp_ns)
+    for k in range(0, len(queue) - 2, 3):
+        queue[k : k + 3] = rng.sample(queue[k : k + 3], 3)
+    second = {s.stamp_ns: s for s in fed(shuffled, block, queue)}
+    common = first.keys() & second.keys()
+    assert len(common) > 80
+    assert all(first[k].lat == second[k].lat and np.array_equal(first[k].cov_att, second[k].cov_att) for k in common)
