@@ -144,8 +144,8 @@ def solve(
     weight = np.diag(epoch.sigma_m[rows] ** -2.0) if covariance is None else np.linalg.inv(covariance)
     x, iterations = _iterate(epoch, rows, clock, weight, np.concatenate((np.asarray(start_e, float), np.zeros(len(systems)))))
     lat, lon, height = ecef_to_geodetic(x[:3])
-    if not anywhere and not LOWEST_M <= height <= HIGHEST_M:
-        raise GnssError(f"The pseudoranges meet {height / 1000.0:.0f} km above the ellipsoid, not near the ground; check their source.")
+    if not anywhere:
+        require_near_ground(height)
     ranges, los = line_of_sight(x[:3], epoch.sat_pos_e[rows])
     residuals = epoch.pseudorange_m[rows] - ranges - x[3 + clock]
     geometry = design(los @ dcm_ne(lat, lon).T, clock)
@@ -153,6 +153,17 @@ def solve(
     cov_n, plain = cofactor(geometry, weight)[:3, :3], of_cofactor(cofactor(geometry))
     test = residual_test(residuals, weight, unknowns, probability)
     return PointFix(x[:3], lat, lon, height, clocks, cov_n, rows, residuals, geometry, weight, plain, test, iterations)
+
+
+def require_near_ground(height: float) -> None:
+    """Refuse a solution whose height, m, no aircraft flies at.
+
+    Raises
+    ------
+    GnssError
+    """
+    if not LOWEST_M <= height <= HIGHEST_M:
+        raise GnssError(f"The pseudoranges meet {height / 1000.0:.0f} km above the ellipsoid, not near the ground; check their source.")
 
 
 def _iterate(epoch: GnssEpoch, rows: np.ndarray, clock: np.ndarray, weight: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, int]:

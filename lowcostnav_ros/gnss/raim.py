@@ -20,7 +20,7 @@ from scipy.stats import chi2, ncx2
 
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.dop import cofactor
-from lowcostnav_ros.gnss.positioning import PASSED, PointFix, solve
+from lowcostnav_ros.gnss.positioning import PASSED, PointFix, require_near_ground, solve
 from lowcostnav_ros.gnss.signals import name
 from lowcostnav_ros.measurements import GnssEpoch
 from lowcostnav_ros.settings import setting
@@ -92,12 +92,12 @@ def check(epoch: GnssEpoch, settings: RaimSettings | None = None, **solve_option
     options = {**solve_options, "probability": 1.0 - settings.false_alarm_probability}
     fix = solve(epoch, **options, anywhere=True)  # a gross fault moves it off the earth and must still be looked for
     if fix.test.redundancy < 1:
-        fix = solve(epoch, **options)
+        require_near_ground(fix.height)
         needed = fix.geometry.shape[1] + 1
         reason = f"{len(fix.rows)} satellites leave nothing to check with; at least {needed} are needed to see a fault."
         return RaimResult(NOT_POSSIBLE, reason, fix, "", math.inf, math.inf)
     if fix.test.verdict == PASSED:
-        fix = solve(epoch, **options)
+        require_near_ground(fix.height)
         return RaimResult(HEALTHY, "", fix, "", *protection_levels(fix, settings))
     return _exclude(epoch, fix, settings, options)
 
