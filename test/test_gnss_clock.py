@@ -79,7 +79,7 @@ def test_a_single_jump_is_named_and_is_no_reset():
     report = watch.observe(epoch(1, one=MILLISECOND_M))
     assert report.reset_ms == 0
     assert report.jumped == (("G", 1),)
-    assert report.sentences == ("The pseudorange of G01 jumped by 1 ms; it was left out.",)
+    assert report.sentences == ("The pseudorange of G01 jumped by 1 ms; leave it out.",)
 
 
 def test_without_a_way_to_tell_nothing_is_claimed():

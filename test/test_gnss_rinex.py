@@ -118,6 +118,17 @@ def test_records_that_cannot_be_used_are_counted_by_reason():
     assert read.store.find("G", 14, TOE)[0].toe_ns == TOE
 
 
+def test_blank_fields_that_do_not_matter_and_headers_that_are_damaged():
+    lines = record(EPHEMERIS, 2)
+    lines[5] = lines[5][: 3 + 19]  # neither codes on L2 nor week
+    lines[6] = lines[6][: 3 + 57].ljust(3 + 76)
+    broken = start(2.1, "N", head("LEAP SECONDS", "  soon"), head("ION ALPHA", "  1.0"), head("ION BETA", "  1.0"))
+    read = parse_navigation("\n".join(broken + lines))
+    assert read.store.find("G", 3, TOE)[0].toe_ns == TOE
+    assert read.rejected == {"week number mended from the date": 1}
+    assert read.klobuchar is None and read.remarks == []
+
+
 def test_an_orbit_uploaded_just_before_the_week_ends_belongs_to_the_next_week():
     late = dataclasses.replace(EPHEMERIS, toe_ns=gt.from_week(1317, 0.0), toc_ns=gt.from_week(1316, 518400.0 + 79200.0))
     read = parse_navigation("\n".join(start(2.1, "N") + record(late, 2)))

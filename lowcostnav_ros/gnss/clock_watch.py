@@ -65,7 +65,7 @@ class ClockWatch:
         jumped = tuple(satellite for satellite, k in jumps.items() if k != together)
         self._reset_m += together * MILLISECOND_M
         sentences = [f"The receiver set its clock by {together} ms."] if together else []
-        sentences += [f"The pseudorange of {name(*s)} jumped by {jumps[s] - together} ms; it was left out." for s in jumped]
+        sentences += [f"The pseudorange of {name(*s)} jumped by {jumps[s] - together} ms; leave it out." for s in jumped]
         return ClockReport(together, jumped, tuple(sentences))
 
     def solved(self, gps: int, clock_m: float) -> str:

@@ -28,17 +28,17 @@ class Header:
 
     def leap_seconds(self) -> int | None:
         """GPS - UTC as the file announces it, s, or None."""
-        line = self.first("LEAP SECONDS")
-        return int(line[0:6]) if line and line[0:6].strip() else None
+        announced = number((self.first("LEAP SECONDS") or "")[0:6])
+        return int(announced) if math.isfinite(announced) else None
 
     def klobuchar(self) -> Klobuchar | None:
-        """Coefficients of the GPS ionosphere model, or None when the header has none."""
-        alpha, beta = self.first("ION ALPHA"), self.first("ION BETA")
-        if alpha and beta:
-            return Klobuchar(*(tuple(number(line[2 + 12 * k : 14 + 12 * k]) for k in range(4)) for line in (alpha, beta)))
+        """Coefficients of the GPS ionosphere model, or None when the header has none or not all of them."""
         three = {line[0:4]: line for line in self.lines.get("IONOSPHERIC CORR", [])}
-        if "GPSA" in three and "GPSB" in three:
-            return Klobuchar(*(tuple(number(three[n][5 + 12 * k : 17 + 12 * k]) for k in range(4)) for n in ("GPSA", "GPSB")))
+        pairs = ((self.first("ION ALPHA"), self.first("ION BETA"), 2), (three.get("GPSA"), three.get("GPSB"), 5))
+        for alpha, beta, start in pairs:
+            if alpha and beta:
+                rows = [tuple(number(line[start + 12 * k : start + 12 + 12 * k]) for k in range(4)) for line in (alpha, beta)]
+                return Klobuchar(*rows) if all(math.isfinite(v) for row in rows for v in row) else None
         return None
 
 

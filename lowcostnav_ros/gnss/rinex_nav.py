@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.ephemeris import VALID_S, Ephemeris, EphemerisStore
-from lowcostnav_ros.gnss.gps_time import SECOND, WEEK_NS, from_calendar, leap_second_conflict, nearest_tow
+from lowcostnav_ros.gnss.gps_time import WEEK_NS, from_calendar, leap_second_conflict, nearest_tow
 from lowcostnav_ros.gnss.ionosphere import Klobuchar
 from lowcostnav_ros.gnss.rinex import Header, number, read_header
 from lowcostnav_ros.gnss.signals import GALILEO, GPS, SYSTEM_NAMES
 
 _INAV_BITS = 0b101
 """Data sources E1-B and E5b-I: the clock and group delay of the E1 user."""
-_ORBIT_FIELDS = 22  # to the transmission time, the last number every record has up to here
+_NUMBERS, _REQUIRED = 27, 20  # clock and six lines of orbit; from the codes on L2 on, fields are blank in some files
 
 
 @dataclass(slots=True)
@@ -38,7 +38,7 @@ def parse_navigation(text: str) -> Navigation:
     header, first = read_header(lines, "N")
     rejected: Counter[str] = Counter()
     store = EphemerisStore()
-    for record in _records(lines[first:], header.version):
+    for record in _records(lines[first:]):
         ephemeris, reason = _ephemeris(record, header.version)
         if ephemeris is None:
             rejected[reason] += 1
@@ -58,7 +58,7 @@ def _remarks(header: Header, store: EphemerisStore) -> list[str]:
     return [conflict] if conflict else []
 
 
-def _records(lines: list[str], version: float) -> list[list[str]]:
+def _records(lines: list[str]) -> list[list[str]]:
     """Group lines into records: a record begins where the satellite's columns are not blank."""
     records: list[list[str]] = []
     for line in lines:
@@ -76,7 +76,7 @@ def _ephemeris(record: list[str], version: float) -> tuple[Ephemeris | None, str
     if system not in (GPS, GALILEO):
         return None, f"{SYSTEM_NAMES.get(system, 'unknown system')} is not used"
     values = _numbers(record, 4 if version >= 3.0 else 3)
-    if len(values) < _ORBIT_FIELDS + 3 or any(math.isnan(v) for v in values[:22]):
+    if len(values) < _NUMBERS or any(math.isnan(v) for v in values[:_REQUIRED]):
         return None, "incomplete record"
     try:
         sat_id = int(head[1:3] if version >= 3.0 else head[0:2])
@@ -106,13 +106,15 @@ def _build(system: str, sat_id: int, toc: int, v: list[float]) -> tuple[Ephemeri
     idot, source, week = v[19], v[20], v[21]
     ura, health, delay = v[23], v[24], v[25]
     if system == GALILEO:
+        if math.isnan(source):
+            return None, "incomplete record"
         if not int(source) & _INAV_BITS:
             return None, "Galileo F/NAV is not used"
         delay = v[26]
     if not ura >= 0.0:  # -1 and NaN: no accuracy prediction
         return None, "no accuracy stated"
     toe = nearest_tow(toe_s, toc)
-    mended = "" if toe // WEEK_NS == week or abs(toe - toc) > 12 * 3600 * SECOND else "week number mended from the date"
+    mended = "" if toe // WEEK_NS == week else "week number mended from the date"
     orbit = (root, e, m0, node, i0, perigee, node_rate, idot, dn, cuc, cus, crc, crs, cic, cis)
     rest = (0.0 if math.isnan(delay) else delay, max(ura, 1.0), health == 0.0, int(issue), VALID_S[system])
     return Ephemeris(system, sat_id, toe, toc, *orbit, af0, af1, af2, *rest), mended

@@ -54,7 +54,7 @@ class GnssRawSimulatorSettings:
     clock_bias_m: float = setting(3000.0, "Receiver clock at switch-on, 1 sigma.", unit="m", minimum=0.0)
     clock_drift_mps: float = setting(30.0, "Receiver clock drift at switch-on, 1 sigma.", unit="m/s", minimum=0.0)
     clock_reset_ms: float = setting(0.0, "The receiver sets its clock back by a millisecond beyond this; 0 never.", unit="ms", minimum=0.0)
-    range_faults: list = setting([], "Range faults as start (s), satellite number, step (m), start, number, step, ...")
+    range_faults: list = setting([], "Range faults as start (s), satellite number (of either system), step (m), start, ...")
 
     def __post_init__(self) -> None:
         if len(self.range_faults) % 3:
