@@ -10,13 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
 from rich.console import Console
 from rich.table import Table
 
 from lowcostnav_ros.cli_replay import progress_bar, result_console
 from lowcostnav_ros.graph import Graph, GraphError, load_graph
-from lowcostnav_ros.graph_nodes import NAVIGATOR_NAMES
 from lowcostnav_ros.graph_runner import GraphRunner
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
 from lowcostnav_ros.replay.tables import print_summary
@@ -52,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _emptied(out: Path) -> Path:
     """An empty result folder; only what an earlier demonstration left is removed."""
-    for name in ("recording", "config", "replay", "logs"):
+    for name in ("recording", "replay", "logs"):
         shutil.rmtree(out / name, ignore_errors=True)
     out.mkdir(parents=True, exist_ok=True)
     return out
@@ -65,9 +63,8 @@ def _demonstrate(graph: Graph, out: Path, console: Console) -> int:
     for event in events:
         console.print(f"[yellow]{event}[/]")
     console.rule("2  Replay the recording through the same navigators, without middleware")
-    write_navigator_settings(graph, out / "config")
     with progress_bar("replay") as advance:
-        options = ReplayOptions(config=out / "config", out=out / "replay", on_progress=advance)
+        options = ReplayOptions(out=out / "replay", on_progress=advance)
         summary = replay_bag(out / "recording", options).summary
     (out / "replay" / "summary.json").write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     print_summary(summary, console)
@@ -127,18 +124,6 @@ def _print_counts(counts: Mapping[str, Mapping[str, int]], console: Console) -> 
     console.print(table)
     console.print("Nothing was lost." if not total else f"[red]{total} messages were lost.[/]")
     return total
-
-
-def write_navigator_settings(graph: Graph, folder: Path) -> None:
-    """Write the settings each navigator of a graph flies with, one file each, for a replay with the same."""
-    from lowcostnav_ros.config_files import read_parameters
-
-    folder.mkdir(parents=True, exist_ok=True)
-    for node in graph.nodes:
-        if node.executable in NAVIGATOR_NAMES:
-            values: dict[str, Any] = dict(read_parameters(node.config, node.executable)) if node.config else {}
-            values |= dict(node.parameters)
-            (folder / f"{node.executable}.yaml").write_text(yaml.safe_dump({"/**": {"ros__parameters": values}}, sort_keys=True))
 
 
 def _print_equality(summary: Mapping[str, Any], console: Console) -> bool:

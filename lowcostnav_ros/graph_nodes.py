@@ -4,6 +4,7 @@ A flight starts when everybody who should hear it is listening; the graph runner
 """
 
 from collections import Counter
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from lowcostnav_ros.config_files import load_settings
@@ -83,6 +84,16 @@ def shared_parameters(graph: "Graph", node: "GraphNode") -> dict[str, Any]:
 def setting_of(node: "GraphNode", name: str) -> Any:
     """Return the value a setting of a navigator has in a graph, e.g. ``horizon.lag_s``."""
     return to_mapping(_navigator_settings(node))[name]
+
+
+def flown_settings(graph: "Graph") -> dict[str, dict[str, Any]]:
+    """Return the complete settings of every navigator of a graph, dotted names to values, as its nodes fly with them."""
+    flown = {}
+    for node in graph.nodes:
+        if node.executable in NAVIGATOR_NAMES:
+            given = {name: value for name, value in shared_parameters(graph, node).items() if name != "qos.lossless"}
+            flown[node.executable] = to_mapping(_navigator_settings(replace(node, parameters=given)))
+    return flown
 
 
 def _navigator_settings(node: "GraphNode") -> Any:

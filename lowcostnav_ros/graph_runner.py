@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from lowcostnav_ros.graph import Graph, GraphError, GraphNode
 from lowcostnav_ros.graph_domain import free_domain, node_environment
-from lowcostnav_ros.graph_nodes import SOURCES, STOP_ORDER, shared_parameters
+from lowcostnav_ros.graph_nodes import SOURCES, STOP_ORDER, flown_settings, shared_parameters
 from lowcostnav_ros.graph_process import CANNOT_RUN, NodeProcess, write_parameters
 
 STOP_S = 5.0
@@ -55,6 +55,7 @@ class GraphRunner:
         self.log_dir.mkdir(parents=True, exist_ok=True)
         if any(n.executable == "recorder" for n in self.graph.nodes) and (self.out / "recording").exists():
             raise GraphError(f"{self.out / 'recording'} exists already; choose another folder or remove it first.")
+        self._write_settings(self.log_dir / "settings")
         self.domain = self._domain.enter_context(free_domain(self.graph.domain))
         environment = node_environment(self.domain, self.log_dir)
         try:
@@ -189,8 +190,15 @@ class GraphRunner:
         return NodeProcess(node.name, node.executable, files, environment, self.log_dir / f"{node.name}.log", node.respawn)
 
     def _parameters(self, node: GraphNode) -> dict[str, Any]:
-        recording = {"path": str(self.out / "recording"), "numbered": True}  # a recorder that is started again must not be refused
+        # a recorder that is started again must not be refused
+        recording = {"path": str(self.out / "recording"), "numbered": True, "settings_folder": str(self.log_dir / "settings")}
         return (recording if node.executable == "recorder" else {}) | shared_parameters(self.graph, node)
+
+    def _write_settings(self, folder: Path) -> None:
+        """Write what every navigator flies with, one file each: the recording takes them in, a replay reads them."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, values in flown_settings(self.graph).items():
+            write_parameters(folder / f"{name}.yaml", values)
 
     def _start_monitor(self, environment: dict[str, str]) -> None:
         self._monitor = NodeProcess("monitor", "monitor", [], environment, self.log_dir / "monitor.log")

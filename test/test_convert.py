@@ -218,3 +218,35 @@ def test_the_shipped_profile_is_found_by_the_files_of_a_folder(tmp_path):
     assert shipped_profile_for(tmp_path) == "px4_flight"
     with pytest.raises(ConvertError, match="does not exist"):
         shipped_profile_for(tmp_path / "nowhere")
+
+
+def test_a_recording_carries_the_settings_of_its_vehicle_and_the_replay_uses_them(tmp_path):
+    from lowcostnav_ros.messages.bag import BagReader
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.replay.building import build_navigators
+
+    (tmp_path / "log.csv").write_text("t,lat,lon,h\n" + "".join(f"{t},37.0,-121.0,100.0\n" for t in range(1, 5)))
+    profile = {
+        "vehicle": "small_aircraft",
+        "tables": [
+            {
+                "file": "log.csv",
+                "time": {"column": "t", "unit": "s"},
+                "topics": {
+                    "gps/fix": {
+                        "lat": {"column": "lat", "unit": "deg"},
+                        "lon": {"column": "lon", "unit": "deg"},
+                        "height": {"column": "h", "unit": "m"},
+                        "sigma": {"constants": [2.0, 2.0, 5.0], "unit": "m", "frame": "NED"},
+                    }
+                },
+            }
+        ],
+    }
+    convert(tmp_path, profile_from(profile), tmp_path / "bag")
+    with BagReader(tmp_path / "bag") as reader:
+        carried = build_navigators(["dead_reckoning"], NAVIGATORS, None, reader.settings_folder)["dead_reckoning"]
+    assert carried.settings.heading.bias_deg == 15.0
+    assert build_navigators(["dead_reckoning"], NAVIGATORS, None)["dead_reckoning"].settings.heading.bias_deg != 15.0
+    with pytest.raises(ConvertError, match="did you mean 'small_aircraft'"):
+        profile_from({**profile, "vehicle": "smal_aircraft"})

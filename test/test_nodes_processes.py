@@ -94,7 +94,7 @@ def test_what_the_player_plays_the_recorder_records(ros, start, tmp_path):
     table = ros.diagnostics()
     assert ros.spin_until(lambda: "player: source" in table and table["player: source"].message.startswith("finished"), 15.0)
     heard = "recorder: input imu/data_raw"
-    assert ros.spin_until(lambda: heard in table and count(table[heard]) == 100, 5.0)
+    assert ros.spin_until(lambda: heard in table and count(table[heard]) == 100, 15.0)
     for process in (player, recorder):
         process.send_signal(signal.SIGINT)
         assert process.wait(5.0) == 0

@@ -1,5 +1,6 @@
 """Convert recorded tables to a standard recording."""
 
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from lowcostnav_ros import measurements as m
+from lowcostnav_ros.config_files import config_dir
 from lowcostnav_ros.convert.profile import ConvertError, FieldSpec, Profile, TableProfile, TopicProfile, load_profile
 from lowcostnav_ros.convert.table import Table, read_table
 from lowcostnav_ros.convert.timebase import stamps_ns
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages import encode
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.rotation import euler_to_dcm, euler_to_quat
 
@@ -29,12 +31,14 @@ class ConversionReport:
     malformed : dict of file to list of (line number, reason)
     skipped : dict of file to rows left out by ``keep`` and ``every``
     not_increasing : dict of file to rows left out because their time did not increase
+    vehicle : name of the vehicle whose settings the recording carries, empty for none
     """
 
     messages: dict[str, int] = field(default_factory=dict)
     malformed: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
     skipped: dict[str, int] = field(default_factory=dict)
     not_increasing: dict[str, int] = field(default_factory=dict)
+    vehicle: str = ""
 
     def __str__(self) -> str:
         """Say it in lines for a terminal."""
@@ -44,6 +48,8 @@ class ConversionReport:
             lines.append(f"{file}: {len(rows)} malformed rows left out ({shown}{'; ...' if len(rows) > _SHOWN else ''})")
         lines += [f"{file}: {n} rows left out by the profile" for file, n in self.skipped.items() if n]
         lines += [f"{file}: {n} rows left out, their time does not increase" for file, n in self.not_increasing.items() if n]
+        if self.vehicle:
+            lines.append(f"the recording carries the settings of vehicle '{self.vehicle}' for its replay")
         return "\n".join(lines)
 
 
@@ -79,6 +85,9 @@ def convert(source: str | Path, profile: str | Path | Profile, out_bag: str | Pa
         for stamp_ns, topic, msgtype, cdr in records:
             bag.write(topic, msgtype, stamp_ns, cdr)
         report.messages = dict(bag.counts)
+    if checked.vehicle:  # the recording carries the settings its vehicle is to be replayed with
+        report.vehicle = checked.vehicle
+        shutil.copytree(config_dir() / "vehicles" / checked.vehicle, Path(out_bag) / SETTINGS_FOLDER)
     return report
 
 

@@ -124,6 +124,7 @@ class Profile:
 
     description: str
     tables: tuple[TableProfile, ...]
+    vehicle: str = ""
 
 
 def load_profile(path: str | Path) -> Profile:
@@ -166,11 +167,15 @@ def shipped_profile_for(source: str | Path) -> str:
 
 def profile_from(content: Any, where: str = "profile") -> Profile:
     """Check the content of a profile; see :func:`load_profile`."""
-    _known(content, {"description", "tables"}, where)
+    _known(content, {"description", "tables", "vehicle"}, where)
     tables = content.get("tables")
     if not isinstance(tables, list) or not tables:
         raise ConvertError(f"{where}: 'tables' must list at least one file.")
-    return Profile(str(content.get("description", "")), tuple(_table(t, f"{where}: table {k + 1}") for k, t in enumerate(tables)))
+    vehicle = str(content.get("vehicle", ""))
+    known = sorted(p.name for p in (config_dir() / "vehicles").iterdir())
+    if vehicle and vehicle not in known:
+        raise ConvertError(f"{where}: unknown vehicle '{vehicle}'{nearest(vehicle, known)}.")
+    return Profile(str(content.get("description", "")), tuple(_table(t, f"{where}: table {k + 1}") for k, t in enumerate(tables)), vehicle)
 
 
 def _known(content: Any, keys: set[str], where: str, required: tuple[str, ...] = ()) -> None:

@@ -24,6 +24,10 @@ class BagError(ValueError):
     """A recording that cannot be used; the message is one sentence that says what to do."""
 
 
+SETTINGS_FOLDER = "settings"
+"""Inside a recording's directory: the settings, <navigator>.yaml, it was flown with or is to be replayed with."""
+
+
 class BagWriter:
     """Write a recording; a context manager that closes the bag even when its body fails, so that what was recorded is kept.
 
@@ -121,6 +125,12 @@ class BagReader:
             self.close()
             raise BagError(f"{path} holds no messages; check that the recorder was running while the sensors were.")
         self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
+
+    @property
+    def settings_folder(self) -> Path | None:
+        """Folder of navigator settings that the recording carries, None when it carries none."""
+        folder = (self.path if self.path.is_dir() else self.path.parent) / SETTINGS_FOLDER
+        return folder if folder.is_dir() else None
 
     def __enter__(self) -> "BagReader":
         return self

@@ -1,5 +1,6 @@
 """Record topics into a bag, in order of arrival."""
 
+import shutil
 import sys
 from collections import deque
 from collections.abc import Iterable
@@ -10,7 +11,7 @@ from typing import Any
 
 from lowcostnav_ros.graph_nodes import recorded_topics
 from lowcostnav_ros.messages import topics
-from lowcostnav_ros.messages.bag import BagError, BagWriter
+from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagError, BagWriter
 from lowcostnav_ros.ros.flow import header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status
 from lowcostnav_ros.ros.node_base import NodeBase
@@ -25,6 +26,7 @@ class RecorderSettings:
     path: str = setting("", "Directory of the recording; it must not exist.  Empty names it after the time of day.")
     numbered: bool = setting(False, "When the directory exists, write to <path>_2, <path>_3, ... instead of refusing.")
     storage: str = setting("mcap", "Format of the bag file.", choices=("mcap", "sqlite3"))
+    settings_folder: str = setting("", "Folder of navigator settings to put into the recording, for a replay with the same; empty: none.")
     topics: list[str] = setting([], "Topics to record; empty records every sensor, truth and navigator topic except truth/imu.")
 
 
@@ -50,6 +52,8 @@ class Recorder(NodeBase):
             specs = [topics.spec(name) for name in names]
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._writer = BagWriter(self.path, settings.storage)
+            if settings.settings_folder:
+                shutil.copytree(settings.settings_folder, self.path / SETTINGS_FOLDER)
         except (BagError, ValueError, OSError) as error:
             self.destroy_node()
             raise SettingsError(f"recorder: {error}") from error

@@ -31,7 +31,7 @@ class ReplayOptions:
     navigators : tuple of str or None
         Names to run; None runs all whose required inputs the recording has.
     config : Path or None
-        Directory of ``<navigator>.yaml``; None takes the package's own.
+        Directory of ``<navigator>.yaml``; None takes those the recording carries, then the package's own.
     withhold : tuple of Withhold
     truth : str or None
         Odometry topic to form errors against; None takes ``truth/odometry`` when it is there.
@@ -198,7 +198,7 @@ def _navigators(reader: BagReader, options: ReplayOptions) -> tuple[dict[str, Na
         from lowcostnav_ros.navigators.registry import NAVIGATORS as registry
     check_names(options.navigators or (), list(registry))
     wanted = dict.fromkeys(options.navigators or registry)
-    navigators = build_navigators(wanted, registry, options.config)
+    navigators = build_navigators(wanted, registry, options.config, reader.settings_folder)
     inputs = {name: navigator.inputs for name, navigator in navigators.items()}
     reader.require(s for s in reader.types if any(s in sources for sources in inputs.values()))
     selection = select(inputs, set(reader.decodable()), insist=options.navigators is not None)

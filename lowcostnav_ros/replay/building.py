@@ -15,7 +15,7 @@ _NODE_GROUPS = ("output.", "qos.", "input.")
 """Parameters of the node around the estimator; they change no fused solution."""
 
 
-def build_navigators(names: Iterable[str], registry: Registry, config: Path | None) -> dict[str, Navigator]:
+def build_navigators(names: Iterable[str], registry: Registry, config: Path | None, flown: Path | None = None) -> dict[str, Navigator]:
     """Make fresh navigators.
 
     Parameters
@@ -24,7 +24,9 @@ def build_navigators(names: Iterable[str], registry: Registry, config: Path | No
         Names in the registry.
     registry : mapping
     config : Path or None
-        Directory that holds ``<name>.yaml`` for each; None takes the package's own, and defaults where it has no file.
+        Directory that holds ``<name>.yaml`` for each; None takes ``flown``, then the package's own, and defaults where there is no file.
+    flown : Path, optional
+        Directory of settings that a recording carries, any or none of the files.
 
     Raises
     ------
@@ -33,11 +35,15 @@ def build_navigators(names: Iterable[str], registry: Registry, config: Path | No
     """
     if config is not None and not config.is_dir():
         raise SettingsError(f"Configuration directory {config} does not exist; give one that holds <navigator>.yaml files.")
-    return {name: _build(name, *registry[name], config) for name in names}
+    return {name: _build(name, *registry[name], config, flown) for name in names}
 
 
-def _build(name: str, settings_class: type, navigator_class: Callable[..., Navigator], config: Path | None) -> Navigator:
+def _build(
+    name: str, settings_class: type, navigator_class: Callable[..., Navigator], config: Path | None, flown: Path | None
+) -> Navigator:
     path = (config or config_files.config_dir()) / f"{name}.yaml"
+    if config is None and flown is not None and (flown / f"{name}.yaml").is_file():
+        path = flown / f"{name}.yaml"
     if config is None and not path.exists():
         return make_navigator(settings_class(), navigator_class)
     values = {
