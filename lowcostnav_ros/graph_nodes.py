@@ -60,14 +60,21 @@ def expected_subscribers(graph: "Graph") -> list[str]:
 
     Topics of navigators are left out: nothing travels on them before the sensors do.
     """
-    listeners = Counter(topic for node in graph.nodes for topic in inputs_of(node))
+    listeners = _listeners(graph)
     published = [topic for topic in listeners if topic in TOPICS and topic not in (*AHRS_OUTPUTS, "diagnostics")]
     return [f"{topic}:{listeners[topic]}" for topic in sorted(published)]
+
+
+def _listeners(graph: "Graph") -> Counter:
+    """How many nodes of a graph listen to each topic."""
+    return Counter(topic for node in graph.nodes for topic in inputs_of(node))
 
 
 def shared_parameters(graph: "Graph", node: "GraphNode") -> dict[str, Any]:
     """Return the parameter values of a node: what it owes to its graph, then its own."""
     values: dict[str, Any] = {"qos.lossless": graph.lossless}
+    if graph.lossless:
+        values["qos.listeners"] = [f"{topic}:{count}" for topic, count in sorted(_listeners(graph).items())]
     if graph.scenario and node.executable in SIMULATION:
         values["scenario"] = graph.scenario
     if node.executable in SOURCES:
@@ -91,7 +98,7 @@ def flown_settings(graph: "Graph") -> dict[str, dict[str, Any]]:
     flown = {}
     for node in graph.nodes:
         if node.executable in NAVIGATOR_NAMES:
-            given = {name: value for name, value in shared_parameters(graph, node).items() if name != "qos.lossless"}
+            given = {name: value for name, value in shared_parameters(graph, node).items() if not name.startswith("qos.")}
             flown[node.executable] = to_mapping(_navigator_settings(replace(node, parameters=given)))
     return flown
 

@@ -1,6 +1,7 @@
 """What every node of this package is made of: settings, raw subscriptions, counted publishers, diagnostics, reset."""
 
 import importlib
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -21,12 +22,14 @@ from lowcostnav_ros.ros import polling, qos
 from lowcostnav_ros.ros.diagnostics import DiagnosticsPublisher
 from lowcostnav_ros.ros.flow import ProgressReport, header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import OK, InputMonitor, Status
+from lowcostnav_ros.ros.pacing import parse_expected
 from lowcostnav_ros.ros.parameters import Parameters, given_parameters
 from lowcostnav_ros.settings import group, setting
 
 # every event handler is one more thing to wait for: 15 us of each message on each topic
 NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+MATCH_S = 15.0  # longest wait for expected listeners; one that has died must not ground the rest
 ABSOLUTE = ("clock", "diagnostics")  # ROS knows these two outside all namespaces
 Bases = Sequence[Any] | Callable[[dict[str, Any]], Sequence[Any]]
 RCLError = rclpy_implementation.RCLError
@@ -37,6 +40,10 @@ class QosSettings:
     """How messages are carried."""
 
     lossless: bool = setting(False, "Reliable and keep-all on both sides: nothing is lost, publishing waits for the slowest listener.")
+    listeners: list[str] = setting([], "Lossless: listeners to be matched before the first message of a topic, as 'topic:count'.")
+
+    def __post_init__(self) -> None:
+        parse_expected(self.listeners)
 
 
 @dataclass(frozen=True)
@@ -64,14 +71,17 @@ class NodeSettings:
 class Output:
     """One publisher of serialised messages that counts what it sent and, lossless, waits for slow listeners."""
 
-    def __init__(self, node: Node, spec: topics.TopicSpec, name: str, is_lossless: bool) -> None:
+    def __init__(self, node: Node, spec: topics.TopicSpec, name: str, is_lossless: bool, listeners: int = 0) -> None:
         self.topic, self.count, self.waited = spec.name, 0, 0
         self._is_lossless, self._ok = is_lossless, node.context.ok
+        self._listeners = listeners if is_lossless else 0
         profile = qos.for_publisher(spec, is_lossless)
         self.publisher = node.create_publisher(message_class(spec.msgtype), name, profile, event_callbacks=NO_PUBLISHER_EVENTS)
 
     def send(self, cdr: bytes) -> None:
         """Publish serialised bytes; lossless, try again for as long as the history of a listener is full."""
+        if self._listeners:
+            self._match()
         while self._ok():
             try:
                 self.publisher.publish(cdr)
@@ -82,6 +92,13 @@ class Output:
                 continue
             self.count += 1
             return
+
+    def _match(self) -> None:
+        """Wait, once, until every expected listener is matched: who is known but not yet matched would miss the first messages."""
+        deadline = time.monotonic() + MATCH_S
+        while self._ok() and self.publisher.get_subscription_count() < self._listeners and time.monotonic() < deadline:
+            time.sleep(0.005)
+        self._listeners = 0
 
     def status(self, prefix: str) -> Status:
         """Return the diagnostics row."""
@@ -237,7 +254,9 @@ class NodeBase(Node):
     def output(self, source: str, topic: str | None = None) -> Output:
         """Return the publisher of a topic, made on first use."""
         if source not in self.outputs:
-            self.outputs[source] = Output(self, topics.spec(source), topic or source, self.node_settings.qos.lossless)
+            settings = self.node_settings.qos
+            listeners = parse_expected(settings.listeners).get(source, 0)
+            self.outputs[source] = Output(self, topics.spec(source), topic or source, settings.lossless, listeners)
         return self.outputs[source]
 
     def rows(self) -> Iterable[Status]:
