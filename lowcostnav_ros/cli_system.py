@@ -41,7 +41,7 @@ def demo(arguments: argparse.Namespace) -> int:
     """Fly the demonstration mission."""
     from lowcostnav_ros import demo as mission
 
-    return mission.main(arguments.demo_args)
+    return mission.demonstrate(arguments.graph, Path(arguments.out), arguments.real_time_factor)
 
 
 def convert(arguments: argparse.Namespace) -> int:

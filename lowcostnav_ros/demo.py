@@ -1,6 +1,5 @@
 """The demonstration: a whole mission through all nodes over Fast DDS, then its tables, its report and the proof by replay."""
 
-import argparse
 import dataclasses
 import json
 import shutil
@@ -24,25 +23,28 @@ LONGEST_S = 900.0
 DRAW_S = 0.5
 
 
-def main(arguments: list[str] | None = None) -> int:
+def demonstrate(graph_name: str = "demo", out: Path = Path("out/demo"), real_time_factor: float | None = None) -> int:
     """Fly, replay, report.
+
+    Parameters
+    ----------
+    graph_name : str
+        A lossless graph with a source and a recorder.
+    out : Path
+        Folder of the results; what an earlier demonstration left in it is replaced.
+    real_time_factor : float, optional
+        Simulated seconds per second, the graph's own where None.
 
     Returns
     -------
     int
         0 when nothing was lost and the replay equals the flight to the bit, 1 when not, 2 when the mission cannot be flown.
     """
-    parser = argparse.ArgumentParser(prog="lowcostnav demo", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder of the results, replaced (default out/demo)")
-    parser.add_argument("--graph", default="demo", help="graph to fly (default demo)")
-    parser.add_argument("--real-time-factor", type=float, metavar="X", help="simulated seconds per second (default: the graph's)")
-    options = parser.parse_args(arguments)
-    console = result_console()
     try:
-        graph = load_graph(options.graph)
-        if options.real_time_factor:
-            graph = dataclasses.replace(graph, real_time_factor=options.real_time_factor)
-        return _demonstrate(graph, _emptied(options.out), console)
+        graph = load_graph(graph_name)
+        if real_time_factor:
+            graph = dataclasses.replace(graph, real_time_factor=real_time_factor)
+        return _demonstrate(graph, _emptied(out), result_console())
     except GraphError as error:
         print(error, file=sys.stderr)
         return 2
@@ -141,7 +143,3 @@ def _print_equality(summary: Mapping[str, Any], console: Console) -> bool:
             verdict = f"[red]replay differs from flight[/]: {fused['count_differing']} differ, {fused['count_missing']} missing{where}"
         console.print(f"  {name:15} {verdict}", highlight=False)
     return all_equal
-
-
-if __name__ == "__main__":
-    sys.exit(main())
