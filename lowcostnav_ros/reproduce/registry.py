@@ -34,11 +34,18 @@ MODULES = (
     "gebre_update_methods",
     "gebre_navigator_montecarlo",
     "gebre_fixing",
+    "solimeno_inertial",
+    "solimeno_gnss",
+    "solimeno_gps_only",
+    "solimeno_coupling",
+    "solimeno_outages",
+    "solimeno_estimates",
 )
 """Modules of this package that hold results; the part of a name before the first underscore is the study."""
 
 STUDIES = {
     "gebre": "D. Gebre-Egziabher, Design and Performance Analysis of a Low-Cost Aided Dead Reckoning Navigator, PhD, Stanford, 2004",
+    "solimeno": "A. Solimeno, Low-Cost INS/GPS Data Fusion with Extended Kalman Filter for Airborne Applications, MSc, IST Lisbon, 2007",
 }
 """What each study is, for headings."""
 

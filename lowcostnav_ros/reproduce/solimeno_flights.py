@@ -45,7 +45,9 @@ GAPS_S = {3: (120.0, 160.0), 2: (240.0, 280.0), 1: (360.0, 400.0), 0: (480.0, 52
 
 @dataclass(frozen=True)
 class Case:
-    """One flight.  ``navigator``: ``pv``, ``pva``, ``tight`` or ``loose``; ``schedule`` a key of :data:`SCHEDULES`."""
+    """One flight.  ``navigator``: ``pv``, ``pva``, ``tight`` or ``loose``; ``schedule`` a key of :data:`SCHEDULES`;
+    ``heading_error_deg`` is added at the start, and to the filter's sigma.
+    """
 
     navigator: str = "tight"
     dataset: str = "LD"
@@ -55,6 +57,7 @@ class Case:
     schedule: str = "full"
     constellation: str = "gps"
     driving_psd: float | None = None
+    heading_error_deg: float = 0.0
     duration_s: float = 600.0
 
 
@@ -63,14 +66,19 @@ class Flight:
     """What came of a case, one row per solution.
 
     ``t_s`` (n,); ``error`` (n, 9) true minus estimated, m and m/s NED, rad; ``sigma`` (n, 9); ``nees`` (n, 3) of position, velocity and
-    attitude; ``final_states`` the last estimates by label.  Columns of attitude are NaN where there is none.
+    attitude; ``states`` (n, m) the estimates of the further states, ``labels`` their names.  Attitude is NaN where there is none.
     """
 
     t_s: np.ndarray
     error: np.ndarray
     sigma: np.ndarray
     nees: np.ndarray
-    final_states: dict
+    states: np.ndarray
+    labels: tuple[str, ...]
+
+    def state(self, start: str) -> np.ndarray:
+        """Estimates over time of the states whose label begins so, (n, k)."""
+        return self.states[:, [k for k, label in enumerate(self.labels) if label.startswith(start)]]
 
     def rms(self, columns: slice = slice(0, 3), after_s: float = 10.0) -> np.ndarray:
         """RMS of some components after the filter has settled, in their units."""
@@ -87,7 +95,7 @@ class Flight:
 
 
 @lru_cache(maxsize=4)
-def truth_of(dataset: str, duration_s: float = 600.0, rate_hz: float = 100.0) -> TruthBlock:
+def truth_of(dataset: str, duration_s: float = 600.0, rate_hz: int = 100) -> TruthBlock:
     """Truth of a dataset, kept."""
     return build_dataset(TruthSettings(name=dataset, duration_s=duration_s, rate_hz=rate_hz)).table()
 
@@ -132,12 +140,15 @@ def inertial_settings(case: Case, imu: ImuSettings) -> InsGnssSettings:
     return replace(plain, gnss=GnssSettings(screening=False), loose=LooseSettings(position_tau_s=0.0, velocity_tau_s=0.0))
 
 
-def started(navigator: InsGnss, truth: TruthBlock, seed: int) -> InsGnss:
+def started(navigator: InsGnss, truth: TruthBlock, seed: int, heading_error_deg: float = 0.0) -> InsGnss:
     """Start at the true state with errors drawn from :data:`START_SIGMA`."""
     x = START_SIGMA * stream(seed, "solimeno.start").standard_normal(9)
+    sigma = START_SIGMA.copy()
+    x[8] += np.radians(heading_error_deg)
+    sigma[8] = np.hypot(sigma[8], np.radians(heading_error_deg))
     place = displace(truth.lat[0], truth.lon[0], truth.height[0], x[:3])
     nav = np.array([*place, *(truth.vel_n[0] + x[3:6]), *quat_apply_phi_n(truth.q_nb[0], x[6:9])])
-    navigator.begin(int(truth.stamps_ns[0]), nav, np.diag(START_SIGMA**2))
+    navigator.begin(int(truth.stamps_ns[0]), nav, np.diag(sigma**2))
     return navigator
 
 
@@ -148,7 +159,7 @@ def fly(case: Case) -> Flight:
     if case.navigator in ("pv", "pva"):
         return flight_of(truth, GnssOnly(gps_only_settings(case)).feed_all(epochs))
     profile = load_imu_profile(case.grade)
-    navigator = started(InsGnss(inertial_settings(case, imu_settings(profile.filter_noise()))), truth, case.seed)
+    navigator = started(InsGnss(inertial_settings(case, imu_settings(profile.filter_noise()))), truth, case.seed, case.heading_error_deg)
     aids: Sequence = epochs
     if case.navigator == "loose":
         aids = [replace(s, source=SOLUTION) for s in GnssOnly(gps_only_settings(case)).feed_all(epochs)]
@@ -187,4 +198,5 @@ def flight_of(truth: TruthBlock, solutions: Sequence[NavSolution]) -> Flight:
         sigmas.append(np.sqrt(np.concatenate([np.diag(c) for c in covs])))
         scores.append([nees(error[3 * k : 3 * k + 3], covs[k]) for k in range(3 if s.q_nb is not None else 2)])
     t_s = (truth.stamps_ns[rows] - truth.stamps_ns[0]) * 1e-9
-    return Flight(t_s, np.array(errors), np.array(sigmas), np.array(scores), dict(solutions[-1].states or {}))
+    states = np.array([[value for value, _ in s.states.values()] for s in solutions])
+    return Flight(t_s, np.array(errors), np.array(sigmas), np.array(scores), states, tuple(solutions[0].states))

@@ -1,0 +1,181 @@
+"""Satellites alone, velocity and acceleration model, low and high dynamics, in the INS/GPS thesis (SR22 to SR27).
+
+The thesis prints no tuning.  Its accuracies follow from a position noise of (6, 6, 90) m^2/s; one driving noise cannot give both its
+velocities (Figure 7.10) and its lag in high dynamics (Table 7.2), so either has its own, as named below.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
+from lowcostnav_ros.reproduce.solimeno_flights import Case, Flight, fly
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LAGGING = {"pv": 8e-4, "pva": 1e-4}
+"""Driving density of the velocity (m^2/s^3) or acceleration (m^2/s^5) that gives the accuracies of Table 7.2."""
+FOLLOWING = {"pv": 0.01, "pva": 0.03}
+"""The same for the velocities of Figure 7.10; the first on the gentler flight, as a velocity walk this slow cannot follow LD."""
+VELOCITY = slice(3, 6)
+
+
+def runs(context: Context, case: Case, full: int = 10) -> list[Flight]:
+    """Flights of a case over seeds, flown once in a run."""
+    count = 1 if context.quick else full
+
+    def compute() -> list[Flight]:
+        seeds = context.seeds("solimeno.flights", count)
+        return context.run(fly, [replace(case, seed=seed % 2**31) for seed in seeds])
+
+    return context.once(f"solimeno.{case}.{count}", compute)
+
+
+def mean_rms(flights: Sequence[Flight], columns: slice = slice(0, 3)) -> np.ndarray:
+    """RMS north, east, vertical over all flights, in the unit of the columns."""
+    return np.sqrt(np.mean([f.rms(columns) ** 2 for f in flights], axis=0))
+
+
+def mean_error(flights: Sequence[Flight]) -> np.ndarray:
+    """Mean error north, east, up, estimated minus true, m."""
+    return -np.mean([f.error[f.t_s > 10.0, :3].mean(axis=0) for f in flights], axis=0) * (1.0, 1.0, -1.0)
+
+
+def norm(values: np.ndarray) -> float:
+    """Root of the sum of squares."""
+    return float(np.linalg.norm(values))
+
+
+def largest(flights: Sequence[Flight], first: int) -> tuple[float, float]:
+    """Largest horizontal and vertical error of three columns from ``first``, mean over flights."""
+    settled = [f.error[f.t_s > 10.0, first : first + 3] for f in flights]
+    horizontal = np.mean([np.hypot(e[:, 0], e[:, 1]).max() for e in settled])
+    return float(horizontal), float(np.mean([np.abs(e[:, 2]).max() for e in settled]))
+
+
+def table_row(flights: Sequence[Flight]) -> str:
+    """Mean and RMS as Table 7.2 prints them."""
+    mean, rms = mean_error(flights), mean_rms(flights)
+    shown = ", ".join(f"{v:.2f}" for v in mean)
+    return f"mean {shown}; RMS N {rms[0]:.2f}, E {rms[1]:.2f}, U {rms[2]:.2f}, 2D {norm(rms[:2]):.2f}, 3D {norm(rms):.2f} m"
+
+
+def lagging(context: Context, model: str, dataset: str) -> list[Flight]:
+    """Flights with the tuning of Table 7.2."""
+    return runs(context, Case(model, dataset, tuning="thesis", driving_psd=LAGGING[model]))
+
+
+@result(
+    "SR22",
+    "Largest position errors, PV filter, low dynamics",
+    source="Figure 7.9",
+    thesis="horizontal 4.67 m, vertical 10.53 m",
+    tolerance="40 %",
+)
+def largest_position(context: Context) -> Outcome:
+    """Mean over seeds of the largest error after the first ten seconds."""
+    flights = lagging(context, "pv", "LD")
+    horizontal, vertical = largest(flights, 0)
+    within = abs(horizontal / 4.67 - 1.0) < 0.4 and abs(vertical / 10.53 - 1.0) < 0.4
+    return judged(
+        f"horizontal {horizontal:.2f} m, vertical {vertical:.2f} m", within, figure=partial(draw_errors, flight=flights[0], first=0)
+    )
+
+
+@result(
+    "SR23",
+    "Largest velocity errors, low dynamics",
+    source="Figure 7.10",
+    thesis="PV: horizontal 0.238 m/s, vertical 0.332 m/s",
+    tolerance="40 % with either model, of tuning made for velocity",
+)
+def largest_velocity(context: Context) -> Outcome:
+    """PV on the gentle flight with q_v = 0.01 m^2/s^3, PVA on LD with q_a = 0.03 m^2/s^5."""
+    pairs = {}
+    for model, dataset in (("pv", "LD-gentle"), ("pva", "LD-gentle"), ("pva", "LD")):
+        case = Case(model, dataset, tuning="thesis", driving_psd=FOLLOWING[model])
+        pairs[f"{model.upper()} {dataset}"] = largest(runs(context, case, full=5), 3)
+    text = "; ".join(f"{name} {h:.2f}, {v:.2f} m/s" for name, (h, v) in pairs.items())
+    within = any(abs(h / 0.238 - 1.0) < 0.4 and abs(v / 0.332 - 1.0) < 0.4 for h, v in pairs.values())
+    return judged(text, within)
+
+
+@result(
+    "SR24",
+    "Position accuracy of the PV filter, low dynamics",
+    source="Table 7.2",
+    thesis="mean -0.00, -0.01, -0.08; RMS N 1.06, E 1.16, U 2.49, 2D 1.57, 3D 2.94 m",
+    tolerance="3D 25 %, vertical above horizontal",
+)
+def pv_low(context: Context) -> Outcome:
+    """q_v = 8e-4 m^2/s^3."""
+    flights = lagging(context, "pv", "LD")
+    rms = mean_rms(flights)
+    return judged(table_row(flights), abs(norm(rms) / 2.94 - 1.0) < 0.25 and rms[2] > norm(rms[:2]))
+
+
+@result(
+    "SR25",
+    "Position accuracy of the PV filter, high dynamics",
+    source="Table 7.2",
+    thesis="mean 0.05, 0.03, -0.14; RMS N 3.99, E 3.29, U 5.61, 2D 5.17, 3D 7.63 m",
+    tolerance="3D 40 %, at least twice that of low dynamics",
+)
+def pv_high(context: Context) -> Outcome:
+    """q_v = 8e-4 m^2/s^3: the velocity lags by metres per second."""
+    flights = lagging(context, "pv", "HD")
+    total, low = norm(mean_rms(flights)), norm(mean_rms(lagging(context, "pv", "LD")))
+    text = f"{table_row(flights)}; with the tuning of a consistent filter {consistent(context, 'pv', 'HD'):.2f} m"
+    return judged(text, abs(total / 7.63 - 1.0) < 0.4 and total > 2.0 * low)
+
+
+@result(
+    "SR26",
+    "Position accuracy of the PVA filter, low dynamics",
+    source="Table 7.2",
+    thesis="mean -0.00, 0.01, -0.05; RMS N 1.05, E 1.14, U 2.43, 2D 1.55, 3D 2.88 m",
+    tolerance="within 5 % of PV in low dynamics",
+)
+def pva_low(context: Context) -> Outcome:
+    """q_a = 1e-4 m^2/s^5."""
+    flights = lagging(context, "pva", "LD")
+    ratio = norm(mean_rms(flights)) / norm(mean_rms(lagging(context, "pv", "LD")))
+    why = "the velocity of the PV filter lags on our flight, which turns and accelerates (up to 4 m/s^2)"
+    return judged(f"{table_row(flights)}; {100.0 * (ratio - 1.0):+.1f} % against PV", abs(ratio - 1.0) < 0.05, why)
+
+
+@result(
+    "SR27",
+    "Position accuracy of the PVA filter, high dynamics",
+    source="Table 7.2",
+    thesis="mean 0.02, 0.02, -0.08; RMS N 1.55, E 1.31, U 2.71, 2D 2.03, 3D 3.39 m",
+    tolerance="3D 40 %, at most 0.6 of PV",
+)
+def pva_high(context: Context) -> Outcome:
+    """q_a = 1e-4 m^2/s^5."""
+    flights = lagging(context, "pva", "HD")
+    total, pv = norm(mean_rms(flights)), norm(mean_rms(lagging(context, "pv", "HD")))
+    text = f"{table_row(flights)}; with the tuning of a consistent filter {consistent(context, 'pva', 'HD'):.2f} m"
+    return judged(text, abs(total / 3.39 - 1.0) < 0.4 and total < 0.6 * pv)
+
+
+def consistent(context: Context, model: str, dataset: str) -> float:
+    """3D RMS, m, of the filter as it is tuned for use: process noise for the dynamics, none for the position."""
+    return norm(mean_rms(runs(context, Case(model, dataset), full=3)))
+
+
+def draw_errors(figure: "Figure", flight: Flight, first: int) -> None:
+    """North, east and down errors of three columns over time with their three sigmas."""
+    unit = {0: "m", 3: "m/s"}[first]
+    for k, (axes, name) in enumerate(zip(figure.subplots(3, 1, sharex=True), ("north", "east", "down"), strict=True)):
+        axes.plot(flight.t_s, flight.error[:, first + k], lw=0.6)
+        for sign in (-3.0, 3.0):
+            axes.plot(flight.t_s, sign * flight.sigma[:, first + k], color="grey", lw=0.6)
+        axes.set(ylabel=f"{name} [{unit}]")
+        axes.grid(alpha=0.3)
+    axes.set(xlabel="time [s]")
+    figure.suptitle("Errors, true minus estimated, and three sigmas")

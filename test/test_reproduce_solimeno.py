@@ -1,0 +1,90 @@
+"""The INS/GPS study: its own arithmetic against other ways to get the same, and the results that cost little."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.reproduce.registry import REPRODUCED, Context
+from lowcostnav_ros.reproduce.solimeno_estimates import expected, only, true_clock, true_errors
+from lowcostnav_ros.reproduce.solimeno_flights import GAPS_S, Case, epochs_of, fly, imu_of, some_satellites, truth_of
+from lowcostnav_ros.reproduce.solimeno_gps_only import largest, mean_error, mean_rms
+from lowcostnav_ros.reproduce.solimeno_inertial import COMPENSATED, calibrated, ideal_attitude, ideal_position, ideal_velocity, unaided
+from lowcostnav_ros.simulation.equipment import load_imu_profile
+
+SHORT = Case("tight", "HD", duration_s=30.0)
+
+
+def test_an_accelerometer_bias_at_rest_grows_with_half_the_square_of_time():
+    truth = truth_of("STR", 30.0)
+    bias = np.array([0.05, 0.0, 0.0])
+    error = unaided(truth, truth.specific_force_b + bias, truth.angular_rate_b, COMPENSATED)
+    t_s = 29.99
+    assert error[-1, 0] == pytest.approx(0.5 * 0.05 * t_s**2, rel=5e-4)
+    assert error[-1, 1] == pytest.approx(0.05 * t_s, rel=1e-3)
+
+
+def test_an_ideal_imu_gives_the_printed_half_millimetre():
+    context = Context(quick=True)
+    for function in (ideal_position, ideal_velocity, ideal_attitude):
+        assert function(context).verdict == REPRODUCED
+    assert "LD-gentle 0.5" in ideal_position(context).ours
+
+
+def test_expected_errors_of_two_constellations():
+    assert expected(Context()).verdict == REPRODUCED
+
+
+def test_the_parts_of_the_sensor_errors_sum_up_to_what_the_sensor_measures():
+    profile, truth = load_imu_profile("crista"), truth_of("HD", 30.0)
+    quiet = dataclasses.replace(
+        profile,
+        gyro=dataclasses.replace(profile.gyro, noise_density_deg_per_h_per_rt_hz=[0.0] * 3),
+        accelerometer=dataclasses.replace(profile.accelerometer, noise_density_mg_per_rt_hz=[0.0] * 3),
+    )
+    measured = imu_of(quiet, truth, SHORT.seed)
+    parts = {part: true_errors(SHORT, part) for part in ("bias", "drift", "scale")}
+    for k, (got, true) in enumerate(((measured.specific_force_b, truth.specific_force_b), (measured.angular_rate_b, truth.angular_rate_b))):
+        model = true * (1.0 + parts["scale"][k]) + parts["bias"][k] + parts["drift"][k]
+        assert got == pytest.approx(model, abs=1e-12)
+    assert not np.any(calibrated(profile).filter_noise().gyro_turn_on_sigma)
+    assert not np.any(only(profile, "drift").filter_noise().accel_noise_density)
+
+
+def test_the_true_clock_is_the_one_in_the_pseudoranges():
+    truth = truth_of("HD", 30.0)
+    epoch, clock = epochs_of(SHORT, truth)[100], true_clock(SHORT)[100]
+    row = int(np.searchsorted(truth.stamps_ns, epoch.stamp_ns))
+    here = LocalFrame(truth.lat[row], truth.lon[row], truth.height[row])
+    off = epoch.pseudorange_m - np.linalg.norm(epoch.sat_pos_e - here.origin_e, axis=1) - clock[0]
+    assert np.abs(off).max() < 5.0 * 5.5
+    assert np.abs(off.mean()) < 4.0 * 5.5 / np.sqrt(len(off))
+
+
+def test_statistics_of_flights_are_those_of_their_rows():
+    flight = fly(SHORT)
+    settled = flight.error[flight.t_s > 10.0]
+    assert mean_rms([flight, flight]) == pytest.approx(np.sqrt(np.mean(settled[:, :3] ** 2, axis=0)))
+    assert mean_error([flight])[2] == pytest.approx(settled[:, 2].mean())  # up is minus down, estimated minus true minus the other way
+    assert largest([flight], 3)[1] == pytest.approx(np.abs(settled[:, 5]).max())
+    assert flight.worst(5.0, 6.0) == pytest.approx(np.linalg.norm(flight.error[(flight.t_s >= 5) & (flight.t_s <= 6), :3], axis=1).max())
+    assert flight.state("clock").shape == (len(flight.t_s), 2)
+    assert len(flight.labels) == 20 == flight.states.shape[1]
+
+
+def test_gaps_hold_the_satellites_they_are_named_for():
+    case = Case(schedule="gaps", duration_s=600.0)
+    truth = truth_of("LD")
+    counts = {round((e.stamp_ns - truth.stamps_ns[0]) * 1e-9, 2): len(e) for e in epochs_of(case, truth)}
+    for count, (begin, end) in GAPS_S.items():
+        inside = [n for t, n in counts.items() if begin + 0.1 < t < end - 0.1]
+        assert set(inside) == ({count} if count else set())
+    assert counts[max(counts)] == 6
+
+
+def test_some_satellites_keeps_columns_together():
+    epoch = epochs_of(SHORT, truth_of("HD", 30.0))[0]
+    two = some_satellites(epoch, np.array([3, 1]))
+    assert two.sat_id.tolist() == epoch.sat_id[[3, 1]].tolist()
+    assert np.array_equal(two.sat_pos_e, epoch.sat_pos_e[[3, 1]])
