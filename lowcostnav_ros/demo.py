@@ -82,7 +82,7 @@ def _fly(graph: Graph, out: Path, console: Console) -> tuple[dict[str, dict[str,
     began = time.monotonic()
     with GraphRunner(graph, out=out, log_dir=out / "logs", say=lambda sentence: console.print(f"[yellow]{sentence}[/]")) as runner:
         finished = runner.wait_until_finished(LONGEST_S, each=_Narrator(runner, console))
-        counts, events = runner.counts(), list(runner.events)
+    counts, events = runner.counts(), list(runner.events)  # after the end: every node says its last counts as it goes
     if not finished:
         raise GraphError(f"The flight did not end within {LONGEST_S:.0f} s; the logs are in {out / 'logs'}.")
     console.print(f"Flown and landed in the recording after {time.monotonic() - began:.0f} s.", highlight=False)
