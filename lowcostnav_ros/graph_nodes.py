@@ -21,6 +21,7 @@ SIMULATOR_INPUTS: dict[str, tuple[str, ...]] = {
     "gps_simulator": ("truth/odometry",),
     "dme_simulator": ("truth/odometry",),
     "gps_attitude_simulator": ("truth/odometry",),
+    "gnss_simulator": ("truth/odometry",),
 }
 """The part of the truth each sensor simulator listens to."""
 
@@ -29,7 +30,7 @@ PACED = ("truth/imu", "truth/odometry", "imu/data_raw", "air/velocity")
 
 LONGEST_LAG_S = 10.0
 AHRS_OUTPUTS = ("imu/data", "imu/data_fused")
-NAVIGATOR_NAMES = ("ahrs", "dead_reckoning", "ins_gps", "supervisor")
+NAVIGATOR_NAMES = ("ahrs", "dead_reckoning", "ins_gps", "gnss_only", "ins_gnss", "supervisor")
 SOURCES = ("truth_source", "player")
 SIMULATION = ("truth_source", *SIMULATOR_INPUTS)
 EXECUTABLES = (*SOURCES, *SIMULATOR_INPUTS, *NAVIGATOR_NAMES, "recorder", "monitor")
@@ -41,7 +42,7 @@ STOP_ORDER = (SOURCES, tuple(SIMULATOR_INPUTS), NAVIGATOR_NAMES, ("recorder",), 
 def recorded_topics() -> list[str]:
     """Topics a recording holds: all but /clock, which the player makes anew, and truth/imu, which truth/odometry covers."""
     fixed = [name for name in TOPICS if name not in ("clock", "truth/imu")]
-    return fixed + [f"{room}/{part}" for room in ("dead_reckoning", "ins_gps", "nav") for part in NAVIGATOR_TOPICS]
+    return fixed + [f"{room}/{part}" for room in ("dead_reckoning", "ins_gps", "gnss_only", "ins_gnss", "nav") for part in NAVIGATOR_TOPICS]
 
 
 def inputs_of(node: "GraphNode") -> tuple[str, ...]:

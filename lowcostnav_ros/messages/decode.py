@@ -10,7 +10,7 @@ import numpy as np
 
 from lowcostnav_ros.earth import LocalFrame
 from lowcostnav_ros.measurements import ImuBlock, Measurement, NavSolution
-from lowcostnav_ros.messages import checks, imu_columns, topics
+from lowcostnav_ros.messages import checks, gnss_cloud, imu_columns, topics
 from lowcostnav_ros.messages import decode_sensors as sensor
 from lowcostnav_ros.messages.decode_navigation import odometry, origin_from_fix, solution_from_fix, solution_from_wind
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal, Rejected
@@ -173,6 +173,7 @@ _BY_NAME: dict[str, tuple[str, Callable]] = {
     "imu/mag": (topics.MAGNETIC_FIELD, sensor.magnetic),
     "gps/fix": (topics.NAV_SAT_FIX, sensor.gps_fix),
     "gps/vel": (topics.TWIST, sensor.gps_velocity),
+    "gnss/raw": (topics.POINT_CLOUD, gnss_cloud.epoch_of),
     "air/velocity": (topics.TWIST, sensor.air_velocity),
     "air/static_pressure": (topics.FLUID_PRESSURE, sensor.pressure),
     "air/dynamic_pressure": (topics.FLUID_PRESSURE, sensor.pressure),

@@ -9,6 +9,7 @@ from lowcostnav_ros import measurements as m
 from lowcostnav_ros.earth import LocalFrame
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages.gnss_cloud import cloud_of
 from lowcostnav_ros.messages.store import STORE, to_cdr
 from lowcostnav_ros.truth import TruthBlock
 from lowcostnav_ros.units import celsius
@@ -284,6 +285,7 @@ _BUILDERS: dict[type, Callable] = {
     m.Pressure: fluid_pressure,
     m.AirTemperature: temperature,
     m.SlantRange: dme_range,
+    m.GnssEpoch: cloud_of,
 }
 
 

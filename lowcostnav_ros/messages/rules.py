@@ -19,6 +19,7 @@ DEFAULT_FRAMES: Mapping[str, frozenset[str]] = MappingProxyType(
         "gps/attitude": frozenset({"base_link"}),
         "gps/fix": _ANTENNA,
         "gps/vel": frozenset({"gps", "gps_link", "gnss", "antenna", "map"}),  # base_link would mean body axes
+        "gnss/raw": _ANTENNA,
         "air/static_pressure": _BODY | {"air_data"},
         "air/dynamic_pressure": _BODY | {"air_data"},
         "air/temperature": _BODY | {"air_data"},

@@ -15,6 +15,7 @@ TWIST = "geometry_msgs/msg/TwistWithCovarianceStamped"
 FLUID_PRESSURE = "sensor_msgs/msg/FluidPressure"
 TEMPERATURE = "sensor_msgs/msg/Temperature"
 RANGE = "sensor_msgs/msg/Range"
+POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 ODOMETRY = "nav_msgs/msg/Odometry"
 CLOCK = "rosgraph_msgs/msg/Clock"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -40,6 +41,7 @@ _SENSORS = (
     TopicSpec("gps/fix", NAV_SAT_FIX, "Position, height above the ellipsoid, covariance ENU.", "gps", "deg, m, m^2"),
     TopicSpec("gps/attitude", IMU, "Attitude from several GPS antennas; rate and acceleration absent (-1).", "base_link", "rad"),
     TopicSpec("gps/vel", TWIST, "Velocity over ground, east north up at the antenna.", "gps", "m/s"),
+    TopicSpec("gnss/raw", POINT_CLOUD, "Satellite observations, one point a signal; fields: see messages.gnss_cloud.", "gps", "m, m/s"),
     TopicSpec("air/static_pressure", FLUID_PRESSURE, "Static pressure.", "base_link", "Pa"),
     TopicSpec("air/dynamic_pressure", FLUID_PRESSURE, "Impact pressure, total minus static.", "base_link", "Pa"),
     TopicSpec("air/temperature", TEMPERATURE, "Static air temperature.", "base_link", "deg C"),

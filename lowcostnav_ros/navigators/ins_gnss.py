@@ -12,6 +12,7 @@ import numpy as np
 
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, chain, random_walk
+from lowcostnav_ros.estimation.horizon import FusionHorizon
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, Measurement, NavSolution
@@ -56,6 +57,7 @@ class LooseSettings:
 
     position_tau_s: float = setting(10.0, "Correlation time of its position error.", unit="s", minimum=0.0, maximum=600.0)
     velocity_tau_s: float = setting(0.5, "Correlation time of its velocity error.", unit="s", minimum=0.0, maximum=600.0)
+    behind_s: float = setting(0.5, "Its fused solutions are at most this far behind its inputs.", unit="s", minimum=0.0, maximum=10.0)
 
 
 @dataclass(frozen=True)
@@ -68,9 +70,9 @@ class InsGnssSettings(InsGpsSettings):
     split_turn_on: bool = setting(True, "Estimate turn-on biases beside Gauss-Markov drifts.")
     gnss: GnssSettings = group(GnssSettings)
     loose: LooseSettings = group(LooseSettings)
-    baro: BaroSettings = group(NoBaro)
-    magnetic: MagneticSettings = group(NoMagnetic)
-    airdata: AirDataSettings = group(NoAirData)
+    baro: NoBaro = group(NoBaro)
+    magnetic: NoMagnetic = group(NoMagnetic)
+    airdata: NoAirData = group(NoAirData)
 
 
 def gnss_blocks(settings: InsGnssSettings) -> list[Block]:
@@ -106,6 +108,9 @@ class InsGnss(InsGps):
         self.range_aid, self.rate_aid = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
         self.lever_b = np.array(settings.gps.lever_arm_b_m, dtype=float)
         super().__init__(settings)
+        if SOLUTION in self.inputs:
+            lag_s = settings.horizon.lag_s + settings.gps.latency_s + settings.loose.behind_s
+            self.horizon = FusionHorizon(round(1e9 * lag_s), self.inertial)
         self.layout = Layout(gnss_blocks(settings))
         self.core = InertialCore(self.layout)
         self._air_only, self._all_free = self.layout.mask("wind", "airspeed_bias"), np.ones(self.layout.size)

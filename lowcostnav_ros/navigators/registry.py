@@ -8,6 +8,8 @@ from lowcostnav_ros.navigators.base import Navigator
 _WHERE = {
     "ahrs": ("ahrs", "AhrsSettings", "Ahrs"),
     "dead_reckoning": ("dead_reckoning", "DeadReckoningSettings", "DeadReckoning"),
+    "gnss_only": ("gnss_only", "GnssOnlySettings", "GnssOnly"),
+    "ins_gnss": ("ins_gnss", "InsGnssSettings", "InsGnss"),
     "ins_gps": ("ins_gps", "InsGpsSettings", "InsGps"),
     "supervisor": ("supervisor", "SupervisorSettings", "Supervisor"),
 }

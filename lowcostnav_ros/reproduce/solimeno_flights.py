@@ -134,10 +134,12 @@ def gps_only_settings(case: Case) -> GnssOnlySettings:
 
 def inertial_settings(case: Case, imu: ImuSettings) -> InsGnssSettings:
     """Settings of the INS/GNSS filter of a case; the thesis takes the errors of the GPS filter for white and screens nothing."""
-    plain = InsGnssSettings(horizon=NO_LAG, imu=imu, coupling=case.navigator, tuning=case.tuning, gps=GpsSettings(latency_s=0.0))
+    now = {"horizon": NO_LAG, "gps": GpsSettings(latency_s=0.0), "loose": LooseSettings(behind_s=0.0)}
+    plain = InsGnssSettings(imu=imu, coupling=case.navigator, tuning=case.tuning, **now)
     if case.tuning == "consistent":
         return plain
-    return replace(plain, gnss=GnssSettings(screening=False), loose=LooseSettings(position_tau_s=0.0, velocity_tau_s=0.0))
+    white = LooseSettings(position_tau_s=0.0, velocity_tau_s=0.0, behind_s=0.0)
+    return replace(plain, gnss=GnssSettings(screening=False), loose=white)
 
 
 def started(navigator: InsGnss, truth: TruthBlock, seed: int, heading_error_deg: float = 0.0) -> InsGnss:

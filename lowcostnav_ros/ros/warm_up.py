@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lowcostnav_ros import measurements as m
-from lowcostnav_ros.earth import STANDARD_GRAVITY, displace
+from lowcostnav_ros.earth import STANDARD_GRAVITY, dcm_ne, displace, geodetic_to_ecef
+from lowcostnav_ros.gnss.constellation import gps_24
+from lowcostnav_ros.gnss.observables import range_and_rate
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.encode import imu_from_solution, odometry_from_solution
 from lowcostnav_ros.messages.store import to_cdr
@@ -73,9 +75,24 @@ def _measurement(source: str, stamp_ns: int, lat: float, lon: float, height: flo
         "air/static_pressure": lambda: m.Pressure(stamp_ns, source, 95_460.0, 100.0),
         "air/dynamic_pressure": lambda: m.Pressure(stamp_ns, source, 1_450.0, 100.0),
         "air/temperature": lambda: m.AirTemperature(stamp_ns, source, 285.0, 1.0),
+        "gnss/raw": lambda: _epoch(stamp_ns, source, lat, lon, height, velocity),
         "dme/range": lambda: m.SlantRange(stamp_ns, source, "OAK", 40_000.0, 1.0e5),
     }
     return simple[source]() if source in simple else None
+
+
+def _epoch(stamp_ns: int, source: str, lat: float, lon: float, height: float, vel_n: np.ndarray) -> m.GnssEpoch:
+    """Noise-free observations of the simulated satellites in view."""
+    place_e, velocity_e = geodetic_to_ecef(lat, lon, height), dcm_ne(lat, lon).T @ vel_n
+    constellation = gps_24()
+    sat_pos, sat_vel = constellation.states(1e-9 * (stamp_ns - 10**18))
+    ranges, rates, los = range_and_rate(place_e, velocity_e, sat_pos, sat_vel)
+    seen = los @ place_e > 0.1 * np.linalg.norm(place_e)
+    n = int(np.count_nonzero(seen))
+    columns = ranges[seen], rates[seen], np.full(n, 5.0), np.full(n, 0.2), np.zeros(n), sat_pos[seen], sat_vel[seen]
+    return m.GnssEpoch(
+        stamp_ns, source, constellation.system[seen], constellation.sat_id[seen], *columns, np.ones(n, bool), np.ones(n, bool)
+    )
 
 
 def _encode(solution: m.NavSolution, navigator: "Navigator") -> None:

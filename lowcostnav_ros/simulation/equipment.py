@@ -7,7 +7,7 @@ from lowcostnav_ros.radionav.stations import StationTable, stations_from_text
 from lowcostnav_ros.sensors.imu_profile import ImuProfile, imu_profile_from_text
 from lowcostnav_ros.settings import SettingsError, nearest
 
-SENSORS = ("imu", "magnetometer", "air_data", "gps", "dme", "gps_attitude")
+SENSORS = ("imu", "magnetometer", "air_data", "gps", "dme", "gps_attitude", "gnss")
 USUAL = SENSORS[:5]
 """Aboard unless a scenario says otherwise."""
 
@@ -64,6 +64,10 @@ def build(sensor: str, settings: Any) -> Any:
         from lowcostnav_ros.sensors.gps import GpsSimulator
 
         return GpsSimulator(settings)
+    if sensor == "gnss":
+        from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulator
+
+        return GnssRawSimulator(settings)
     if sensor == "gps_attitude":
         from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulator
 

@@ -9,6 +9,7 @@ import yaml
 
 from lowcostnav_ros.sensors.airdata import AirDataSimulatorSettings
 from lowcostnav_ros.sensors.dme import DmeSimulatorSettings
+from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
 from lowcostnav_ros.sensors.gps import GpsSimulatorSettings
 from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulatorSettings
 from lowcostnav_ros.sensors.imu import ImuSimulatorSettings
@@ -36,6 +37,7 @@ class Scenario:
     gps: GpsSimulatorSettings = group(GpsSimulatorSettings)
     dme: DmeSimulatorSettings = group(DmeSimulatorSettings)
     gps_attitude: GpsAttitudeSimulatorSettings = group(GpsAttitudeSimulatorSettings)
+    gnss: GnssRawSimulatorSettings = group(GnssRawSimulatorSettings)
 
     def __post_init__(self) -> None:
         if len(set(self.sensors)) < len(self.sensors):
@@ -45,7 +47,7 @@ class Scenario:
             raise SettingsError(
                 f"Scenario '{self.name}': imu.rate_hz of {self.imu.rate_hz:g} must divide truth.rate_hz of {self.truth.rate_hz:g}."
             )
-        for name in ("magnetometer", "air_data", "gps", "gps_attitude"):
+        for name in ("magnetometer", "air_data", "gps", "gps_attitude", "gnss"):
             rate_hz = getattr(self, name).rate_hz
             if name in self.sensors and rate_hz > self.truth.rate_hz:
                 raise SettingsError(

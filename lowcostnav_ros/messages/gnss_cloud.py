@@ -1,0 +1,122 @@
+"""``gnss/raw``: an epoch of satellite observations as a point cloud, one point per signal, to the last bit and back.
+
+Any tool that shows a PointCloud2 shows the satellites: x, y, z are their ECEF positions.  The fields, little-endian, 91 bytes a point:
+
+============= ======= ===== ==========================================================================================
+field         type    unit  meaning
+============= ======= ===== ==========================================================================================
+x y z         float64 m     satellite position, ECEF, at the time of reception
+vx vy vz      float64 m/s   satellite velocity, ECEF
+pseudorange   float64 m     corrected for satellite clock, relativity, group delay, ionosphere and troposphere
+doppler       float64 m/s   range rate, positive receding, corrected for the drift of the satellite clock
+sigma         float64 m     1-sigma of the pseudorange
+sigma_doppler float64 m/s   1-sigma of the range rate
+cn0           float64 dB-Hz carrier to noise density, 0 where unknown
+system        uint8         letter of the system in ASCII: G GPS, E Galileo
+sat_id        uint8         number of the satellite within its system
+flags         uint8         bit 0: the pseudorange is valid, bit 1: the range rate is
+============= ======= ===== ==========================================================================================
+
+The header's stamp is the time of reception; its frame is ``gps``, the antenna.
+"""
+
+from collections import Counter
+
+import numpy as np
+
+from lowcostnav_ros.measurements import GnssEpoch
+from lowcostnav_ros.messages import checks, topics
+from lowcostnav_ros.messages.rules import DecodeRules, Refusal
+from lowcostnav_ros.messages.store import STORE
+
+_REALS = ("x", "y", "z", "vx", "vy", "vz", "pseudorange", "doppler", "sigma", "sigma_doppler", "cn0")
+_BYTES = ("system", "sat_id", "flags")
+POINT = np.dtype([(name, "<f8") for name in _REALS] + [(name, "u1") for name in _BYTES])
+"""One point as it lies in the data of the message."""
+
+NEAREST_M, FARTHEST_M = 1.5e7, 6.0e7
+"""Pseudoranges outside are impossible for a navigation satellite; its distance from the earth's centre is held to the same."""
+
+_T = STORE.types
+_UINT8, _FLOAT64 = 2, 8  # sensor_msgs/PointField
+_MOST_SATELLITES = 200
+
+
+def cloud_of(epoch: GnssEpoch) -> object:
+    """Build the PointCloud2 message of an epoch."""
+    points = np.zeros(len(epoch), POINT)
+    for k, name in enumerate("xyz"):
+        points[name], points[f"v{name}"] = epoch.sat_pos_e[:, k], epoch.sat_vel_e[:, k]
+    columns = (epoch.pseudorange_m, epoch.doppler_mps, epoch.sigma_m, epoch.sigma_mps, epoch.cn0)
+    for name, column in zip(_REALS[6:], columns, strict=True):
+        points[name] = column
+    points["system"] = [ord(letter) for letter in epoch.system]
+    points["sat_id"] = epoch.sat_id
+    points["flags"] = epoch.range_valid + 2 * epoch.doppler_valid
+    fields = [_T["sensor_msgs/msg/PointField"](n, POINT.fields[n][1], _FLOAT64 if n in _REALS else _UINT8, 1) for n in POINT.names]
+    stamp = _T["builtin_interfaces/msg/Time"](epoch.stamp_ns // 1_000_000_000, epoch.stamp_ns % 1_000_000_000)
+    data = np.frombuffer(points.tobytes(), np.uint8)
+    header = _T["std_msgs/msg/Header"](stamp, "gps")
+    return _T[topics.POINT_CLOUD](header, 1, len(epoch), fields, False, POINT.itemsize, len(data), data, True)
+
+
+def epoch_of(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Counter) -> GnssEpoch:
+    """Turn a PointCloud2 message object into an epoch.
+
+    An observation that cannot be (not finite, impossible range, no sigma) is kept as not valid, and ``notes`` counts it.
+
+    Raises
+    ------
+    Refusal
+        For a wrong frame, missing fields, a length that does not fit, or satellites that appear twice.
+    """
+    checks.frame(source, message.header.frame_id, rules)
+    points = _points(message)
+    names = list(zip(points["system"].tolist(), points["sat_id"].tolist(), strict=True))
+    if len(set(names)) < len(names):
+        raise Refusal("a satellite appears twice")
+    position, velocity = (np.column_stack([points[f"{v}{name}"] for name in "xyz"]) for v in ("", "v"))
+    with np.errstate(invalid="ignore", over="ignore"):
+        placed = np.isfinite(velocity).all(axis=1) & _between(np.linalg.norm(position, axis=1))
+        good_range = placed & _between(points["pseudorange"]) & (points["sigma"] > 0.0) & np.isfinite(points["sigma"])
+        good_rate = placed & (np.abs(points["doppler"]) < 1e5) & (points["sigma_doppler"] > 0.0) & np.isfinite(points["sigma_doppler"])
+    said_range, said_rate = (points["flags"] & 1) != 0, (points["flags"] & 2) != 0
+    for what, said, good in (("pseudorange", said_range, good_range), ("doppler", said_rate, good_rate)):
+        if np.any(said & ~good):
+            notes[f"{source}: implausible {what} left out"] += int(np.count_nonzero(said & ~good))
+    columns = [_finite(points[name]) for name in _REALS[6:]]
+    system = np.array([chr(code) for code in points["system"]], dtype="<U1")
+    states = np.where(placed[:, None], position, 0.0), np.where(placed[:, None], velocity, 0.0)
+    valid = said_range & good_range, said_rate & good_rate
+    return GnssEpoch(stamp_ns, source, system, points["sat_id"].astype(np.int64), *columns, *states, *valid)
+
+
+def _between(metres: np.ndarray) -> np.ndarray:
+    return (metres >= NEAREST_M) & (metres <= FARTHEST_M)
+
+
+def _finite(column: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(column), column, 0.0)
+
+
+def _points(message) -> np.ndarray:
+    """Data of a cloud as a table with the fields of :data:`POINT`, wherever in the point the sender put them."""
+    count = message.width * message.height
+    if count == 0 or count > _MOST_SATELLITES:
+        raise Refusal("number of satellites implausible", f"{count}")
+    if message.is_bigendian:
+        raise Refusal("big-endian clouds are not read")
+    given = {field.name: field for field in message.fields}
+    formats, offsets = [], []
+    for name in POINT.names:
+        field, wanted = given.get(name), _FLOAT64 if name in _REALS else _UINT8
+        if field is None:
+            raise Refusal("a field is missing", f"'{name}'")
+        if field.datatype != wanted or field.count != 1 or field.offset + POINT.fields[name][0].itemsize > message.point_step:
+            raise Refusal("a field has the wrong type or place", f"'{name}'")
+        formats.append(POINT.fields[name][0])
+        offsets.append(field.offset)
+    if len(message.data) != count * message.point_step:
+        raise Refusal("length of the data does not fit", f"{len(message.data)} bytes")
+    layout = np.dtype({"names": list(POINT.names), "formats": formats, "offsets": offsets, "itemsize": message.point_step})
+    return np.frombuffer(bytes(message.data), layout)
