@@ -50,6 +50,8 @@ def is_finite(item: GpsVelocity | AirVelocity | MagneticField | Attitude) -> boo
 
 def unbroken(block: ImuBlock) -> list[ImuBlock]:
     """The block cut before every sample that comes after a hole in the data."""
+    if len(block) == 0 or block.stamps_ns[-1] - block.stamps_ns[0] <= GAP_NS:
+        return [block]
     cuts = np.flatnonzero(np.diff(block.stamps_ns) > GAP_NS) + 1
     if not len(cuts):
         return [block]
@@ -153,33 +155,24 @@ class Ahrs(Navigator):
                     start = self._align(part, start)
 
     def _finite(self, block: ImuBlock) -> ImuBlock:
-        good = np.isfinite(block.specific_force_b).all(axis=1) & np.isfinite(block.angular_rate_b).all(axis=1)
-        if good.all():
+        if math.isfinite(block.specific_force_b.sum() + block.angular_rate_b.sum()):  # one number that is none spoils the sum
             return block
+        good = np.isfinite(block.specific_force_b).all(axis=1) & np.isfinite(block.angular_rate_b).all(axis=1)
         self.input_status[IMU].reject("not finite")
         return rows_of(block, good)
 
     def _in_gap(self, block: ImuBlock, start: int) -> bool:
         """Whether the sample at ``start`` ends a hole in the inertial data; if so, align anew, keeping the sensor biases.
 
-        A sample that an aid splits comes in pieces; the hole is the whole sample's, whose end is still held by the horizon.
+        A hole's sample always comes whole: the horizon splits none that stands for so long.
         """
         end = int(block.stamps_ns[start])
-        first = self._imu_ns is None
-        if not first and len(block) == 1:
-            held, _ = self.horizon.ahead()
-            later = [] if held is None else held.stamps_ns[held.stamps_ns > end]
-            same = len(later) and np.array_equal(held.specific_force_b[held.stamps_ns > end][0], block.specific_force_b[0])
-            whole = int(later[0]) if same else end
-        else:
-            whole = end
-        if first or whole - self._imu_ns <= GAP_NS:
+        if self._imu_ns is None or end - self._imu_ns <= GAP_NS:
             return False
         if self._aligned:
-            self._realign("inertial gap", f"inertial data missing for {1e-9 * (whole - self._imu_ns):.1f} s")
-        if whole == end:
-            self._imu_ns = end
-            self.alignment.restart(end, self.reason)
+            self._realign("inertial gap", f"inertial data missing for {1e-9 * (end - self._imu_ns):.1f} s")
+        self._imu_ns = end
+        self.alignment.restart(end, self.reason)
         return True
 
     def _realign(self, kind: str, reason: str) -> None:
