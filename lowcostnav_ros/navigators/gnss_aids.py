@@ -144,6 +144,7 @@ class SatelliteAid(Aid):
         self.used: tuple[str, ...] = ()
         self.satellites = Counter()
         self.epoch_nis, self.epoch_dof = 0.0, 0
+        self.fused_rows = np.zeros((0, 0))
 
     def observations(self, epoch: GnssEpoch, host: "Host") -> Observations:
         """Innovations of the usable satellites; counts why the others are not. Changes no state."""
@@ -178,6 +179,7 @@ class SatelliteAid(Aid):
 
     def _apply(self, obs: Observations, good: np.ndarray, host: "Host") -> None:
         y, H, r = obs.y[good], obs.H[good], obs.r[good]
+        self.fused_rows = H
         R = np.diag(r)
         self.epoch_nis = kalman.normalised_innovation_squared(y, kalman.innovation_covariance(host.P, H, R))
         self.epoch_dof = len(good)

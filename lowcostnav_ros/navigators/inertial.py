@@ -352,3 +352,10 @@ class InertialCore:
             self.t_ns, nav, self._last.copy(), self.errors(), block.stamps_ns, block.specific_force_b, block.angular_rate_b
         )
         return int(t_ns), nav
+
+
+def dynamics_now(navigator) -> np.ndarray:
+    """Continuous error dynamics F (n, n) of an inertial navigator at its state and latest corrected sample (``force_b``, ``rate_b``)."""
+    core, layout = navigator.core, navigator.layout
+    C, force_b, rate_b = quat_to_dcm(core.nav[6:10]), navigator.force_b, navigator.rate_b
+    return inertial_dynamics(core.nav, C @ force_b, force_b, rate_b, C, layout.kind, layout.axis, layout.rate)

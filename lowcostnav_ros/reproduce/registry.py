@@ -39,6 +39,7 @@ MODULES = (
     "solimeno_gps_only",
     "solimeno_coupling",
     "solimeno_outages",
+    "solimeno_observability",
     "solimeno_estimates",
 )
 """Modules of this package that hold results; the part of a name before the first underscore is the study."""

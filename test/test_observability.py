@@ -1,0 +1,107 @@
+"""Observability along a run: known ranks, shares of states, units, the watch that changes nothing, the command."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lowcostnav_ros import cli
+from lowcostnav_ros.estimation.observability import Watch, geodetic_units, observability
+from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.encode import encode_cdr
+from lowcostnav_ros.navigators.inertial import dynamics_now, imu_settings
+from lowcostnav_ros.navigators.ins_gnss import InsGnss
+from lowcostnav_ros.reproduce.solimeno_flights import Case, epochs_of, fed, imu_of, inertial_settings, part, started, truth_of
+from lowcostnav_ros.reproduce.solimeno_observability import ranks_of
+from lowcostnav_ros.simulation.equipment import load_imu_profile
+
+CASE = Case("tight", "HD", "mems", 1, duration_s=20.0)
+
+
+def test_a_position_measurement_tells_velocity_and_not_a_state_apart():
+    F = np.zeros((3, 3))
+    F[0, 1] = 1.0  # position grows with velocity; the third state is on its own
+    found = observability(5, F, np.array([[1.0, 0.0, 0.0]]))
+    assert (found.rank, found.rows, found.stamp_ns) == (2, 1, 5)
+    assert found.share == pytest.approx([1.0, 1.0, 0.0])
+    assert found.singular_values == pytest.approx([1.0, 1.0, 0.0])
+
+
+def test_without_measurements_nothing_is_told():
+    assert observability(0, np.eye(4), np.empty((0, 4))).rank == 0
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10_000), n=st.integers(2, 7), m=st.integers(1, 3))
+def test_rank_of_a_chain_of_integrators_is_its_length_in_any_turned_axes(seed, n, m):
+    """Only the last k of a chain are told by measuring the first; turning the axes must not change that."""
+    rng = np.random.default_rng(seed)
+    k = int(rng.integers(1, n + 1))
+    F = np.zeros((n, n))
+    F[np.arange(k - 1), np.arange(1, k)] = 1.0
+    H = np.zeros((m, n))
+    H[:, 0] = rng.uniform(1.0, 2.0, m)
+    turn, _ = np.linalg.qr(rng.normal(size=(n, n)))
+    assert observability(0, turn @ F @ turn.T, H @ turn.T).rank == k
+
+
+def test_change_of_units_is_a_similarity():
+    """Rank in exact arithmetic does not see units; here a well-scaled system, so that neither does the tolerance."""
+    rng = np.random.default_rng(2)
+    F, H, units = rng.normal(size=(4, 4)), rng.normal(size=(1, 4)), np.array([2.0, 0.5, 3.0, 1.0])
+    T = np.diag(units)
+    a, b = observability(0, F, H, units), observability(0, T @ F @ np.linalg.inv(T), H @ np.linalg.inv(T))
+    assert a.rank == b.rank == 4
+    assert a.singular_values == pytest.approx(b.singular_values)
+    assert geodetic_units(0.0, 0.0, 4) == pytest.approx([1 / 6335439.327, 1 / 6378137.0, -1.0, 1.0])
+
+
+def test_watching_changes_no_bit_and_gives_the_published_rank():
+    truth, profile = truth_of("HD", 20.0), load_imu_profile("mems")
+    ends, found = [], []
+    for watched in (False, True):
+        navigator = started(InsGnss(inertial_settings(CASE, imu_settings(profile.filter_noise()))), truth, 1)
+        watch = Watch(navigator, dynamics_now, 1.0) if watched else None
+        fed(navigator, imu_of(profile, truth, 1), epochs_of(CASE, truth))
+        ends.append((navigator.core.nav.copy(), navigator.P.copy()))
+        found = watch.finish() if watch else []
+    assert np.array_equal(ends[0][0], ends[1][0]) and np.array_equal(ends[0][1], ends[1][1])
+    assert 19 <= len(found) <= 21
+    assert {o.rank for o in found} <= set(range(16, 20))
+    assert all(o.rows >= 12 for o in found)
+    assert np.mean([o.share[:6] for o in found]) > 0.99  # position and velocity are always told
+
+
+def test_ranks_of_the_loose_filter():
+    t_s, ranks = ranks_of(Case("loose", "HD", "mems", 1, duration_s=20.0))
+    assert len(t_s) >= 3
+    assert set(ranks.tolist()) <= {15, 16, 17}
+
+
+@pytest.fixture
+def bag(tmp_path):
+    truth, profile = truth_of("LD", 20.0), load_imu_profile("mems")
+    block, epochs = imu_of(profile, truth, 1), epochs_of(Case("tight", "LD", "mems", 1, duration_s=20.0), truth)
+    records = [r for m in (part(block, 0, len(block)), *epochs) for r in encode_cdr(m)]
+    with BagWriter(tmp_path / "flight") as writer:
+        for stamp, topic, msgtype, raw in sorted(records, key=lambda r: r[0]):
+            writer.write(topic, msgtype, stamp, raw)
+    return tmp_path / "flight"
+
+
+def test_the_command_prints_ranks_and_writes_them(bag, tmp_path, capsys):
+    assert cli.main(["observability", str(bag), "--navigator", "ins_gnss", "--period", "2", "--json", str(tmp_path / "o.json")]) == 0
+    out = capsys.readouterr().out
+    assert "of 23 at single instants" in out and "hardly told within an instant" in out
+    written = json.loads((tmp_path / "o.json").read_text())
+    assert len(written["states"]) == 23
+    assert all(len(i["singular_values"]) == 23 and 10 <= i["rank"] <= 20 for i in written["instants"])
+
+
+def test_the_command_refuses_in_a_sentence(bag, capsys):
+    assert cli.main(["observability", str(bag), "--period", "0"]) == 2
+    assert "--period must be above 0" in capsys.readouterr().err
+    assert cli.main(["observability", str(bag), "--navigator", "ins_gps"]) == 2
+    assert "gps/fix" in capsys.readouterr().err
