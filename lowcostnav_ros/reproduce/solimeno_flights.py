@@ -21,7 +21,7 @@ from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.inertial import ImuSettings, imu_settings
 from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss, InsGnssSettings, LooseSettings
 from lowcostnav_ros.navigators.ins_gps_aids import GpsSettings
-from lowcostnav_ros.rotation import quat_apply_phi_n, quat_conjugate, quat_multiply, rotvec_from_quat
+from lowcostnav_ros.rotation import quat_apply_phi_n, quat_conjugate, quat_multiply, quat_to_euler, rotvec_from_quat, wrap
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulator, GnssRawSimulatorSettings
 from lowcostnav_ros.sensors.imu import ImuSimulator, ImuSimulatorSettings
 from lowcostnav_ros.sensors.imu_profile import ImuProfile
@@ -65,8 +65,9 @@ class Case:
 class Flight:
     """What came of a case, one row per solution.
 
-    ``t_s`` (n,); ``error`` (n, 9) true minus estimated, m and m/s NED, rad; ``sigma`` (n, 9); ``nees`` (n, 3) of position, velocity and
-    attitude; ``states`` (n, m) the estimates of the further states, ``labels`` their names.  Attitude is NaN where there is none.
+    ``t_s`` (n,); ``error`` (n, 9) true minus estimated, m and m/s NED, roll, pitch and heading in rad; ``sigma`` (n, 9), of the small
+    rotation about north, east, down where the error has Euler angles; ``nees`` (n, 3) of position, velocity and attitude;
+    ``states`` (n, m) the estimates of the further states, ``labels`` their names.  Attitude is NaN where there is none.
     """
 
     t_s: np.ndarray
@@ -190,15 +191,16 @@ def flight_of(truth: TruthBlock, solutions: Sequence[NavSolution]) -> Flight:
     rows = np.searchsorted(truth.stamps_ns, [s.stamp_ns for s in solutions])
     errors, sigmas, scores = [], [], []
     for row, s in zip(rows, solutions, strict=True):
-        error = np.full(9, np.nan)
+        error, turn = np.full(9, np.nan), np.zeros(3)
         error[:3] = difference_n(truth.lat[row], truth.lon[row], truth.height[row], s.lat, s.lon, s.height)
         error[3:6] = truth.vel_n[row] - s.vel_n
         covs = [s.cov_pos, s.cov_vel, np.full((3, 3), np.nan) if s.cov_att is None else s.cov_att]
         if s.q_nb is not None:
-            error[6:] = rotvec_from_quat(quat_multiply(truth.q_nb[row], quat_conjugate(s.q_nb)))
+            error[6:] = [wrap(a - b) for a, b in zip(quat_to_euler(truth.q_nb[row]), quat_to_euler(s.q_nb), strict=True)]
+            turn = rotvec_from_quat(quat_multiply(truth.q_nb[row], quat_conjugate(s.q_nb)))
         errors.append(error)
         sigmas.append(np.sqrt(np.concatenate([np.diag(c) for c in covs])))
-        scores.append([nees(error[3 * k : 3 * k + 3], covs[k]) for k in range(3 if s.q_nb is not None else 2)])
+        scores.append([nees(e, c) for e, c in zip((error[:3], error[3:6], turn), covs, strict=True)])
     t_s = (truth.stamps_ns[rows] - truth.stamps_ns[0]) * 1e-9
     states = np.array([[value for value, _ in s.states.values()] for s in solutions])
     return Flight(t_s, np.array(errors), np.array(sigmas), np.array(scores), states, tuple(solutions[0].states))
