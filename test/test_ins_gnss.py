@@ -11,9 +11,10 @@ from lowcostnav_ros.estimation.consistency import acceptance_band
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.gnss.observables import range_and_rate
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS, process_noise, transition
+from lowcostnav_ros.measurements import NavSolution
 from lowcostnav_ros.navigators.gnss_aids import GnssSettings, satellite_model
 from lowcostnav_ros.navigators.inertial import CORE, InertialCore, core_block, imu_settings
-from lowcostnav_ros.navigators.ins_gnss import InsGnss, InsGnssSettings, clock_block, gnss_blocks
+from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss, InsGnssSettings, LooseSettings, clock_block, gnss_blocks
 from lowcostnav_ros.navigators.ins_gps_aids import GpsSettings
 from lowcostnav_ros.reproduce.solimeno_flights import (
     Case,
@@ -215,6 +216,25 @@ def test_loose_coupling_coasts_with_three_satellites_and_is_consistent():
     assert flight.rms_3d() < 1.5
     assert flight.nees[100:].mean(axis=0)[0] < acceptance_band(3, 1, 0.999)[1]
     assert len(flight.t_s) > 10 * (len(truth) / 100 - 2)
+
+
+def test_a_solution_is_weighed_by_how_long_its_errors_last():
+    navigator = InsGnss(InsGnssSettings(coupling="loose", loose=LooseSettings(position_tau_s=10.0, velocity_tau_s=0.5)))
+    eye = np.eye(3)
+    sent = [NavSolution(k * 100_000_000, SOLUTION, 0.6, 0.1, 9.0, np.ones(3), cov_pos=eye, cov_vel=eye) for k in (10, 11, 1011)]
+    (first, _), (second, rate), (late, _) = (navigator._fix_of(s) for s in sent)
+    assert first.cov_n == pytest.approx(eye)
+    assert second.cov_n == pytest.approx(200.0 * eye)  # 2 tau / dt: ten seconds of errors heard every tenth of one
+    assert rate.cov_n == pytest.approx(10.0 * eye)
+    assert late.cov_n == pytest.approx(eye)
+
+
+def test_a_solution_without_velocity_is_refused_by_name():
+    truth, case = truth_of("HD", 20.0), dataclasses.replace(CASE, navigator="loose", duration_s=20.0)
+    aids = [NavSolution(e.stamp_ns, SOLUTION, 0.6, 0.1, 9.0, cov_pos=np.eye(3)) for e in epochs_of(case, truth)]
+    navigator = ready(case)
+    fed(navigator, imu_of(PROFILE, truth, 1), aids)
+    assert navigator.input_status[SOLUTION].rejected["no position or no velocity"] > 150
 
 
 def test_the_order_of_arrival_changes_no_bit():

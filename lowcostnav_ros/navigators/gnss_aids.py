@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 CLOCK_SIGMA_M, CLOCK_SIGMA_MPS = 100.0, 10.0
 """Sigmas of a clock just seeded from the median innovation of an epoch."""
+NOTHING = np.zeros(0, dtype=np.int64)
 RECOVERED = "recovered after rejections"
 JUMP_SIGMAS = 8.0
 """A clock jump moves all pseudoranges together by more than this many sigmas, and apart by less."""
@@ -134,14 +135,14 @@ class Observations:
 class SatelliteAid(Aid):
     """Base of the two: screening satellite by satellite, fusing what passes in one update, recovery when most do not.
 
-    ``used`` names the satellites of the last epoch that were fused; ``epoch_nis`` and ``epoch_dof`` hold the normalised innovation
+    ``used`` holds the rows of the last epoch that were fused; ``epoch_nis`` and ``epoch_dof`` hold the normalised innovation
     squared of all of them together.  The status shows their mean innovation with its own variance, and the worst test ratio.
     """
 
     def __init__(self, aid: str, label: str, settings: GnssSettings) -> None:
         super().__init__(aid, (label,), settings.gate)
         self.settings = settings
-        self.used: tuple[str, ...] = ()
+        self.used = NOTHING
         self.satellites = Counter()
         self.epoch_nis, self.epoch_dof = 0.0, 0
         self.fused_rows = np.zeros((0, 0))
@@ -152,7 +153,7 @@ class SatelliteAid(Aid):
 
     def process(self, measurement: GnssEpoch, host: "Host") -> bool:
         """Judge and fuse one epoch; return whether anything of it was used."""
-        status, self.used = self.status, ()
+        status, self.used = self.status, NOTHING
         status.stamp_ns = measurement.stamp_ns
         obs = self.observations(measurement, host)
         if not obs.rows.size:
@@ -166,13 +167,13 @@ class SatelliteAid(Aid):
         decision, reason = self.control(measurement.stamp_ns, float(np.sort(ratios)[(len(ratios) - 1) // 2]), host)
         if decision is Decision.REJECT:
             return self._refused(reason)
-        good = np.arange(len(ratios)) if decision is Decision.RECOVER else np.flatnonzero(ratios <= 1.0)
+        good = np.full(len(ratios), decision is Decision.RECOVER) | (ratios <= 1.0)
         if decision is Decision.RECOVER:
             obs.r = obs.r + obs.y**2
             status.rejected[RECOVERED] += 1
-        self._name_rejected(measurement, obs, np.setdiff1d(np.arange(len(ratios)), good))
+        self._name_rejected(measurement, obs, np.flatnonzero(~good))
         self._apply(obs, good, host)
-        self.used = tuple(name(measurement.system[k], measurement.sat_id[k]) for k in obs.rows[good])
+        self.used = obs.rows[good]
         status.accepted, status.accepted_ns = True, measurement.stamp_ns
         status.fused += 1
         return True
@@ -182,7 +183,7 @@ class SatelliteAid(Aid):
         self.fused_rows = H
         R = np.diag(r)
         self.epoch_nis = kalman.normalised_innovation_squared(y, kalman.innovation_covariance(host.P, H, R))
-        self.epoch_dof = len(good)
+        self.epoch_dof = len(y)
         host.correct(kalman.update(host.P, y, H, R, np.ones(len(host.P))))
 
     def _report(self, obs: Observations, ratios: np.ndarray, host: "Host") -> None:
@@ -225,8 +226,10 @@ class SatelliteAid(Aid):
 
 def predicted(epoch: GnssEpoch, host: "Host") -> tuple:
     """Output of :func:`satellite_model` for an epoch at the state of the navigator."""
-    C = quat_to_dcm(host.core.nav[6:10])
-    lever_n, swing_n = C @ host.lever_b, C @ np.cross(host.rate_b, host.lever_b)
+    lever_n, swing_n = np.zeros(3), np.zeros(3)
+    if host.lever_b.any():
+        C = quat_to_dcm(host.core.nav[6:10])
+        lever_n, swing_n = C @ host.lever_b, C @ np.cross(host.rate_b, host.lever_b)
     return satellite_model(host.core.nav, lever_n, swing_n, epoch.sat_pos_e, epoch.sat_vel_e, host.layout.size)
 
 

@@ -214,7 +214,7 @@ class GnssOnly(Navigator):
     def _judge(self, epoch: GnssEpoch) -> None:
         since = 1e-9 * (epoch.stamp_ns - self._fused_ns)
         if since == 0.0:
-            self.mode, self.reason = "gps", f"{len(set(self.range_aid.used) | set(self.rate_aid.used))} satellites"
+            self.mode, self.reason = "gps", f"{len({*self.range_aid.used, *self.rate_aid.used})} satellites"
         elif since > self.settings.timeout_s:
             self.mode, self.reason = "coasting", f"{len(epoch)} satellites for {since:.0f} s"
 

@@ -146,7 +146,9 @@ class InsGnss(InsGps):
         self._heard_ns = -(10**18)
 
     def _fuse(self, item: Measurement) -> None:
-        if isinstance(item, NavSolution):
+        if isinstance(item, NavSolution) and (item.lat is None or item.vel_n is None):
+            self.input_status[item.source].reject("no position or no velocity")
+        elif isinstance(item, NavSolution):
             for part in self._fix_of(item):
                 super()._fuse(part)
         else:
@@ -159,10 +161,8 @@ class InsGnss(InsGps):
         """
         stamp, source, loose = solution.stamp_ns, solution.source, self.settings.loose
         since_s, self._heard_ns = 1e-9 * (stamp - self._heard_ns), stamp
-        position, velocity = (c * max(1.0, 2.0 * tau / since_s) for c, tau in (
-            (solution.cov_pos, loose.position_tau_s),
-            (solution.cov_vel, loose.velocity_tau_s),
-        ))  # fmt: skip
+        position = solution.cov_pos * max(1.0, 2.0 * loose.position_tau_s / since_s)
+        velocity = solution.cov_vel * max(1.0, 2.0 * loose.velocity_tau_s / since_s)
         place = (solution.lat, solution.lon, solution.height)
         return GpsPosition(stamp, source, *place, position), GpsVelocity(stamp, source, solution.vel_n, velocity)
 
@@ -174,7 +174,7 @@ class InsGnss(InsGps):
             ranged = self.use_aid(self.range_aid, item)
             rated = self.settings.gnss.doppler and self.use_aid(self.rate_aid, item)
             if ranged or rated:
-                self._satellites = len(set(self.range_aid.used) | set(self.rate_aid.used))
+                self._satellites = len({*self.range_aid.used, *self.rate_aid.used})
                 self._fused_fix_ns = item.stamp_ns
 
     def _judge(self) -> None:
