@@ -9,10 +9,11 @@ import pytest
 from lowcostnav_ros.earth import dcm_ne, displace, geodetic_to_ecef
 from lowcostnav_ros.estimation.consistency import acceptance_band
 from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.gnss.error_budget import range_covariance
 from lowcostnav_ros.gnss.observables import range_and_rate
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS, process_noise, transition
 from lowcostnav_ros.measurements import NavSolution
-from lowcostnav_ros.navigators.gnss_aids import GnssSettings, satellite_model
+from lowcostnav_ros.navigators.gnss_aids import GnssSettings, Observations, common_part, satellite_model
 from lowcostnav_ros.navigators.inertial import CORE, InertialCore, core_block, imu_settings
 from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss, InsGnssSettings, LooseSettings, clock_block, gnss_blocks
 from lowcostnav_ros.navigators.ins_gps_aids import GpsSettings
@@ -216,6 +217,14 @@ def test_loose_coupling_coasts_with_three_satellites_and_is_consistent():
     assert flight.rms_3d() < 1.5
     assert flight.nees[100:].mean(axis=0)[0] < acceptance_band(3, 1, 0.999)[1]
     assert len(flight.t_s) > 10 * (len(truth) / 100 - 2)
+
+
+def test_the_common_part_of_the_noise_is_that_of_the_error_budget():
+    elevation = np.radians([6.0, 20.0, 45.0, 88.0])
+    R = range_covariance(elevation, 5.5)
+    common = common_part(np.diag(R), np.sin(elevation))
+    obs = Observations(np.arange(4), np.zeros(4), np.zeros((4, 3)), np.diag(R), common)
+    assert obs.covariance(np.array([0, 2, 3])) == pytest.approx(R[np.ix_([0, 2, 3], [0, 2, 3])])
 
 
 def test_a_solution_is_weighed_by_how_long_its_errors_last():

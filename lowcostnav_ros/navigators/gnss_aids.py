@@ -20,6 +20,7 @@ import numpy as np
 from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef, radii
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings
+from lowcostnav_ros.gnss.error_budget import COMMON_SHARE
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.gnss.signals import name
 from lowcostnav_ros.kernels import kernel
@@ -54,6 +55,7 @@ class GnssSettings:
     doppler: bool = setting(True, "Use Dopplers.")
     range_sigma_scale: float = setting(1.0, "Factor on the stated sigma of a pseudorange.", minimum=0.1, maximum=100.0)
     doppler_sigma_scale: float = setting(1.0, "Factor on the stated sigma of a Doppler.", minimum=0.1, maximum=100.0)
+    common_error: bool = setting(False, "Part of the range noise is common to all satellites and grows towards the horizon.")
     system_offset_m: float = setting(0.0, "Sigma of Galileo's clock against that of GPS; 0 takes them as one.", unit="m", minimum=0.0)
     screening: bool = setting(True, "Leave out satellites whose innovation is beyond the gate.")
     gate: GateSettings = group(GateSettings)
@@ -124,12 +126,27 @@ def scalar_variances(P, H, r):
 
 @dataclass(slots=True)
 class Observations:
-    """Usable observations of one kind at one epoch: satellite rows, innovations (m,), Jacobian (m, n), variances (m,)."""
+    """Usable observations of one kind at one epoch: satellite rows, innovations (m,), Jacobian (m, n), variances (m,).
+
+    ``common`` (m,) is how one unit of an error common to all satellites shows in each; its square is part of the variance.
+    """
 
     rows: np.ndarray
     y: np.ndarray
     H: np.ndarray
     r: np.ndarray
+    common: np.ndarray
+
+    def covariance(self, rows: np.ndarray) -> np.ndarray:
+        """Covariance of the noise of some of them, (k, k)."""
+        common = self.common[rows]
+        return np.diag(self.r[rows] - common * common) + np.outer(common, common)
+
+
+def common_part(variance: np.ndarray, sin_elevation: np.ndarray) -> np.ndarray:
+    """What a common error is in each satellite, (m,) m, of stated variances (m,) m^2: f sigma/sqrt(8), f = 1.1/(sin El + 0.1) (2-40)."""
+    f = 1.1 / (np.maximum(sin_elevation, 0.0) + 0.1)
+    return f * np.sqrt(COMMON_SHARE * variance / (1.0 - COMMON_SHARE + COMMON_SHARE * f * f))
 
 
 class SatelliteAid(Aid):
@@ -179,16 +196,15 @@ class SatelliteAid(Aid):
         return True
 
     def _apply(self, obs: Observations, good: np.ndarray, host: "Host") -> None:
-        y, H, r = obs.y[good], obs.H[good], obs.r[good]
+        y, H, R = obs.y[good], obs.H[good], obs.covariance(good)
         self.fused_rows = H
-        R = np.diag(r)
         self.epoch_nis = kalman.normalised_innovation_squared(y, kalman.innovation_covariance(host.P, H, R))
         self.epoch_dof = len(y)
         host.correct(kalman.update(host.P, y, H, R, np.ones(len(host.P))))
 
     def _report(self, obs: Observations, ratios: np.ndarray, host: "Host") -> None:
-        h = obs.H.mean(axis=0)
-        variance = scalar_variances(host.P, h[None], np.array([obs.r.sum() / len(obs.r) ** 2]))
+        h, noise = obs.H.mean(axis=0), obs.covariance(np.arange(len(obs.r)))
+        variance = scalar_variances(host.P, h[None], np.array([noise.sum() / len(obs.r) ** 2]))
         mean = np.array([obs.y.mean()])
         status = self.status
         status.observation, status.innovation, status.innovation_variance = np.array([float(len(obs.y))]), mean, variance
@@ -251,7 +267,9 @@ class RangeAid(SatelliteAid):
             offset = host.layout["system_offset"].start
             H[:, offset] = epoch.system[rows] == "E"
             y -= H[:, offset] * host.core.estimate[offset]
-        obs = Observations(rows, y, H, (self.settings.range_sigma_scale * epoch.sigma_m[rows]) ** 2)
+        r = (self.settings.range_sigma_scale * epoch.sigma_m[rows]) ** 2
+        common = common_part(r, sin_elevation[rows]) if self.settings.common_error else np.zeros(len(rows))
+        obs = Observations(rows, y, H, r, common)
         return self._follow_clock(obs, clock, host)
 
     def _follow_clock(self, obs: Observations, clock: int, host: "Host") -> Observations:
@@ -293,4 +311,4 @@ class RangeRateAid(SatelliteAid):
             common = float(np.median(y))
             host.seed_drift(common)
             y = y - common
-        return Observations(rows, y, H, (self.settings.doppler_sigma_scale * epoch.sigma_mps[rows]) ** 2)
+        return Observations(rows, y, H, (self.settings.doppler_sigma_scale * epoch.sigma_mps[rows]) ** 2, np.zeros(len(rows)))
