@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, chain, random_walk
+from lowcostnav_ros.estimation.error_state import Block, Kind, chain, random_walk
 from lowcostnav_ros.estimation.horizon import FusionHorizon
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, Measurement, NavSolution
 from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, GnssSettings, RangeAid, RangeRateAid
-from lowcostnav_ros.navigators.inertial import InertialCore
 from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
 from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
 from lowcostnav_ros.settings import group, setting
@@ -111,11 +110,12 @@ class InsGnss(InsGps):
         if SOLUTION in self.inputs:
             lag_s = settings.horizon.lag_s + settings.gps.latency_s + settings.loose.behind_s
             self.horizon = FusionHorizon(round(1e9 * lag_s), self.inertial)
-        self.layout = Layout(gnss_blocks(settings))
-        self.core = InertialCore(self.layout)
-        self._air_only, self._all_free = self.layout.mask("wind", "airspeed_bias"), np.ones(self.layout.size)
         if self.tight:
             self.aids = [self.range_aid, *([self.rate_aid] if settings.gnss.doppler else []), *self.aids[2:]]
+
+    def blocks(self) -> list[Block]:
+        """Those of the GPS/INS navigator with the receiver clock and whatever else the coupling asks for."""
+        return gnss_blocks(self.settings)
 
     def begin(self, stamp_ns: int, nav: np.ndarray, core_covariance: np.ndarray) -> None:
         """Start at a state known from elsewhere (transfer alignment): ``nav`` (10,) and the covariance (9, 9) of the core states."""

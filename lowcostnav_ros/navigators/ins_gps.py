@@ -98,7 +98,7 @@ class InsGps(Navigator):
 
     def __init__(self, settings: InsGpsSettings) -> None:
         super().__init__(settings, latency_s=settings.gps.latency_s)
-        self.layout = Layout(chosen_blocks(settings))
+        self.layout = Layout(self.blocks())
         self.core = InertialCore(self.layout)
         self.magnetic = MagneticReference(settings.magnetic.decimal_year, settings.magnetic.declination_deg)
         self.position_aid, self.velocity_aid = PositionAid(settings.gps), VelocityAid(settings.gps)
@@ -117,6 +117,10 @@ class InsGps(Navigator):
         self._all_free = np.ones(self.layout.size)
         self.levelling = Levelling(settings.alignment.still_s)
         self._restart()
+
+    def blocks(self) -> list[Block]:
+        """The list of state blocks; a navigator with further states overrides it."""
+        return chosen_blocks(self.settings)
 
     @property
     def P(self) -> np.ndarray:  # noqa: N802 - the covariance is P everywhere in the field
