@@ -13,7 +13,6 @@ A graph names its nodes; what every one of them shares stands at the top::
         respawn: true            # start again when it dies
 """
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,6 +22,7 @@ import yaml
 
 from lowcostnav_ros.config_files import config_dir
 from lowcostnav_ros.graph_nodes import EXECUTABLES, SIMULATION, SOURCES
+from lowcostnav_ros.settings import nearest
 
 TOP_KEYS = ("scenario", "domain", "lossless", "real_time_factor", "nodes")
 NODE_KEYS = ("executable", "name", "config", "parameters", "respawn")
@@ -59,7 +59,7 @@ class Graph:
         for node in self.nodes:
             if node.name == name:
                 return node
-        raise GraphError(f"{self.name}: no node '{name}'{_hint(name, [n.name for n in self.nodes])}.")
+        raise GraphError(f"{self.name}: no node '{name}'{nearest(name, [n.name for n in self.nodes])}.")
 
     def with_parameters(self, name: str, **values: Any) -> "Graph":
         """Return a copy in which one node has further parameter values (a double underscore stands for the dot)."""
@@ -96,7 +96,7 @@ def load_graph(name_or_path: str | Path) -> Graph:
     if path.suffix not in (".yaml", ".yml"):
         path = config_dir() / "graphs" / f"{name_or_path}.yaml"
     if not path.is_file():
-        raise GraphError(f"No graph '{name_or_path}'{_hint(str(name_or_path), graph_names())}; or give the path of a YAML file.")
+        raise GraphError(f"No graph '{name_or_path}'{nearest(str(name_or_path), graph_names())}; or give the path of a YAML file.")
     try:
         content = yaml.safe_load(path.read_text())
     except yaml.YAMLError as error:
@@ -132,7 +132,7 @@ def _node(entry: Any, where: str, scenario: str, folder: Path | None) -> GraphNo
     _mapping(entry, f"{where}: a node", NODE_KEYS)
     executable = entry.get("executable")
     if executable not in EXECUTABLES:
-        raise GraphError(f"{where}: unknown executable '{executable}'{_hint(str(executable), EXECUTABLES)}.")
+        raise GraphError(f"{where}: unknown executable '{executable}'{nearest(str(executable), EXECUTABLES)}.")
     parameters = entry.get("parameters") or {}
     if not isinstance(parameters, Mapping):
         raise GraphError(f"{where}: 'parameters' of {executable} must be names and values, got {parameters!r}.")
@@ -158,9 +158,4 @@ def _mapping(content: Any, where: str, keys: tuple[str, ...]) -> None:
         raise GraphError(f"{where}: expected names and values, got {type(content).__name__}.")
     for key in content:
         if key not in keys:
-            raise GraphError(f"{where}: unknown entry '{key}'{_hint(str(key), keys)}.")
-
-
-def _hint(name: str, known: Any) -> str:
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
-    return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}"
+            raise GraphError(f"{where}: unknown entry '{key}'{nearest(str(key), keys)}.")

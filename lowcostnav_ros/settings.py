@@ -129,11 +129,11 @@ def settings_hash(*settings: Any) -> str:
 
 
 def nearest(name: str, known: Any) -> str:
-    """Return ``, did you mean 'x'?`` or the list of what exists, to end a refusal with."""
+    """Return `` (did you mean 'x'?)`` or the list of what exists, to end a refusal's sentence with."""
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
     if not close:  # a right leaf in the wrong group is the commonest slip after a typo
         close = [k for k in known if k.split(".")[-1] == name.split(".")[-1]][:1]
-    return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(sorted(known))}"
+    return f" (did you mean '{close[0]}'?)" if close else f"; known: {', '.join(sorted(known))}"
 
 
 def checked(entry: Declared, value: Any, where: str = "settings") -> Any:

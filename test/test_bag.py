@@ -133,7 +133,7 @@ def test_missing_topic_and_wrong_type_are_named(tmp_path):
         bag.write("gps/fix", topics.TEMPERATURE, T0, to_cdr(e.temperature(m.AirTemperature(T0, "x", 280.0, 1.0))))
     with BagReader(tmp_path / "bag") as bag:
         text = refusal(lambda: list(bag.measurements(["gps/fixx"])))
-        assert "no topic 'gps/fixx'; did you mean 'gps/fix'?" in text
+        assert "no topic 'gps/fixx' (did you mean 'gps/fix'?)" in text
     with BagReader(tmp_path / "odd") as bag:
         assert "is of type sensor_msgs/msg/Temperature, expected sensor_msgs/msg/NavSatFix" in refusal(lambda: bag.require(["gps/fix"]))
         assert list(bag.measurements()) == []

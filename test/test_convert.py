@@ -169,11 +169,11 @@ def refused(change, where=()):
 
 def test_profile_refusals_name_the_nearest():
     table = ("tables", 0)
-    assert "unknown key 'descripton'; did you mean 'description'?" in refused({"descripton": "x"})
-    assert "unknown key 'delimeter'; did you mean 'delimiter'?" in refused({"delimeter": ";"}, table)
-    assert "'degrees' is not a unit of angle; did you mean 'deg'?" in refused({"unit": "degrees"}, (*table, "topics", "gps/fix", "lat"))
+    assert "unknown key 'descripton' (did you mean 'description'?)" in refused({"descripton": "x"})
+    assert "unknown key 'delimeter' (did you mean 'delimiter'?)" in refused({"delimeter": ";"}, table)
+    assert "'degrees' is not a unit of angle (did you mean 'deg'?)" in refused({"unit": "degrees"}, (*table, "topics", "gps/fix", "lat"))
     assert "'m' is not a unit of speed" in refused({"unit": "m"}, (*table, "topics", "gps/vel", "velocity"))
-    assert "unknown frame 'EUN'; did you mean 'ENU'?" in refused({"frame": "EUN"}, (*table, "topics", "gps/vel", "velocity"))
+    assert "unknown frame 'EUN' (did you mean 'ENU'?)" in refused({"frame": "EUN"}, (*table, "topics", "gps/vel", "velocity"))
     assert "did you mean 'gps/fix'?" in refused({"gps/fixs": {}}, (*table, "topics"))
     assert "needs 3 columns, got 2" in refused({"columns": ["ve", "vn"]}, (*table, "topics", "gps/vel", "velocity"))
     assert "'every' must be a whole number" in refused({"every": 0}, table)
@@ -185,7 +185,7 @@ def test_data_refusals(tmp_path):
     with pytest.raises(ConvertError, match=r"has no gps\.csv; it holds nothing"):
         convert(tmp_path, profile(GPS), tmp_path / "bag")
     (tmp_path / "gps.csv").write_text("t,lat,lng,alt,ve,vn,vu\n")
-    with pytest.raises(ConvertError, match="no column 'lon'; did you mean 'lng'"):
+    with pytest.raises(ConvertError, match=r"no column 'lon' \(did you mean 'lng'"):
         convert(tmp_path, profile(GPS), tmp_path / "bag")
     (tmp_path / "gps.csv").write_text("t,lat,lon,alt,ve,vn,vu\nx,1,2,3,4,5,6\n")
     with pytest.raises(ConvertError, match="no usable row; the first is line 2: 't' is not a number"):

@@ -161,7 +161,7 @@ def test_misalignment_turns_and_keeps_the_length():
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("gyro: {noise_densty: [1, 1, 1]}", "unknown setting 'gyro.noise_densty'; did you mean"),
+        ("gyro: {noise_densty: [1, 1, 1]}", "unknown setting 'gyro.noise_densty' (did you mean"),
         ("gyro: {turn_on_bias_deg_per_h: [1, 1]}", "'gyro.turn_on_bias_deg_per_h' needs three numbers, x y z, got 2"),
         ("gyro: {bias_drift_deg_per_h: [1, 1, 1]}", "the gyro bias drift needs a correlation time"),
         ("accelerometer: {noise_density_mg_per_rt_hz: [1, 1, 1], noise_per_sample_mg: [1, 1, 1]}", "either as a density or per sample"),

@@ -93,8 +93,8 @@ def test_decimal_year_of_known_moments():
     [
         ("", "begin with 'name:'"),
         ("name: [", "not readable as YAML"),
-        ("nmae: x", "unknown setting 'nmae'; did you mean 'name'?"),
-        ("imu: {rat_hz: 50}", "unknown setting 'imu.rat_hz'; did you mean 'imu.rate_hz'?"),
+        ("nmae: x", "unknown setting 'nmae' (did you mean 'name'?)"),
+        ("imu: {rat_hz: 50}", "unknown setting 'imu.rat_hz' (did you mean 'imu.rate_hz'?)"),
         ("imu: 3", "section 'imu' must hold names and values"),
         ("imu: {rate_hz: 33}", "imu.rate_hz of 33 must divide truth.rate_hz of 100"),
         ("gps: {rate_hz: 20}\ntruth: {rate_hz: 10}\nimu: {rate_hz: 10}", "magnetometer.rate_hz of 20 is above truth.rate_hz of 10"),

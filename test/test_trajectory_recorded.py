@@ -69,7 +69,7 @@ def test_velocity_is_the_derivative_of_position(tmp_path, flown):
 @pytest.mark.parametrize(
     ("edit", "says"),
     [
-        (lambda rows: [r.replace("lat_deg", "latdeg") for r in rows], "no column 'lat_deg'; did you mean 'latdeg'"),
+        (lambda rows: [r.replace("lat_deg", "latdeg") for r in rows], r"no column 'lat_deg' \(did you mean 'latdeg'"),
         (lambda rows: rows[:5], "at least 8"),
         (lambda rows: [*rows[:4], "1,x,0,0,0,0,0", *rows[4:]], "line 5: 'lat_deg' is 'x'"),
         (lambda rows: [*rows[:4], "1,2", *rows[4:]], "line 5: 'lon_deg' is None"),

@@ -30,6 +30,7 @@ def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGINT, lambda *_: None)
     import rclpy
     from rclpy.executors import ExternalShutdownException
+    from rclpy.impl.implementation_singleton import rclpy_implementation
 
     rclpy.init(args=args)
     node = None
@@ -39,6 +40,10 @@ def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
         node.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except rclpy_implementation.RCLError:
+        # A signal that falls between the executor's check of the context and its wait set ends the wait with this error.
+        if rclpy.ok():
+            raise
     except SettingsError as error:
         print(error, file=sys.stderr)
         return EXIT_CANNOT_RUN
