@@ -1,0 +1,29 @@
+"""A stop may fall anywhere in the executor's cycle."""
+
+import subprocess
+import sys
+
+import pytest
+
+SCRIPT = """
+import sys, rclpy
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from lowcostnav_ros.ros.run import run
+
+class Node:
+    def spin(self):
+        if {stopped}:
+            rclpy.shutdown()
+        raise rclpy_implementation.RCLError("failed to initialize wait set")
+
+    def destroy_node(self):
+        pass
+
+sys.exit(run(Node, args=[]))
+"""
+
+
+@pytest.mark.parametrize(("stopped", "code"), [(True, 0), (False, 1)])
+def test_wait_error_is_a_clean_stop_only_after_shutdown(stopped: bool, code: int) -> None:
+    done = subprocess.run([sys.executable, "-c", SCRIPT.format(stopped=stopped)], capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == code, done.stderr
