@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lowcostnav_ros.calibration.record import CalibrationError
+from lowcostnav_ros.convert.table import is_number
 from lowcostnav_ros.settings import nearest
 
 _SECONDS = dict.fromkeys(("t", "t_s", "time", "time_s", "stamp_s"), 1.0)
@@ -122,17 +123,9 @@ def _header(path: str) -> list[str]:
     with gzip.open(path, "rt", encoding="utf-8") if path.endswith(".gz") else open(path, encoding="utf-8") as file:
         first = file.readline().lstrip("#").strip()
     names = [name.strip() for name in first.split(",")]
-    if not first or any(_is_number(name) for name in names):
+    if not first or any(is_number(name) for name in names):
         raise CalibrationError(f"{path} needs a header line with the names of its columns, separated by commas.")
     return names
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _year(stamp_ns: int) -> float | None:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from lowcostnav_ros.calibration.least_squares import condition_number, solve_least_squares
-from lowcostnav_ros.calibration.magnetometer_fit import NARROW_DEG, MagnetometerFit, checked_samples, coverage_of
+from lowcostnav_ros.calibration.magnetometer_fit import NARROW_DEG, MagnetometerFit, checked_samples, wide_coverage_of
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.kernels import kernel
 
@@ -105,12 +105,7 @@ def batch_fit(
         raise CalibrationError(f"The batch fit did not converge in {MOST_ITERATIONS} steps; use the two-step fit or give a better guess.")
     scale = np.abs(scale)  # the equation holds squares only
     calibrated = (measured - hard_iron) / scale
-    coverage = coverage_of(calibrated)
-    if coverage.strip_deg < minimum_strip_deg:
-        raise CalibrationError(
-            f"The attitudes cover only {coverage.strip_deg:.0f} deg across the turn (under {minimum_strip_deg:.0f} deg); "
-            "bank and pitch more, or use the fit with known field strength."
-        )
+    coverage = wide_coverage_of(calibrated, minimum_strip_deg)
     rows, right = batch_rows(measured, strengths, hard_iron, scale)
     residual_rms = float(np.sqrt(np.mean(right**2)))
     upper = solve_least_squares(rows, right)[1]

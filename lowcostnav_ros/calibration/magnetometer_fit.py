@@ -205,3 +205,20 @@ def _sphere_percent(unit: np.ndarray) -> float:
     band = np.minimum(((unit[:, 2] + 1.0) * 0.5 * _BANDS).astype(int), _BANDS - 1)
     sector = ((np.arctan2(unit[:, 1], unit[:, 0]) / (2.0 * np.pi) + 0.5) * _SECTORS).astype(int) % _SECTORS
     return 100.0 * len(np.unique(band * _SECTORS + sector)) / (_BANDS * _SECTORS)
+
+
+def wide_coverage_of(directions: np.ndarray, minimum_strip_deg: float) -> Coverage:
+    """Coverage of the sphere by directions, body axes (n, 3), for a fit that needs tilt.
+
+    Raises
+    ------
+    CalibrationError
+        When the directions are a thinner strip than ``minimum_strip_deg``, degrees.
+    """
+    coverage = coverage_of(directions)
+    if coverage.strip_deg < minimum_strip_deg:
+        raise CalibrationError(
+            f"The attitudes cover only {coverage.strip_deg:.0f} deg across the turn (under {minimum_strip_deg:.0f} deg); "
+            "bank and pitch more, or use the fit with known field strength."
+        )
+    return coverage

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from lowcostnav_ros.calibration.least_squares import condition_number, solve_least_squares
-from lowcostnav_ros.calibration.magnetometer_fit import NARROW_DEG, MagnetometerFit, checked_samples, coverage_of
+from lowcostnav_ros.calibration.magnetometer_fit import NARROW_DEG, MagnetometerFit, checked_samples, coverage_of, wide_coverage_of
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.kernels import kernel
 
@@ -130,12 +130,7 @@ def two_step_fit(measured: np.ndarray, strength: float, minimum_strip_deg: float
             "The samples do not lie on an ellipsoid: too little tilt for this noise; fly steeper turns or use the fit with known strength."
         )
     calibrated = (measured - hard_iron) / scale
-    coverage = coverage_of(calibrated)
-    if coverage.strip_deg < minimum_strip_deg:
-        raise CalibrationError(
-            f"The attitudes cover only {coverage.strip_deg:.0f} deg across the turn (under {minimum_strip_deg:.0f} deg); "
-            "bank and pitch more, or use the fit with known field strength."
-        )
+    coverage = wide_coverage_of(calibrated, minimum_strip_deg)
     sigma = _sigmas(x, upper, rows, right, float(strength), centre, half)
     residual = np.linalg.norm(calibrated, axis=1) - strength
     return MagnetometerFit(

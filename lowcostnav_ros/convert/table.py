@@ -116,7 +116,7 @@ def _numbers(cells: list[str], where: list[int], wanted: list[str], width: int) 
     try:
         values = [float(cells[k]) for k in where]
     except ValueError:
-        bad = next(name for name, k in zip(wanted, where, strict=True) if not _is_number(cells[k]))
+        bad = next(name for name, k in zip(wanted, where, strict=True) if not is_number(cells[k]))
         return [], f"'{bad}' is not a number"
     if not all(map(math.isfinite, values)):
         return [], "a value is not finite"
@@ -131,7 +131,8 @@ def _written(text: str, text_format: str) -> tuple[int, str]:
     return (since.days * 86400 + since.seconds) * 1_000_000_000 + since.microseconds * 1000, ""
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether ``text`` reads as a number, NaN and infinity among them."""
     try:
         float(text)
     except ValueError:

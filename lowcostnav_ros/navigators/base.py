@@ -144,6 +144,6 @@ class Navigator:
             self.origin = LocalFrame(lat, lon, height)
 
     def _level(self) -> int:
-        if self.mode in ("failed",):
+        if self.mode == "failed":
             return ERROR
         return OK if self.mode in ("gps", "calibrating") else WARN

@@ -18,7 +18,7 @@ from lowcostnav_ros.estimation.error_state import Block, Kind, Layout
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.measurements import GnssEpoch, NavSolution
-from lowcostnav_ros.navigators.base import ERROR, HorizonSettings, Navigator
+from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, RECOVERED, GnssSettings, RangeAid, RangeRateAid
 from lowcostnav_ros.navigators.inertial import POS, VEL
 from lowcostnav_ros.navigators.ins_gnss import ENOUGH, EPOCH, THESIS_POSITION_PSD, clock_block, point_solution
@@ -248,6 +248,3 @@ class GnssOnly(Navigator):
             "position_down_m": float(s[2]),
             "velocity_horizontal_mps": float(np.hypot(s[3], s[4])),
         }
-
-    def _level(self) -> int:
-        return ERROR if self.mode == "failed" else super()._level()

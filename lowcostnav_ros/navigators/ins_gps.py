@@ -22,7 +22,7 @@ from lowcostnav_ros.measurements import (
     Pressure,
 )
 from lowcostnav_ros.navigators.alignment import AlignmentSettings, Levelling, tilt_from_specific_force, unit_error
-from lowcostnav_ros.navigators.base import ERROR, HorizonSettings, Navigator
+from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, GAP_NS, POS, VEL, ImuSettings, InertialCore, bias_blocks, core_block
 from lowcostnav_ros.navigators.ins_gps_aids import (
     AirDataSettings,
@@ -355,6 +355,3 @@ class InsGps(Navigator):
             "tilt_deg": float(np.hypot(s[6], s[7]) / DEG),
             "heading_deg": float(s[8] / DEG),
         }
-
-    def _level(self) -> int:
-        return ERROR if self.mode == "failed" else super()._level()

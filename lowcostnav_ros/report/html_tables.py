@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from lowcostnav_ros.replay.metrics import MAGNITUDES
 from lowcostnav_ros.replay.tables import number
 from lowcostnav_ros.replay.words import error_over_sigma
 from lowcostnav_ros.report.svg import escape
@@ -16,15 +17,6 @@ _SIZES = {
     "pitch_deg": "pitch [deg]",
     "heading_deg": "heading [deg]",
     "wind_mps": "wind [m/s]",
-}
-_AXES_OF = {
-    "horizontal_m": ("north_m", "east_m"),
-    "vertical_m": ("down_m",),
-    "velocity_mps": ("vn_mps", "ve_mps", "vd_mps"),
-    "roll_deg": ("roll_deg",),
-    "pitch_deg": ("pitch_deg",),
-    "heading_deg": ("heading_deg",),
-    "wind_mps": ("wind_north_mps", "wind_east_mps"),
 }
 
 
@@ -50,7 +42,7 @@ def errors(summary: dict[str, Any]) -> str:
             for size, label in _SIZES.items() if found else ():
                 if size in found:
                     s = found[size]
-                    ratios = [number(found["error_over_sigma"].get(axis), 2) for axis in _AXES_OF[size]]
+                    ratios = [number(found["error_over_sigma"].get(axis), 2) for axis in MAGNITUDES[size]]
                     sizes = [number(s[k]) for k in ("rms", "median", "p95", "max")]
                     rows.append((name, words, label, *sizes, f"{s['max_at_s']:.1f}", " ".join(ratios)))
     heads = ("navigator", "over", "error", "RMS", "median", "95 %", "max", "max at t [s]", "error/sigma per axis")

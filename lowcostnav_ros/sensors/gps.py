@@ -11,9 +11,10 @@ import numpy as np
 from lowcostnav_ros.earth import displace
 from lowcostnav_ros.measurements import GpsPosition, GpsVelocity
 from lowcostnav_ros.sensors.drift import DriftBank
+from lowcostnav_ros.sensors.reception import Reception, check_outages
 from lowcostnav_ros.sensors.sampling import SampleClock
 from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import SettingsError, setting
+from lowcostnav_ros.settings import setting
 from lowcostnav_ros.stochastic import GaussMarkov
 from lowcostnav_ros.truth import TruthBlock
 
@@ -35,16 +36,7 @@ class GpsSimulatorSettings:
     outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
 
     def __post_init__(self) -> None:
-        if len(self.outages_s) % 2:
-            raise SettingsError("GPS: 'outages_s' needs pairs of start and end; add the missing end.")
-        for start, end in outage_windows(self.outages_s):
-            if end <= start:
-                raise SettingsError(f"GPS: an outage ends at {end:g} s, not after its start at {start:g} s; swap or correct them.")
-
-
-def outage_windows(outages_s: list) -> list[tuple[float, float]]:
-    """Return the flat list ``[start, end, start, end, ...]`` as pairs."""
-    return list(zip(outages_s[0::2], outages_s[1::2], strict=True))
+        check_outages(self.outages_s, "GPS")
 
 
 class GpsSimulator:
@@ -58,9 +50,7 @@ class GpsSimulator:
         self.settings = settings
         self.position_source, self.velocity_source = position_source, velocity_source
         self._clock = SampleClock(settings.rate_hz)
-        self._start_ns: int | None = None
-        self._latency_ns = round(settings.latency_s * 1e9)
-        self._pending: list[GpsPosition | GpsVelocity] = []
+        self._reception: Reception[GpsPosition | GpsVelocity] = Reception(settings.latency_s, settings.outages_s)
         drift = np.array([settings.horizontal_drift_m, settings.horizontal_drift_m, settings.vertical_drift_m])
         processes = [GaussMarkov(float(sigma), settings.drift_tau_s) for sigma in drift]
         self._drift = DriftBank(processes, 1.0 / settings.rate_hz, stream(settings.seed, "gps.drift"))
@@ -75,20 +65,15 @@ class GpsSimulator:
         """Return the fixes and velocities that become available during ``truth``, in stamp order."""
         if len(truth) == 0:
             return []
-        if self._start_ns is None:
-            self._start_ns = int(truth.stamps_ns[0])
+        self._reception.begin(int(truth.stamps_ns[0]))
         rows = self._clock.rows(truth.stamps_ns)
         noise = self._noise_rng.standard_normal((len(rows), 6)) * self._noise_sigma
         noise[:, 0:3] += self._drift.draw(len(rows))
         received = self._dropout_rng.random(len(rows)) >= self.settings.dropout_probability
         for row, error, ok in zip(rows, noise, received, strict=True):
-            if ok and not self._in_outage(int(truth.stamps_ns[row])):
-                self._pending += self._epoch(truth, row, error)
-        return self._available(int(truth.stamps_ns[-1]))
-
-    def _in_outage(self, stamp_ns: int) -> bool:
-        elapsed_s = (stamp_ns - self._start_ns) * 1e-9
-        return any(start <= elapsed_s < end for start, end in outage_windows(self.settings.outages_s))
+            if ok and not self._reception.in_outage(int(truth.stamps_ns[row])):
+                self._reception.send(*self._epoch(truth, row, error))
+        return self._reception.arrived(int(truth.stamps_ns[-1]))
 
     def _epoch(self, truth: TruthBlock, row: int, error: np.ndarray) -> list[GpsPosition | GpsVelocity]:
         stamp_ns = int(truth.stamps_ns[row])
@@ -98,8 +83,3 @@ class GpsSimulator:
             GpsPosition(stamp_ns, self.position_source, float(lat), float(lon), float(height), self._cov_position),
             GpsVelocity(stamp_ns, self.velocity_source, velocity, self._cov_velocity),
         ]
-
-    def _available(self, now_ns: int) -> list[GpsPosition | GpsVelocity]:
-        ready = [m for m in self._pending if m.stamp_ns + self._latency_ns <= now_ns]
-        self._pending = self._pending[len(ready) :]  # pending is in stamp order, so the ready ones are its head
-        return ready

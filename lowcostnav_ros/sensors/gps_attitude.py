@@ -10,10 +10,10 @@ import numpy as np
 from lowcostnav_ros.earth import STANDARD_GRAVITY
 from lowcostnav_ros.measurements import Attitude
 from lowcostnav_ros.rotation import euler_jacobian_n, euler_to_quat, quat_to_dcm, quat_to_euler
-from lowcostnav_ros.sensors.gps import outage_windows
+from lowcostnav_ros.sensors.reception import Reception, check_outages
 from lowcostnav_ros.sensors.sampling import SampleClock
 from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import SettingsError, setting
+from lowcostnav_ros.settings import setting
 from lowcostnav_ros.truth import TruthBlock
 
 STEEPEST = np.radians(85.0)
@@ -32,11 +32,7 @@ class GpsAttitudeSimulatorSettings:
     outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
 
     def __post_init__(self) -> None:
-        if len(self.outages_s) % 2:
-            raise SettingsError("GPS attitude: 'outages_s' needs pairs of start and end; add the missing end.")
-        for start, end in outage_windows(self.outages_s):
-            if end <= start:
-                raise SettingsError(f"GPS attitude: an outage ends at {end:g} s, not after its start at {start:g} s; swap or correct them.")
+        check_outages(self.outages_s, "GPS attitude")
 
 
 class GpsAttitudeSimulator:
@@ -48,9 +44,7 @@ class GpsAttitudeSimulator:
     def __init__(self, settings: GpsAttitudeSimulatorSettings, source: str = "gps/attitude") -> None:
         self.settings, self.source = settings, source
         self._clock = SampleClock(settings.rate_hz)
-        self._start_ns: int | None = None
-        self._latency_ns = round(settings.latency_s * 1e9)
-        self._pending: list[Attitude] = []
+        self._reception: Reception[Attitude] = Reception(settings.latency_s, settings.outages_s)
         self._noise_rng = stream(settings.seed, "gps_attitude.noise")
         self._dropout_rng = stream(settings.seed, "gps_attitude.dropout")
 
@@ -58,24 +52,16 @@ class GpsAttitudeSimulator:
         """Return the attitudes that become available during ``truth``, in stamp order."""
         if len(truth) == 0:
             return []
-        if self._start_ns is None:
-            self._start_ns = int(truth.stamps_ns[0])
+        self._reception.begin(int(truth.stamps_ns[0]))
         rows = self._clock.rows(truth.stamps_ns)
         noise = np.radians(self.settings.noise_deg) * self._noise_rng.standard_normal((len(rows), 3))
         received = self._dropout_rng.random(len(rows)) >= self.settings.dropout_probability
         for row, error, ok in zip(rows, noise, received, strict=True):
             stamp_ns = int(truth.stamps_ns[row])
             angles = np.array(quat_to_euler(truth.q_nb[row]))
-            if ok and abs(angles[1]) < STEEPEST and not self._in_outage(stamp_ns):
-                self._pending.append(self._epoch(stamp_ns, angles + error))
-        now_ns = int(truth.stamps_ns[-1])
-        ready = [m for m in self._pending if m.stamp_ns + self._latency_ns <= now_ns]
-        self._pending = self._pending[len(ready) :]
-        return ready
-
-    def _in_outage(self, stamp_ns: int) -> bool:
-        elapsed_s = (stamp_ns - self._start_ns) * 1e-9
-        return any(start <= elapsed_s < end for start, end in outage_windows(self.settings.outages_s))
+            if ok and abs(angles[1]) < STEEPEST and not self._reception.in_outage(stamp_ns):
+                self._reception.send(self._epoch(stamp_ns, angles + error))
+        return self._reception.arrived(int(truth.stamps_ns[-1]))
 
     def _epoch(self, stamp_ns: int, angles: np.ndarray) -> Attitude:
         """Rates are zero and specific force that of unaccelerated flight: the receiver measures neither."""

@@ -1,0 +1,66 @@
+"""What a simulated receiver hands over and when: nothing during an outage, everything else after its latency."""
+
+from collections.abc import Sequence
+from typing import Generic, TypeVar
+
+from lowcostnav_ros.settings import SettingsError
+
+M = TypeVar("M")
+
+
+def outage_windows(outages_s: Sequence[float]) -> list[tuple[float, float]]:
+    """Return the flat list ``[start, end, start, end, ...]`` as pairs."""
+    return list(zip(outages_s[0::2], outages_s[1::2], strict=True))
+
+
+def check_outages(outages_s: Sequence[float], receiver: str) -> None:
+    """Refuse a list of outages that is not pairs of a start and a later end.
+
+    Raises
+    ------
+    SettingsError
+        The sentence begins with ``receiver``.
+    """
+    if len(outages_s) % 2:
+        raise SettingsError(f"{receiver}: 'outages_s' needs pairs of start and end; add the missing end.")
+    for start, end in outage_windows(outages_s):
+        if end <= start:
+            raise SettingsError(f"{receiver}: an outage ends at {end:g} s, not after its start at {start:g} s; swap or correct them.")
+
+
+class Reception(Generic[M]):
+    """Outages and latency of one receiver; keeps what is still on its way.
+
+    Parameters
+    ----------
+    latency_s : float
+        Time from validity to availability, s.
+    outages_s : sequence of float
+        Start, end, start, end, ... in s from the first truth stamp.
+    """
+
+    def __init__(self, latency_s: float, outages_s: Sequence[float]) -> None:
+        self._latency_ns = round(latency_s * 1e9)
+        self._outages = outage_windows(outages_s)
+        self._start_ns: int | None = None
+        self._pending: list[M] = []
+
+    def begin(self, stamp_ns: int) -> None:
+        """Count outages from ``stamp_ns``; only the first call does."""
+        if self._start_ns is None:
+            self._start_ns = stamp_ns
+
+    def in_outage(self, stamp_ns: int) -> bool:
+        """Whether nothing is received at ``stamp_ns``; after :meth:`begin`."""
+        elapsed_s = (stamp_ns - self._start_ns) * 1e-9
+        return any(start <= elapsed_s < end for start, end in self._outages)
+
+    def send(self, *measurements: M) -> None:
+        """Put measurements, in stamp order, on their way."""
+        self._pending.extend(measurements)
+
+    def arrived(self, now_ns: int) -> list[M]:
+        """Take what is available at ``now_ns``, in stamp order."""
+        ready = [m for m in self._pending if m.stamp_ns + self._latency_ns <= now_ns]
+        self._pending = self._pending[len(ready) :]  # pending is in stamp order, so the ready ones are its head
+        return ready
