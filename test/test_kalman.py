@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.stats import chi2
 
+from lowcostnav_ros import chi_square
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.consistency import acceptance_band, error_over_sigma_rms, nees
 from lowcostnav_ros.estimation.smoothing import rts_smoother
@@ -142,7 +143,7 @@ def test_smoother_equals_filterpy():
 
 
 def test_gate_and_band_come_from_chi_square():
-    assert kalman.gate_threshold(0.999, 1) == pytest.approx(10.828, abs=1e-3)
+    assert chi_square.threshold(0.999, 1) == pytest.approx(10.828, abs=1e-3)
     low, high = acceptance_band(3, 20)
     assert (low, high) == pytest.approx(tuple(chi2.ppf([0.025, 0.975], 60) / 20))
 
@@ -159,4 +160,4 @@ def test_nees_of_matched_errors_falls_inside_its_band():
 @pytest.mark.parametrize("dof", range(1, 13))
 def test_gate_equals_the_chi_square_quantile(dof):
     for probability in (0.5, 0.95, 0.9995, 0.9999999):
-        assert kalman.gate_threshold(probability, dof) == pytest.approx(chi2.ppf(probability, dof), rel=1e-7)
+        assert chi_square.threshold(probability, dof) == pytest.approx(chi2.ppf(probability, dof), rel=1e-7)
