@@ -167,7 +167,8 @@ def test_a_satellite_that_lies_is_left_out_by_name_and_the_others_carry_on():
 
     liar = epochs_of(CASE, truth_of("HD", SHORT_S))[-1].sat_id[2]
     navigator, flight = after(30.0, fault)
-    assert navigator.range_aid.satellites[f"G{liar:02d}: innovation beyond gate"] > 250
+    assert navigator.range_aid.satellites[f"G{liar:02d}: left out by the integrity test"] > 250
+    assert list(navigator.integrity.status.excluded) == [f"G{liar:02d}"]
     assert flight.worst(30.0, 60.0) < 4.0
     assert navigator.mode == "gps"
 

@@ -14,6 +14,8 @@ MODE_COLOURS = {
     "gps": "#1b9e77",
     "calibrating": "#1b9e77",
     "coasting": "#e6a817",
+    "sparse": "#b8b042",
+    "suspect": "#d95f02",
     "dme_aided": "#7570b3",
     "re_acquiring": "#66a6d9",
     "aligning": "#a6b4c0",
