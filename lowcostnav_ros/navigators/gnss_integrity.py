@@ -137,22 +137,27 @@ class GnssIntegrity:
         if not windows.gather(epoch.stamp_ns, slots, y, G, R, passed):
             self._report(kind, parity.UNTESTED, "", np.count_nonzero(passed))
             return passed
-        judged = ~self._excluded[slots]
-        window, verdict, row, steepness = windows.judge(slots, judged, G, R)
-        while verdict == parity.FOUND:
-            over = f" over {windows.times[window]:.0f} s" if window else ""
-            self._exclude(int(slots[row]), name_of(epoch, rows[row]), f"its {kind} contradicts the others'{over}")
-            judged[row] = False
-            window, verdict, row, steepness = windows.judge(slots, judged, G, R)
-        good = passed & judged
-        if not np.array_equal(good, judged):
-            window, verdict, row, steepness = windows.judge(slots, good, G, R)
+        good, (window, verdict, row, steepness) = self._judge(kind, epoch, rows, passed, G, R)
         self._report(kind, verdict, "" if row < 0 else name_of(epoch, rows[row]), np.count_nonzero(good))
         if kind == RANGE:
             self._protect(verdict, steepness, full=windows.is_full(slots[good]))
-        self._readmit(kind, epoch, rows, slots, good, G, R)
+        self._readmit(kind, epoch, rows, good, G, R)
         at_once = window == 0 and verdict in (parity.TOO_FEW, parity.AMBIGUOUS, parity.SEVERAL)
         return np.zeros(len(rows), dtype=bool) if at_once else good
+
+    def _judge(self, kind: str, epoch: GnssEpoch, rows: np.ndarray, passed: np.ndarray, G: np.ndarray, R: np.ndarray) -> tuple:
+        """Leave out whom the tests name, one after the other; return who is left of those that passed, and their judgement."""
+        windows, slots = self.windows[kind], slots_of(epoch, rows)
+        judged = ~self._excluded[slots]
+        found = windows.judge(slots, judged, G, R)
+        while found[1] == parity.FOUND:
+            window, _, row, _ = found
+            over = f" over {windows.times[window]:.0f} s" if window else ""
+            self._exclude(int(slots[row]), name_of(epoch, rows[row]), f"its {kind} contradicts the others'{over}")
+            judged[row] = False
+            found = windows.judge(slots, judged, G, R)
+        good = passed & judged
+        return good, found if np.array_equal(good, judged) else windows.judge(slots, good, G, R)
 
     def testify(self, kind: str, stamp_ns: int, y: np.ndarray, G: np.ndarray, S: np.ndarray) -> None:
         """Test all satellites together against the prediction: innovations y (n,), columns G (n, 4), covariance S (n, n)."""
@@ -216,8 +221,9 @@ class GnssIntegrity:
                 levels[k : k + 2] = [float(horizontal * noticed**0.5), float(vertical * noticed**0.5)]
         status.hpl_m, status.vpl_m, status.lasting_hpl_m, status.lasting_vpl_m = levels
 
-    def _readmit(self, kind: str, epoch: GnssEpoch, rows, slots, good, G, R) -> None:
+    def _readmit(self, kind: str, epoch: GnssEpoch, rows: np.ndarray, good: np.ndarray, G: np.ndarray, R: np.ndarray) -> None:
         """Use a satellite again that has agreed in both kinds for long enough."""
+        slots = slots_of(epoch, rows)
         if not self._excluded[slots].any():
             return
         distances = self.windows[kind].strays(slots, good, G, R)

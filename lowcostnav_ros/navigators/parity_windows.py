@@ -106,8 +106,8 @@ def strays(mean, factor, slots, trusted, G, R, slow_sigma):
     """Largest distance, in sigmas, of each mean from what the trusted satellites say, over the windows longer than an epoch; (n,)."""
     n, out = slots.shape[0], np.zeros(slots.shape[0])
     rows = np.flatnonzero(trusted)
-    for i in range(1, mean.shape[0]):
-        spread = covariance_of_means(factor[i], slots, R, slow_sigma)
+    for i in range(min(1, mean.shape[0] - 1), mean.shape[0]):
+        spread = covariance_of_means(factor[i], slots, R, slow_sigma if i > 0 else 0.0)
         A, b = whitened(G[rows], mean[i][slots[rows]], chosen(spread, rows))
         solved, x, gain, _, _ = parity(A, b)
         for k in range(n):
