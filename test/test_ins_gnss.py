@@ -114,6 +114,14 @@ def test_errors_stay_inside_their_sigmas_and_innovations_are_white():
     assert np.mean([f.rms_3d(slice(3, 6)) for f in flights]) < 0.1
 
 
+def test_a_large_heading_error_leaves_the_attitude_inside_its_sigmas():
+    """Forty degrees found out by the first horizontal acceleration: what was learnt of the biases before must turn with it."""
+    flights = [fly(Case("tight", "LD", "mems", seed, heading_error_deg=40.0, duration_s=90.0)) for seed in range(8)]
+    low, high = acceptance_band(3, 8, 0.999)
+    assert low < np.mean([f.nees[-300:, 2].mean() for f in flights]) < high
+    assert max(abs(np.degrees(f.error[-1, 8])) for f in flights) < 1.0
+
+
 def test_innovations_are_as_large_as_predicted():
     navigator, nis, dof = ready(), 0.0, 0
     truth = truth_of("HD", SHORT_S)
