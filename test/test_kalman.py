@@ -44,6 +44,13 @@ def test_short_step_discretisation_approaches_van_loan():
     assert np.allclose(P, exact, rtol=1e-4)
 
 
+def test_noise_by_simpson_is_that_of_white_acceleration_to_the_last_digits():
+    F, GQG, dt = np.array([[0.0, 1.0], [0.0, 0.0]]), np.diag([0.0, 3.0]), 0.1
+    P = np.zeros((2, 2))
+    kalman.predict_covariance_by_simpson(P, kalman.transition(F, dt), kalman.transition(F, 0.5 * dt), GQG, dt)
+    assert kalman.van_loan(F, GQG, dt)[1] == pytest.approx(P, rel=1e-12)
+
+
 def test_update_equals_filterpy():
     rng = np.random.default_rng(1)
     n, m = 7, 3

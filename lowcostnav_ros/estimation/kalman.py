@@ -69,6 +69,23 @@ def predict_covariance(P, Phi, GQG, dt):
 
 
 @kernel
+def predict_covariance_by_simpson(P, Phi, Phi_half, GQG, dt):
+    """The same with the noise by Simpson's rule, exact for a doubly integrated white noise; ``Phi_half`` leads to the middle of the step.
+
+    The trapezoid triples the part of a position's noise that the velocities at both ends of the step do not explain (q dt^3/4 for
+    q dt^3/12); where velocity is measured at every step and q is large, that part is what the position wanders by.
+    """
+    n = P.shape[0]
+    share = GQG * (dt / 6.0)
+    moved, middle = turned(Phi, P + share), turned(Phi_half, 4.0 * share)
+    for i in range(n):
+        for j in range(i + 1):
+            value = 0.5 * (moved[i, j] + moved[j, i]) + 0.5 * (middle[i, j] + middle[j, i]) + share[i, j]
+            P[i, j] = value
+            P[j, i] = value
+
+
+@kernel
 def innovation_covariance(P, H, R):
     """S = H P H' + R, symmetric by construction."""
     S = turned(H, P) + R

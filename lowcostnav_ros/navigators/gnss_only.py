@@ -80,7 +80,8 @@ def predict(nav, estimate, P, rate, psd, dt):
     n = P.shape[0]
     steps = max(1, math.ceil(dt / STEP_S - 1e-9))
     h = dt / steps
-    Phi = kalman.transition(motion_dynamics(n, rate), h)
+    F = motion_dynamics(n, rate)
+    Phi, Phi_half = kalman.transition(F, h), kalman.transition(F, 0.5 * h)
     GQG = np.zeros((n, n))
     for i in range(n):
         GQG[i, i] = psd[i]
@@ -95,7 +96,7 @@ def predict(nav, estimate, P, rate, psd, dt):
         for i in range(6, n - 2):
             estimate[i] *= math.exp(-rate[i] * h)
         estimate[n - 2] += estimate[n - 1] * h
-        kalman.predict_covariance(P, Phi, GQG, h)
+        kalman.predict_covariance_by_simpson(P, Phi, Phi_half, GQG, h)
 
 
 class MotionCore:

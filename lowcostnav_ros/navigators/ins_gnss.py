@@ -16,7 +16,7 @@ from lowcostnav_ros.estimation.horizon import FusionHorizon
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, Integrity, Measurement, NavSolution
-from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, GnssSettings, RangeAid, RangeRateAid
+from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, GnssSettings, RangeAid, RangeRateAid, predicted
 from lowcostnav_ros.navigators.gnss_integrity import GnssIntegrity
 from lowcostnav_ros.navigators.gnss_start import SlopeVelocity, point_solution
 from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
@@ -27,6 +27,7 @@ EPOCH = "gnss/raw"
 SOLUTION = "gnss_only/odometry_fused"
 THESIS_POSITION_PSD = (6.0, 6.0, 90.0)
 """Position random walk, m^2/s north east down, with which the filter follows the range noise as the thesis's published errors do."""
+SOURCES = ("epochs", "gnss_only", "receiver")
 ENOUGH = 4
 """Satellites from which position and clock follow from one epoch alone."""
 
@@ -65,8 +66,10 @@ class LooseSettings:
 class InsGnssSettings(InsGpsSettings):
     """All settings of the INS/GNSS navigator."""
 
-    coupling: str = setting("tight", "Satellites one by one (tight), or a receiver's solution (loose).", choices=("tight", "loose"))
-    loose_source: str = setting("gnss_only", "Whose solution loose coupling uses.", choices=("gnss_only", "receiver"))
+    coupling: str = setting("tight", "Satellites one by one (tight), or a solution of them (loose).", choices=("tight", "loose"))
+    loose_source: str = setting(
+        "epochs", "Solution used by loose coupling: of each epoch alone, the filtered one of gnss_only, or a receiver's.", choices=SOURCES
+    )
     tuning: str = setting("consistent", "Process noise: as the sensors are, or as the thesis's.", choices=("consistent", "thesis"))
     split_turn_on: bool = setting(True, "Estimate turn-on biases beside Gauss-Markov drifts.")
     gnss: GnssSettings = group(GnssSettings)
@@ -157,6 +160,9 @@ class InsGnss(InsGps):
         elif isinstance(item, NavSolution):
             for part in self._fix_of(item):
                 super()._fuse(part)
+        elif isinstance(item, GnssEpoch) and not self.tight:
+            for part in self._solved(item):
+                super()._fuse(part)
         else:
             super()._fuse(item)
 
@@ -171,6 +177,25 @@ class InsGnss(InsGps):
         velocity = solution.cov_vel * max(1.0, 2.0 * loose.velocity_tau_s / since_s)
         place = (solution.lat, solution.lon, solution.height)
         return GpsPosition(stamp, source, *place, position), GpsVelocity(stamp, source, solution.vel_n, velocity)
+
+    def _solved(self, epoch: GnssEpoch) -> tuple[Measurement, ...]:
+        """Position and velocity of the antenna from one epoch alone, errors white from epoch to epoch; nothing where there is none."""
+        if self._aligned and self.core.t_ns == epoch.stamp_ns:
+            used = np.zeros(len(epoch), dtype=bool)
+            used[self.range_aid.usable(epoch, epoch.pseudorange_m, epoch.range_valid, predicted(epoch, self)[-1])] = True
+            epoch = replace(epoch, range_valid=used, doppler_valid=used & epoch.doppler_valid)
+        try:
+            return tuple(part for part in self._solve(epoch) if part is not None)
+        except GnssError as error:
+            self.input_status[epoch.source].reject("no solution of this epoch")
+            if not self._aligned:
+                self.mode, self.reason = "aligning", str(error)
+            return ()
+
+    def _solve(self, epoch: GnssEpoch) -> tuple[GpsPosition, GpsVelocity | None]:
+        """Point solution of an epoch; to align without Dopplers, the slope of the positions serves as velocity."""
+        fix, velocity = point_solution(epoch, doppler=self.settings.gnss.doppler)
+        return fix, velocity or (None if self._aligned else self.slope.add(fix))
 
     def _aid(self, item: Measurement) -> None:
         if not isinstance(item, GnssEpoch):
@@ -208,12 +233,11 @@ class InsGnss(InsGps):
             super()._prepare(item)
             return
         try:
-            fix, velocity = point_solution(item, doppler=self.settings.gnss.doppler)
+            fix, velocity = self._solve(item)
         except GnssError as error:
             self.mode, self.reason = "aligning", str(error)
             return
         super()._prepare(fix)
-        velocity = velocity or self.slope.add(fix)
         if velocity is not None:
             super()._prepare(velocity)
         else:
@@ -222,6 +246,6 @@ class InsGnss(InsGps):
 
 def _fixes(settings: InsGnssSettings) -> dict[str, bool]:
     """Sources of satellite data and that they are needed."""
-    if settings.coupling == "tight":
+    if settings.coupling == "tight" or settings.loose_source == "epochs":
         return {EPOCH: True}
     return {SOLUTION: True} if settings.loose_source == "gnss_only" else {FIX: True, VELOCITY: True}

@@ -87,6 +87,10 @@ class NavigatorFiles:
             table.close()
 
 
+SILENT, SILENT_S = "no solution", 2.0
+"""What a navigator's mode counts as while it says nothing for longer than this, s."""
+
+
 class NavigatorRun:
     """One navigator in a replay.
 
@@ -137,7 +141,9 @@ class NavigatorRun:
     def _take(self, solution: NavSolution, wanted: Collection[str]) -> list[Measurement]:
         self.solutions += 1
         if self._last is not None:
-            self.mode_seconds[self._last[1]] += max(0.0, (solution.stamp_ns - self._last[0]) / 1e9)
+            since_s = max(0.0, (solution.stamp_ns - self._last[0]) / 1e9)
+            longest_s = max(SILENT_S, 3e-9 * self.navigator.output_period_ns)
+            self.mode_seconds[self._last[1] if since_s <= longest_s else SILENT] += since_s
         self._last = (solution.stamp_ns, solution.mode)
         self._pending.append(solution)
         message = self.link.message(solution)

@@ -45,8 +45,9 @@ GAPS_S = {3: (120.0, 160.0), 2: (240.0, 280.0), 1: (360.0, 400.0), 0: (480.0, 52
 
 @dataclass(frozen=True)
 class Case:
-    """One flight.  ``navigator``: ``pv``, ``pva``, ``tight`` or ``loose``; ``schedule`` a key of :data:`SCHEDULES`;
-    ``heading_error_deg`` is added at the start, and to the filter's sigma.
+    """One flight.  ``navigator``: ``pv``, ``pva``, ``tight``, ``loose`` (on the PVA filter, as in the thesis) or ``epochs`` (loose on
+    the solution of each epoch alone); ``schedule`` a key of :data:`SCHEDULES`; ``heading_error_deg`` is added at the start, and to the
+    filter's sigma.
     """
 
     navigator: str = "tight"
@@ -136,7 +137,9 @@ def gps_only_settings(case: Case) -> GnssOnlySettings:
 def inertial_settings(case: Case, imu: ImuSettings) -> InsGnssSettings:
     """Settings of the INS/GNSS filter of a case; the thesis takes the errors of the GPS filter for white and screens nothing."""
     now = {"horizon": NO_LAG, "gps": GpsSettings(latency_s=0.0), "loose": LooseSettings(behind_s=0.0)}
-    plain = InsGnssSettings(imu=imu, coupling=case.navigator, tuning=case.tuning, **now)
+    coupling = "tight" if case.navigator == "tight" else "loose"
+    source = "gnss_only" if case.navigator == "loose" else "epochs"
+    plain = InsGnssSettings(imu=imu, coupling=coupling, loose_source=source, tuning=case.tuning, **now)
     if case.tuning == "consistent":
         return plain
     white = LooseSettings(position_tau_s=0.0, velocity_tau_s=0.0, behind_s=0.0)
