@@ -63,7 +63,7 @@ class Player(SourceNode):
     def _sensors(self) -> list[str]:
         """Topics a navigator would compute itself are not played against it."""
         playable = [name for name, kind in self._bag.types.items() if kind not in NOT_PLAYED]
-        sensors = [n for n in playable if n.split("/")[0] in ("imu", "gps", "air", "dme") and n not in ("imu/data", "imu/data_fused")]
+        sensors = [n for n in playable if n.split("/")[0] in ("imu", "gps", "air", "dme", "vor") and n not in ("imu/data", "imu/data_fused")]
         return sensors or playable
 
 
