@@ -20,6 +20,7 @@ SIMULATOR_INPUTS: dict[str, tuple[str, ...]] = {
     "air_data_simulator": ("truth/odometry", "truth/wind"),
     "gps_simulator": ("truth/odometry",),
     "dme_simulator": ("truth/odometry",),
+    "vor_simulator": ("truth/odometry",),
     "gps_attitude_simulator": ("truth/odometry",),
     "gnss_simulator": ("truth/odometry",),
 }

@@ -108,6 +108,20 @@ class StationTable:
             raise StationError(f"Station {ident} is not in the table; it has {', '.join(sorted(self._by_ident))}.")
         return self._by_ident[ident]
 
+    def named(self, idents: str, kinds: tuple[str, ...]) -> list[Station]:
+        """Return the stations of a list of idents separated by commas, in its order.
+
+        Raises
+        ------
+        StationError
+            For one that is not in the table or of none of the ``kinds``.
+        """
+        stations = [self[ident.strip().upper()] for ident in idents.split(",") if ident.strip()]
+        for station in stations:
+            if station.kind not in kinds:
+                raise StationError(f"Station {station.ident} is a {station.kind}; name one of kind {', '.join(kinds)}.")
+        return stations
+
 
 def stations_from_text(text: str, where: str = "stations") -> StationTable:
     """Read a station table from CSV text; see the module docstring for the columns.
