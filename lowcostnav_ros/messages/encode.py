@@ -183,7 +183,7 @@ def dme_range(measurement: m.SlantRange, max_range_m: float = 400.0e3) -> object
 
 
 def vor_bearing(measurement: m.VorBearing) -> object:
-    """Build a ``vor/bearing`` message: the station ident is the frame id, yaw (0 east, counter-clockwise) is 90 degrees minus the radial."""
+    """Build a ``vor/bearing`` message: the station ident is the frame id, yaw (0 east, left positive) 90 degrees minus the radial."""
     half = 0.5 * float(conv.yaw_of_heading(measurement.bearing_rad))
     pose = Pose(Point(0.0, 0.0, 0.0), Quaternion(0.0, 0.0, math.sin(half), math.cos(half)))
     variances = [m.UNKNOWN_VARIANCE] * 5 + [float(measurement.variance)]

@@ -19,6 +19,7 @@ from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, Mea
 from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, GnssSettings, RangeAid, RangeRateAid
 from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
 from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
+from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.settings import group, setting
 
 EPOCH = "gnss/raw"
@@ -101,12 +102,12 @@ class InsGnss(InsGps):
 
     name = "ins_gnss"
 
-    def __init__(self, settings: InsGnssSettings) -> None:
+    def __init__(self, settings: InsGnssSettings, stations: StationTable | None = None) -> None:
         self.tight = settings.coupling == "tight"
         self.inputs = {IMU: True, **_fixes(settings), MAG: False, PRESSURE: False, AIR: False}
         self.range_aid, self.rate_aid = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
         self.lever_b = np.array(settings.gps.lever_arm_b_m, dtype=float)
-        super().__init__(settings)
+        super().__init__(settings, stations)
         if SOLUTION in self.inputs:
             lag_s = settings.horizon.lag_s + settings.gps.latency_s + settings.loose.behind_s
             self.horizon = FusionHorizon(round(1e9 * lag_s), self.inertial)

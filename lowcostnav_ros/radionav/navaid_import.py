@@ -1,4 +1,4 @@
-"""DME and VOR/DME stations out of public navaid lists: our own CSV, OurAirports ``navaids.csv``, X-Plane and FlightGear ``earth_nav.dat``/``nav.dat``.
+"""Stations with DME out of public lists: our own CSV, OurAirports ``navaids.csv``, X-Plane and FlightGear ``earth_nav.dat``/``nav.dat``.
 
 A public list is large, world-wide and dirty: a row that cannot be used is left out and counted with its reason, never guessed.  Public
 lists give elevations above mean sea level and no geoid, so the height above the ellipsoid needs ``undulation_m`` for the area; what is

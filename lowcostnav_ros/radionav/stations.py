@@ -38,7 +38,7 @@ class StationError(ValueError):
 class Station:
     """One station.
 
-    ``lat``, ``lon`` rad, ``height`` m above the ellipsoid, ``elevation`` m above mean sea level, ``service_volume`` T, L or H, ``kind`` one of
+    ``lat``, ``lon`` rad, ``height`` m above the ellipsoid, ``elevation`` m above mean sea level, ``service_volume`` T, L or H, ``kind`` of
     :data:`KINDS`; ``declination`` rad, east positive: true bearing = radial + declination (0 and unused without a VOR).
     """
 

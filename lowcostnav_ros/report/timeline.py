@@ -15,6 +15,7 @@ MODE_COLOURS = {
     "calibrating": "#1b9e77",
     "coasting": "#e6a817",
     "dme_aided": "#7570b3",
+    "vor_aided": "#a17fa6",
     "re_acquiring": "#66a6d9",
     "aligning": "#a6b4c0",
     "initialising": "#c9d1d8",

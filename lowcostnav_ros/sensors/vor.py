@@ -1,8 +1,9 @@
 """VOR simulator: radials as one or more navigation receivers read them, tuned to stations of the table.
 
-``radial = true bearing - declination of the station + alignment error + course bends + white noise``.  The three parts of the default add up
-to the 1 degree of Gebre-Egziabher (2004), table of sensor errors (VOR bearing 1 deg, range 1 to 5 deg); how they share it is an assumption:
-a constant left over from the station's alignment, bends from what stands around it (Gauss-Markov over the *distance* flown) and receiver noise.
+``radial = true bearing - declination of the station + alignment error + course bends + white noise``.  The three errors of the default add
+up to the 1 degree of Gebre-Egziabher (2004), table of sensor errors (VOR bearing 1 deg, range 1 to 5 deg); how they share it is an
+assumption: a constant left over from the station's alignment, bends from what stands around it (Gauss-Markov over the *distance* flown),
+receiver noise.
 """
 
 from collections.abc import Iterator
