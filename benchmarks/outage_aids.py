@@ -1,6 +1,6 @@
 """What each aid of ins_gps buys in a GPS outage of one, two and five minutes: the same flights with and without it; prints JSON.
 
-    python benchmarks/outage_aids.py             # 60 flights of each kind
+    python benchmarks/outage_aids.py             # 40 flights of each kind
     python benchmarks/outage_aids.py --table     # and the table of docs/ins_gps.md
 """
 
@@ -53,5 +53,5 @@ def table(cases: dict) -> str:
 
 
 if __name__ == "__main__":
-    flights = {"type": int, "default": 60, "help": "flights of each kind"}
+    flights = {"type": int, "default": 40, "help": "flights of each kind"}
     run(__doc__.split("\n")[0], measure, flights=flights, table={"action": "store_true", "help": "print the table of the page first"})

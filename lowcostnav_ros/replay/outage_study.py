@@ -36,8 +36,8 @@ truth:
   rate_hz: 50
   duration_s: 482.0
   incidence_deg: {incidence}
-  mission: [straight duration_s=20, "s_turns count=6 by_deg={turn} bank_deg={bank}", straight duration_s=100, turn by_deg=60 bank_deg={bank},
-    straight duration_s=100, turn by_deg=-90 bank_deg={bank}, straight duration_s=600]
+  mission: [straight duration_s=20, "s_turns count=6 by_deg={turn} bank_deg={bank}", straight duration_s=100,
+    turn by_deg=60 bank_deg={bank}, straight duration_s=100, turn by_deg=-90 bank_deg={bank}, straight duration_s=600]
   start: {{height_m: 900.0, heading_deg: 250.0, airspeed_mps: {speed}}}
   wind: {wind}
 imu: {{profile: automotive, rate_hz: 50.0}}
@@ -71,6 +71,7 @@ CASES = {
     "vor": Case("aircraft", _VOR),
     "airspeed": Case("aircraft", {**_AIRSPEED, "airdata.sideslip_deg": 30.0}),  # so wide that it says nothing
     "airspeed_and_zero_sideslip": Case("aircraft", _AIRSPEED),
+    "airspeed_zero_sideslip_and_compass": Case("aircraft", {**_AIRSPEED, "magnetic.enabled": True}),
     "airspeed_zero_sideslip_and_vor": Case("aircraft", {**_AIRSPEED, **_VOR}),
     "all": Case("aircraft", {"baro.enabled": True, "magnetic.enabled": True, **_AIRSPEED, **_VOR}),
     "road_none": Case("road", {}),
@@ -82,12 +83,13 @@ BARE = {"aircraft": "none", "road": "road_none"}
 
 @dataclass(frozen=True, slots=True)
 class OutageError:
-    """Error at the end of an outage: absolute values, and the horizontal sigma the navigator claimed (root of both variances)."""
+    """Error at the end of an outage: absolute values, and the sigmas the navigator claimed (horizontal: root of both variances)."""
 
     horizontal_m: float
     height_m: float
     heading_deg: float
     sigma_m: float
+    heading_sigma_deg: float
 
 
 def fly(flight: str, seed: int) -> tuple[TruthBlock, list[Measurement]]:
@@ -125,5 +127,5 @@ def _error(truth: TruthBlock, solutions: list[NavSolution], at_s: float) -> Outa
     row = int(np.searchsorted(truth.stamps_ns, last.stamp_ns))
     north, east, down = difference_n(last.lat, last.lon, last.height, truth.lat[row], truth.lon[row], truth.height[row])
     heading = wrap(quat_to_euler(last.q_nb)[2] - quat_to_euler(truth.q_nb[row])[2])
-    sigma = math.sqrt(last.cov_pos[0, 0] + last.cov_pos[1, 1])
-    return OutageError(math.hypot(north, east), abs(float(down)), abs(math.degrees(heading)), sigma)
+    sigma, heading_sigma = math.sqrt(last.cov_pos[0, 0] + last.cov_pos[1, 1]), math.sqrt(last.cov_att[2, 2])
+    return OutageError(math.hypot(north, east), abs(float(down)), abs(math.degrees(heading)), sigma, math.degrees(heading_sigma))
