@@ -2,8 +2,8 @@
 
 The error state is a chosen list: core nine, bias drifts, turn-on biases, scale factors (27 with all of them) and, tightly coupled, the
 receiver clock's bias and drift (29); an IMU without drift needs 21 and 23.  Tight coupling uses whatever satellites there are, down to
-one; loose coupling coasts where the receiver has no solution (Solimeno 2007, sections 5.2 and 5.3).  Baro, magnetic heading and air data
-of the GPS/INS navigator may be switched on beside either.
+one; loose coupling coasts where the receiver has no solution (Solimeno 2007, sections 5.2 and 5.3).  Baro, magnetic heading, air data and
+VOR radials of the GPS/INS navigator may be switched on beside either.
 """
 
 from dataclasses import dataclass, replace

@@ -67,7 +67,7 @@ def bias_blocks(settings: VorSettings) -> list[Block]:
 class BearingState(NamedTuple):
     """What the aid asks of its host (``host.bearing_state()``).
 
-    ``position`` lat, lon [rad], height [m]; ``speed_mps`` over ground or through the air; ``free`` (n,): the states a radial may move.
+    ``position`` lat, lon [rad], height [m]; ``speed_mps`` over ground or through the air; ``free`` (n,) states it may move, None: all.
     """
 
     position: tuple[float, float, float]
