@@ -115,10 +115,14 @@ def outage_errors(names: list[str], seed: int) -> dict[str, list[OutageError]]:
         case = CASES[name]
         if case.flight not in flown:
             flown[case.flight] = fly(case.flight, seed)
-        truth, heard = flown[case.flight]
-        solutions = navigator(case).feed_all(heard)
-        found[name] = [_error(truth, solutions, LOST_S + end_s) for end_s in ENDS_S]
+        found[name] = errors_of(case, *flown[case.flight])
     return found
+
+
+def errors_of(case: Case, truth: TruthBlock, heard: list[Measurement]) -> list[OutageError]:
+    """Return the errors at :data:`ENDS_S` of one case on one flight."""
+    solutions = navigator(case).feed_all(heard)
+    return [_error(truth, solutions, LOST_S + end_s) for end_s in ENDS_S]
 
 
 def _error(truth: TruthBlock, solutions: list[NavSolution], at_s: float) -> OutageError:
