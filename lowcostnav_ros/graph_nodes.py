@@ -20,6 +20,7 @@ SIMULATOR_INPUTS: dict[str, tuple[str, ...]] = {
     "air_data_simulator": ("truth/odometry", "truth/wind"),
     "gps_simulator": ("truth/odometry",),
     "dme_simulator": ("truth/odometry",),
+    "vor_simulator": ("truth/odometry",),
     "gps_attitude_simulator": ("truth/odometry",),
     "gnss_simulator": ("truth/odometry",),
 }
@@ -116,7 +117,8 @@ def _navigator_settings(node: "GraphNode") -> Any:
 
 
 def navigator_of(node: "GraphNode") -> Any:
-    """Build the navigator a node of a graph runs, with the very settings it runs with."""
+    """Build the navigator a node of a graph runs, with the very settings and stations it runs with."""
     from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.replay.building import make_navigator
 
-    return NAVIGATORS[node.executable][1](_navigator_settings(node))
+    return make_navigator(_navigator_settings(node), NAVIGATORS[node.executable][1])

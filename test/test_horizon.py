@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
-from lowcostnav_ros.measurements import GpsVelocity, ImuBlock, SlantRange
+from lowcostnav_ros.measurements import GpsVelocity, ImuBlock, SlantRange, VorBearing
 
 MS = 1_000_000
 
@@ -66,8 +66,11 @@ def test_names_late_and_duplicate_measurements():
     drained(horizon)
     assert horizon.push(velocity(150)) == "late"
     assert horizon.push(velocity(195, "gps/fix")) == ""  # inside the lag
-    ranges = [SlantRange(300 * MS, "dme/range", station, 1e4, 1.0) for station in ("OAK", "SJC", "OAK")]
+    stations = ("OAK", "SJC", "OAK")
+    ranges = [SlantRange(300 * MS, "dme/range", station, 1e4, 1.0) for station in stations]
     assert [horizon.push(r) for r in ranges] == ["", "", "duplicate stamp"]
+    radials = [VorBearing(300 * MS, "vor/bearing", station, 1.0, 1e-4) for station in stations]
+    assert [horizon.push(r) for r in radials] == ["", "", "duplicate stamp"]  # two receivers read two stations at one time
 
 
 def test_a_single_wild_stamp_is_refused_and_a_new_time_base_is_believed_after_three():

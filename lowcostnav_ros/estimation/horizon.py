@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lowcostnav_ros.measurements import ImuBlock, Measurement, SlantRange
+from lowcostnav_ros.measurements import ImuBlock, Measurement, SlantRange, VorBearing
 
 TIME_JUMP_NS = 10_000_000_000
 """A stamp this far from the newest is not lateness: it is a bad stamp, or a restarted clock when it persists."""
@@ -73,7 +73,7 @@ class FusionHorizon:
             return self._push_imu(measurement)
         if self.passed_ns is not None and stamp <= self.passed_ns:
             return "late"
-        key = (stamp, measurement.source, measurement.station if isinstance(measurement, SlantRange) else "")
+        key = (stamp, measurement.source, measurement.station if isinstance(measurement, SlantRange | VorBearing) else "")
         if key in self._keys:
             return "duplicate stamp"
         self._keys.add(key)

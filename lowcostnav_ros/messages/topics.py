@@ -14,6 +14,7 @@ NAV_SAT_FIX = "sensor_msgs/msg/NavSatFix"
 TWIST = "geometry_msgs/msg/TwistWithCovarianceStamped"
 FLUID_PRESSURE = "sensor_msgs/msg/FluidPressure"
 TEMPERATURE = "sensor_msgs/msg/Temperature"
+POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 RANGE = "sensor_msgs/msg/Range"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -47,6 +48,9 @@ _SENSORS = (
     TopicSpec("air/temperature", TEMPERATURE, "Static air temperature.", "base_link", "deg C"),
     TopicSpec("air/velocity", TWIST, "Air-relative velocity: TAS on x, sideslip on y, incidence on z.", "base_link", "m/s"),
     TopicSpec("dme/range", RANGE, "One reply: slant range; frame_id is the station ident.", "", "m"),
+    TopicSpec(
+        "vor/bearing", POSE, "One radial: yaw = 90 deg - radial, roll, pitch and position zero; frame_id is the station ident.", "", "rad"
+    ),
     TopicSpec("truth/odometry", ODOMETRY, "True pose and velocity, simulators only.", "map", "m, m/s"),
     TopicSpec("truth/imu", IMU, "Ideal inertial sample with the true attitude, simulators only.", "base_link", "m/s^2, rad/s"),
     TopicSpec("truth/wind", TWIST, "True velocity of the air mass, east north up at the aircraft.", "map", "m/s"),

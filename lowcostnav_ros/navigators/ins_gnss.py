@@ -2,8 +2,8 @@
 
 The error state is a chosen list: core nine, bias drifts, turn-on biases, scale factors (27 with all of them) and, tightly coupled, the
 receiver clock's bias and drift (29); an IMU without drift needs 21 and 23.  Tight coupling uses whatever satellites there are, down to
-one; loose coupling coasts where the receiver has no solution (Solimeno 2007, sections 5.2 and 5.3).  Baro, magnetic heading and air data
-of the GPS/INS navigator may be switched on beside either.
+one; loose coupling coasts where the receiver has no solution (Solimeno 2007, sections 5.2 and 5.3).  Baro, magnetic heading, air data and
+VOR radials of the GPS/INS navigator may be switched on beside either.
 """
 
 from dataclasses import dataclass, replace
@@ -21,6 +21,7 @@ from lowcostnav_ros.navigators.gnss_integrity import GnssIntegrity
 from lowcostnav_ros.navigators.gnss_start import SlopeVelocity, point_solution
 from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
 from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
+from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.settings import group, setting
 
 EPOCH = "gnss/raw"
@@ -107,14 +108,14 @@ class InsGnss(InsGps):
 
     name = "ins_gnss"
 
-    def __init__(self, settings: InsGnssSettings) -> None:
+    def __init__(self, settings: InsGnssSettings, stations: StationTable | None = None) -> None:
         self.tight = settings.coupling == "tight"
         self.inputs = {IMU: True, **_fixes(settings), MAG: False, PRESSURE: False, AIR: False}
         self.range_aid, self.rate_aid = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
         self.lever_b = np.array(settings.gps.lever_arm_b_m, dtype=float)
         self.integrity = GnssIntegrity(settings.gnss.integrity, inertial=True)
         self.slope = SlopeVelocity()
-        super().__init__(settings)
+        super().__init__(settings, stations)
         if SOLUTION in self.inputs:
             lag_s = settings.horizon.lag_s + settings.gps.latency_s + settings.loose.behind_s
             self.horizon = FusionHorizon(round(1e9 * lag_s), self.inertial)

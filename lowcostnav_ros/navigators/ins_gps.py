@@ -20,6 +20,7 @@ from lowcostnav_ros.measurements import (
     Measurement,
     NavSolution,
     Pressure,
+    VorBearing,
 )
 from lowcostnav_ros.navigators.alignment import AlignmentSettings, Levelling, tilt_from_specific_force, unit_error
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
@@ -39,11 +40,15 @@ from lowcostnav_ros.navigators.ins_gps_aids import (
     WheelSettings,
 )
 from lowcostnav_ros.navigators.magnetic_heading import MagneticReference, magnetic_heading
+from lowcostnav_ros.navigators.vor_aid import BLOCK as VOR_BIAS
+from lowcostnav_ros.navigators.vor_aid import BearingState, VorAid, VorSettings
+from lowcostnav_ros.navigators.vor_aid import bias_blocks as vor_bias_blocks
+from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.rotation import euler_to_quat
 from lowcostnav_ros.settings import group, setting
 
 IMU, FIX, VELOCITY = "imu/data_raw", "gps/fix", "gps/vel"
-MAG, PRESSURE, AIR = "imu/mag", "air/static_pressure", "air/velocity"
+MAG, PRESSURE, AIR, VOR = "imu/mag", "air/static_pressure", "air/velocity", "vor/bearing"
 GRAVITY_N = np.array([0.0, 0.0, -9.80665])
 ACCELERATION_SPAN_NS = 2_100_000_000
 """GPS velocities this far apart give the acceleration of an alignment on the move; shorter, their noise tilts it."""
@@ -62,6 +67,7 @@ class InsGpsSettings:
     magnetic: MagneticSettings = group(MagneticSettings)
     airdata: AirDataSettings = group(AirDataSettings)
     wheels: WheelSettings = group(WheelSettings)
+    vor: VorSettings = group(VorSettings)
     alignment: AlignmentSettings = group(AlignmentSettings)
     failed_sigma_m: float = setting(10000.0, "Horizontal sigma beyond which the solution counts as failed.", unit="m", minimum=10.0)
 
@@ -83,20 +89,28 @@ def chosen_blocks(settings: InsGpsSettings) -> list[Block]:
         wind = ["wind_north_mps", "wind_east_mps"]
         blocks.append(gauss_markov("wind", wind, Kind.WIND, air.wind_mps, air.wind_tau_s, air.wind_start_mps))
         blocks.append(gauss_markov("airspeed_bias", ["airspeed_bias_mps"], Kind.AIRSPEED_BIAS, air.bias_mps, air.bias_tau_s))
-    return blocks
+    return blocks + vor_bias_blocks(settings.vor)
 
 
 class InsGps(Navigator):
     """GPS/INS navigator; see the module head.
 
     Modes: ``initialising`` (no data), ``aligning``, ``gps``, ``coasting`` (no accepted fix within the time-out), ``failed``.
+
+    Parameters
+    ----------
+    settings : InsGpsSettings
+    stations : StationTable or None
+        Where the VOR stations stand; without it every radial is refused by name.
     """
 
     name = "ins_gps"
     inertial = IMU
     inputs = {IMU: True, FIX: True, VELOCITY: True, MAG: False, PRESSURE: False, AIR: False}
 
-    def __init__(self, settings: InsGpsSettings) -> None:
+    def __init__(self, settings: InsGpsSettings, stations: StationTable | None = None) -> None:
+        if settings.vor.enabled:  # few aircraft feed it: who does not ask for it need not see it missing
+            self.inputs = {**self.inputs, VOR: False}
         super().__init__(settings, latency_s=settings.gps.latency_s)
         self.layout = Layout(self.blocks())
         self.core = InertialCore(self.layout)
@@ -105,15 +119,17 @@ class InsGps(Navigator):
         self.baro_aid, self.magnetic_aid = BaroAid(settings.baro), MagneticAid(settings.magnetic)
         self.airspeed_aid, self.sideslip_aid = AirspeedAid(settings.airdata), SideslipAid(settings.airdata)
         self.wheel_aid = WheelAid(settings.wheels)
+        self.stations, self.vor_aid = stations, VorAid(settings.vor, stations, self.layout)
         self.aids = [self.position_aid, self.velocity_aid]
         optional = (
             (settings.baro.enabled, [self.baro_aid]),
             (settings.magnetic.enabled, [self.magnetic_aid]),
             (settings.airdata.enabled, [self.airspeed_aid, self.sideslip_aid]),
             (settings.wheels.enabled, [self.wheel_aid]),
+            (settings.vor.enabled, [self.vor_aid]),
         )
         self.aids += [aid for enabled, aids in optional if enabled for aid in aids]
-        self._air_only = self.layout.mask("wind", "airspeed_bias")
+        self._air_only, self._vor_only = self.layout.mask("wind", "airspeed_bias"), self.layout.mask(VOR_BIAS)
         self._all_free = np.ones(self.layout.size)
         self.levelling = Levelling(settings.alignment.still_s)
         self._restart()
@@ -134,6 +150,11 @@ class InsGps(Navigator):
     def air_free(self) -> np.ndarray:
         """States the air data may move: wind and airspeed bias while GPS is good, all in an outage."""
         return self._air_only if self.mode == "gps" else self._all_free
+
+    def bearing_state(self) -> BearingState:
+        """What the VOR aid asks for; while GPS is good a radial moves the error of its station alone."""
+        nav, free = self.core.nav, self._vor_only if self.mode == "gps" else None
+        return BearingState((nav[0], nav[1], nav[2]), float(np.hypot(nav[3], nav[4])), self.layout, self.core.estimate, free)
 
     def wind_sigma(self) -> float:
         """Larger 1-sigma of the two wind components, m/s."""
@@ -208,6 +229,8 @@ class InsGps(Navigator):
         elif isinstance(item, AirVelocity) and settings.airdata.enabled and self._due("air", item.stamp_ns, settings.airdata.period_s):
             self.use_aid(self.airspeed_aid, item)
             self.use_aid(self.sideslip_aid, item)
+        elif isinstance(item, VorBearing) and settings.vor.enabled and self.vor_aid.due(item):
+            self.use_aid(self.vor_aid, item)
 
     def _due(self, what: str, stamp_ns: int, period_s: float) -> bool:
         """Thin a source to one measurement a period: its errors are slow, more would only feign certainty."""
@@ -227,7 +250,9 @@ class InsGps(Navigator):
         else:
             since = 0.0 if last is None else 1e-9 * (now - last)
             why = self.position_aid.status.reason if self.position_aid.status.stamp_ns > now - 3_000_000_000 else "no GPS fix"
+            radials = self.vor_aid.heard(now)
             self.mode, self.reason = "coasting", f"{why or 'no GPS fix'} for {since:.0f} s"
+            self.reason += f"; VOR {', '.join(radials)}" if radials else ""
 
     def _horizontal_sigma(self) -> float:
         return float(np.sqrt(max(self.P[0, 0] + self.P[1, 1], 0.0)))

@@ -62,9 +62,18 @@ def make_navigator(settings: Any, navigator_class: Callable[..., Navigator]) -> 
     ValueError
         (SettingsError, StationError) when the station table is missing or cannot be flown on.
     """
-    stations_file = to_mapping(settings).get("dme.stations_file")
+    stations_file = _stations_file(to_mapping(settings))
     if not stations_file:
         return navigator_class(settings)
     from lowcostnav_ros.simulation.equipment import load_stations
 
     return navigator_class(settings, load_stations(stations_file))
+
+
+def _stations_file(values: dict[str, Any]) -> str:
+    """Return the one station table that DME and VOR settings name, empty for none; a VOR that is off needs none."""
+    names = [values.get("dme.stations_file", ""), values.get("vor.stations_file", "") if values.get("vor.enabled") else ""]
+    names = [name for name in names if name]
+    if len(set(names)) > 1:
+        raise SettingsError(f"'dme.stations_file' is {names[0]} and 'vor.stations_file' {names[1]}; put all stations into one table.")
+    return names[0] if names else ""

@@ -238,7 +238,7 @@ class Session:
             "duration_s": (self.newest_ns - first_ns) / 1e9,
             "withheld": [w.text for w in self.windows],
             "without_gps": {"intervals_s": outages, "total_s": sum(end - start for start, end in outages)},
-            "stations": [s for run in self.runs.values() for s in _stations(run.navigator)],
+            "stations": list({s["ident"]: s for run in self.runs.values() for s in _stations(run.navigator)}.values()),
             "navigators": {name: run.as_dict(self.newest_ns) for name, run in self.runs.items()},
         }
 

@@ -77,6 +77,7 @@ def _measurement(source: str, stamp_ns: int, lat: float, lon: float, height: flo
         "air/temperature": lambda: m.AirTemperature(stamp_ns, source, 285.0, 1.0),
         "gnss/raw": lambda: _epoch(stamp_ns, source, lat, lon, height, velocity),
         "dme/range": lambda: m.SlantRange(stamp_ns, source, "OAK", 40_000.0, 1.0e5),
+        "vor/bearing": lambda: m.VorBearing(stamp_ns, source, "OAK", 1.0, 3.0e-4),
     }
     return simple[source]() if source in simple else None
 

@@ -7,7 +7,7 @@ from lowcostnav_ros.radionav.stations import StationTable, stations_from_text
 from lowcostnav_ros.sensors.imu_profile import ImuProfile, imu_profile_from_text
 from lowcostnav_ros.settings import SettingsError, nearest
 
-SENSORS = ("imu", "magnetometer", "air_data", "gps", "dme", "gps_attitude", "gnss")
+SENSORS = ("imu", "magnetometer", "air_data", "gps", "dme", "gps_attitude", "gnss", "vor")
 USUAL = SENSORS[:5]
 """Aboard unless a scenario says otherwise."""
 
@@ -60,6 +60,10 @@ def build(sensor: str, settings: Any) -> Any:
         from lowcostnav_ros.sensors.dme import DmeSimulator
 
         return DmeSimulator(settings, load_stations(settings.stations_file))
+    if sensor == "vor":
+        from lowcostnav_ros.sensors.vor import VorSimulator
+
+        return VorSimulator(settings, load_stations(settings.stations_file))
     if sensor == "gps":
         from lowcostnav_ros.sensors.gps import GpsSimulator
 
