@@ -28,6 +28,7 @@ class ImuSimulatorSettings:
     seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     profile: str = setting("automotive", "Name of the IMU profile (config/profiles) or path of a profile file.")
     rate_hz: float = setting(100.0, "Output rate; a divisor of the rate of the truth.", unit="Hz", minimum=1.0, maximum=2000.0)
+    turn_on_bias: bool = setting(True, "Simulate the turn-on biases; off: a unit calibrated before the flight.")
     clipping: bool = setting(True, "Clip at the full scale of the profile.")
     quantisation: bool = setting(True, "Round to the resolution of the profile.")
     misalignment: bool = setting(False, "Simulate the misalignment of the profile.")
@@ -41,7 +42,7 @@ class _Triad:
     def __init__(self, noise: TriadNoise, settings: ImuSimulatorSettings, name: str, misalignment_rad: float) -> None:
         dt_s = 1.0 / settings.rate_hz
         seed = settings.seed
-        sigma = np.concatenate((noise.turn_on_sigma, noise.bias_sigma, noise.scale_sigma))
+        sigma = np.concatenate((noise.turn_on_sigma * settings.turn_on_bias, noise.bias_sigma, noise.scale_sigma))
         tau_s = np.concatenate((np.full(3, np.inf), noise.bias_tau_s, noise.scale_tau_s))
         self._drift = DriftBank([slow_error(s, t) for s, t in zip(sigma, tau_s, strict=True)], dt_s, stream(seed, f"{name}.drift"))
         self._sample_sigma = noise.noise_density / np.sqrt(dt_s)

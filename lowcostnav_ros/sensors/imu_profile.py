@@ -121,6 +121,11 @@ class ImuProfile:
         _drift_has_tau(self.name, "gyro", gyro.bias_drift_deg_per_h, gyro.bias_drift_tau_s)
         _drift_has_tau(self.name, "accelerometer", accel.bias_drift_mps2, accel.bias_drift_tau_s)
 
+    @property
+    def has_noise(self) -> bool:
+        """Whether every sensor has white noise, without which no filter can fly on the numbers."""
+        return bool(self.gyro_noise().noise_density.all() and self.accel_noise().noise_density.all())
+
     def gyro_noise(self, per_sample_as_density: bool = False) -> TriadNoise:
         """Error model of the gyros, rad/s; see :meth:`filter_noise` for the argument."""
         part = self.gyro
