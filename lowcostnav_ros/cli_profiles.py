@@ -57,7 +57,7 @@ def _print_table(found: "dict[str, ImuProfile]") -> None:
         )
         table.add_row(name, grade_of(profile) or "-", *(f"{np.max(v):.3g}" if np.any(v) else "-" for v in values), profile.source)
     Console(width=None if sys.stdout.isatty() else 130).print(table, highlight=False)
-    print("Worst axis, one sigma; - is not stated. The grade is that of the gyro bias, turn-on and drift together (Solimeno 2007, table 3.4).")
+    print("Worst axis, one sigma; - is not stated. The grade is that of the gyro bias, turn-on and drift (Solimeno 2007, table 3.4).")
 
 
 def _print_settings(name: str) -> None:
