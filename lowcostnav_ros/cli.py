@@ -59,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
     cli_calibrate.add_parsers(jobs)
     cli_dme.add_arguments(_job(jobs, "dme", "Plan how DME stations carry a flight without GPS; turn navaid lists into station tables."))
     cli_profiles.add_arguments(_job(jobs, "profiles", "IMU profiles with their grade, and the numbers a filter takes from one."))
-    text = "Which states of an inertial navigator its measurements can tell, along a recording."
+    text = "Which states of a navigator its measurements can tell, along a recording."
     cli_observability.add_arguments(_job(jobs, "observability", text))
     return top
 
