@@ -8,13 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_ins_gps import GPS_ONLY, errors, fed, measurements
 
-from lowcostnav_ros.earth import EARTH_RATE, gravity
+from lowcostnav_ros.earth import EARTH_RATE, LocalFrame, gravity
 from lowcostnav_ros.imu_by_name import profile_settings
 from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, ImuBlock, NavSolution
+from lowcostnav_ros.messages import encode, topics
+from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.encode import encode_cdr
+from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.alignment import agrees_with_track, gyrocompass, gyrocompass_sigma
 from lowcostnav_ros.navigators.inertial import ImuSettings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss, InsGnssSettings
 from lowcostnav_ros.navigators.ins_gps import InsGps
+from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
+from lowcostnav_ros.replay.withhold import parse_withhold
 from lowcostnav_ros.rotation import euler_to_quat, quat_to_dcm
 from lowcostnav_ros.trajectory import build
 from lowcostnav_ros.trajectory.missions import standard
@@ -167,3 +173,23 @@ def test_a_master_without_an_attitude_is_counted_and_left_out(truth):
     navigator, solutions = fed(sorted(stream, key=lambda m: m.stamp_ns), dataclasses.replace(GPS_ONLY, alignment=choice))
     assert not solutions
     assert navigator.input_status["other/odometry"].rejected == {"no position, velocity or attitude with covariance": 1}
+
+
+def test_a_recorded_master_aligns_a_replay_that_never_hears_gps(truth, tmp_path):
+    """By the messages of the master's odometry and origin, as a graph would carry them; the withheld fixes are the reference."""
+    records = [r for m in measurements(truth) for r in encode_cdr(m)]
+    origin = LocalFrame(float(truth.lat[0]), float(truth.lon[0]), float(truth.height[0]))
+    first_ns = int(truth.stamps_ns[0])
+    records.append((first_ns, "other/origin", topics.NAV_SAT_FIX, to_cdr(encode.origin_fix(first_ns, origin))))
+    for row in range(50, len(truth), 10):
+        message = encode.odometry_from_solution(master_of(truth, row), origin)
+        records.append((int(truth.stamps_ns[row]), "other/odometry", topics.ODOMETRY, to_cdr(message)))
+    with BagWriter(tmp_path / "flight") as writer:
+        for stamp, topic, msgtype, raw in sorted(records, key=lambda r: r[0]):
+            writer.write(topic, msgtype, stamp, raw)
+    (tmp_path / "ins_gps.yaml").write_text("ins_gps:\n  ros__parameters:\n    alignment: {master: other/odometry}\n")
+    options = ReplayOptions(("ins_gps",), tmp_path, (parse_withhold("gps/fix,gps/vel"),))
+    found = replay_bag(tmp_path / "flight", options).navigator("ins_gps")
+    assert found["solutions"] > 350 and found["mode_at_end"] == "coasting"
+    assert found["inputs"]["other/odometry"]["rejected"] == {}
+    assert found["errors"]["withheld_gps"]["horizontal_m"]["median"] < 30.0

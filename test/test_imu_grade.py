@@ -2,12 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from lowcostnav_ros import cli
 from lowcostnav_ros.sensors.imu_grade import GRADES_DEG_PER_H, grade, grade_of, gyro_bias_deg_per_h
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
 from lowcostnav_ros.simulation.equipment import imu_profile_names, load_imu_profile
+from lowcostnav_ros.stochastic import GaussMarkov, initial_state, simulate
 
 
 @pytest.mark.parametrize(
@@ -40,6 +42,15 @@ def test_the_worst_gyro_of_a_profile_counts_with_turn_on_and_drift():
     found = {name: grade_of(load_imu_profile(name)) for name in imu_profile_names()}
     assert (found["crista"], found["fog"], found["tactical"], found["dmu_fog"]) == ("automotive", "tactical", "tactical", "")
     assert grade_of(imu_profile_from_text("gyro: {turn_on_bias_deg_per_h: [0.001, 0.008, 0.001]}")) == "navigation"
+
+
+def test_a_recording_at_rest_says_of_which_grade_its_worst_gyro_is(tmp_path, capsys):
+    rng, process = np.random.default_rng(1), GaussMarkov(0.05, 100.0)  # 180 deg/h
+    drift = simulate(process, 0.1, 20_000, rng, initial_state(process, rng))[0][:, 0]
+    quiet, loud = 0.001 * rng.standard_normal(20_000), drift + 0.01 * rng.standard_normal(20_000)
+    np.savetxt(tmp_path / "still.csv", np.column_stack((quiet, loud)), header="gx,gy", delimiter=",", comments="")
+    assert cli.main(["identify", str(tmp_path / "still.csv"), "--rate", "10", "--unit", "deg/s"]) == 0
+    assert "deg/h (gy): automotive grade at best" in capsys.readouterr().out
 
 
 def test_the_listing_shows_the_grade_and_one_profile_its_filter_numbers(capsys):
