@@ -101,7 +101,7 @@ def _add_simulate(jobs: argparse._SubParsersAction) -> None:
 def _add_replay(jobs: argparse._SubParsersAction) -> None:
     text = "Run the navigators over a bag, offline and repeatable to the last bit, and judge them."
     notes = """\
-withholding: 'gps/fix,gps/vel@290-350' keeps these sources from the navigators between 290 s and 350 s; @290- from there on; no @: all flight.
+withholding: 'gps/fix,gps/vel@290-350' keeps these sources from the navigators from 290 s to 350 s, @290- to the end; without @ all flight.
   A window that starts before the bag's first stamp counts from the bag's start, any other is read as stamps (t_s).
 errors: against truth/odometry (or --truth) where the bag has it, else against the withheld fixes."""
     replay = _job(jobs, "replay", text, notes)
