@@ -22,7 +22,7 @@ from lowcostnav_ros.settings import to_mapping
 CONFIG = Path(__file__).parents[1] / "config"
 CRISTA = imu_profile_from_text((CONFIG / "profiles/crista.yaml").read_text())
 STATIONS = stations_from_text((CONFIG / "dme_stations_bay_area.csv").read_text())
-EVERYTHING = {"misalignment": True, "g_sensitivity": True, "warm_up": True}
+EVERYTHING = {"misalignment": True, "g_sensitivity": True, "warm_up": True, "bandwidth": True}
 
 MAKERS = {
     "imu": lambda seed: ImuSimulator(ImuSimulatorSettings(seed=seed, **EVERYTHING), CRISTA),

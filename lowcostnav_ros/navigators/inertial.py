@@ -40,6 +40,7 @@ XYZ = "xyz"
 class ImuSettings:
     """Inertial sensor errors as a data sheet states them; the defaults are a vibrating-gyro unit of automotive grade."""
 
+    profile: str = setting("", "IMU profile (config/profiles, or a file): its numbers, save those below that are not the default.")
     gyro_noise_dps_rthz: float = setting(0.012, "Gyro white noise.", unit="deg/s/sqrt(Hz)", minimum=1e-7, maximum=10.0)
     gyro_bias_dps: float = setting(0.05, "Gyro in-run bias, Gauss-Markov sigma.", unit="deg/s", minimum=0.0, maximum=10.0)
     gyro_bias_tau_s: float = setting(300.0, "Correlation time of the gyro bias.", unit="s", minimum=1.0)

@@ -22,7 +22,17 @@ from lowcostnav_ros.measurements import (
     Pressure,
     VorBearing,
 )
-from lowcostnav_ros.navigators.alignment import AlignmentSettings, Levelling, tilt_from_specific_force, unit_error
+from lowcostnav_ros.navigators.alignment import (
+    AlignmentSettings,
+    Levelling,
+    MasterState,
+    agrees_with_track,
+    gyrocompass,
+    gyrocompass_sigma,
+    tilt_from_specific_force,
+    transferred,
+    unit_error,
+)
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, GAP_NS, POS, VEL, ImuSettings, InertialCore, bias_blocks, core_block
 from lowcostnav_ros.navigators.ins_gps_aids import (
@@ -111,6 +121,8 @@ class InsGps(Navigator):
     def __init__(self, settings: InsGpsSettings, stations: StationTable | None = None) -> None:
         if settings.vor.enabled:  # few aircraft feed it: who does not ask for it need not see it missing
             self.inputs = {**self.inputs, VOR: False}
+        if settings.alignment.master:
+            self.inputs = {**self.inputs, settings.alignment.master: False}
         super().__init__(settings, latency_s=settings.gps.latency_s)
         self.layout = Layout(self.blocks())
         self.core = InertialCore(self.layout)
@@ -161,8 +173,15 @@ class InsGps(Navigator):
         rows = self.layout["wind"]
         return float(np.sqrt(np.diag(self.P)[rows].max()))
 
+    def feed(self, measurement: Measurement) -> list[NavSolution]:
+        """Take one measurement in, as every navigator does; what the master of a transfer alignment says is no fix."""
+        if isinstance(measurement, NavSolution) and measurement.source == self.settings.alignment.master:
+            measurement = MasterState(measurement.stamp_ns, measurement.source, measurement)
+        return super().feed(measurement)
+
     def _restart(self) -> None:
         self._aligned = False
+        self._no_compass = ""
         self._fix: GpsPosition | None = None
         self._velocities: list[GpsVelocity] = []
         self._field_b: np.ndarray | None = None
@@ -177,6 +196,8 @@ class InsGps(Navigator):
     def _fuse(self, item: Measurement) -> None:
         if isinstance(item, ImuBlock):
             self._run(item)
+        elif isinstance(item, MasterState):
+            self._transfer(item)
         elif not self._aligned:
             self._prepare(item)
         elif self.core.t_ns != item.stamp_ns:
@@ -296,14 +317,20 @@ class InsGps(Navigator):
             return False, "waiting for two GPS velocities a second apart"
         else:
             force_n = (velocity.vel_n - earlier.vel_n) / span_s + GRAVITY_N
-        heading, sigma = self._first_heading(means[0], force_n, velocity, still)
+        heading, sigma = self._first_heading(*means, force_n, velocity, still)
         if heading is None:
-            return False, "levelled; waiting for a heading (magnetometer, motion or alignment.heading_deg)"
+            return False, f"levelled; waiting for a heading ({self._no_compass}magnetometer, motion or alignment.heading_deg)"
         self._start(means[0], force_n, heading, sigma, velocity, still)
         return True, ""
 
-    def _first_heading(self, f_b, force_n, velocity, still: bool) -> tuple[float | None, float]:
+    def _first_heading(self, f_b, w_b, force_n, velocity, still: bool) -> tuple[float | None, float]:
         choice, fix = self.settings.alignment, self._fix
+        if choice.gyrocompass and still:
+            sigma, limits = gyrocompass_sigma(self.layout, fix.lat, choice.still_s)
+            if sigma <= choice.gyrocompass_limit_deg * DEG:
+                return gyrocompass(f_b, w_b), sigma
+            told = f"would be good to {sigma / DEG:.1f} deg" if sigma < np.pi / 2.0 else "would tell nothing"
+            self._no_compass = f"gyrocompass refused, it {told}, {limits}; "
         if self.settings.magnetic.enabled and self._field_b is not None:
             reference = self.magnetic.at(fix.lat, fix.lon, fix.height)
             if not reference.refusal(self._field_b):
@@ -312,11 +339,27 @@ class InsGps(Navigator):
                     roll, pitch = tilt_from_specific_force(f_b, force_n, heading)
                     heading = magnetic_heading(roll, pitch, self._field_b, reference.declination)
                 return heading, choice.magnetic_sigma_deg * DEG
-        if choice.heading_deg and still:
+        track = float(np.arctan2(velocity.vel_n[1], velocity.vel_n[0]))
+        if choice.heading_deg and (still or agrees_with_track(choice.heading_deg[0] * DEG, track, choice)):
             return choice.heading_deg[0] * DEG, choice.heading_sigma_deg * DEG
-        if still:
-            return None, 0.0
-        return float(np.arctan2(velocity.vel_n[1], velocity.vel_n[0])), choice.track_sigma_deg * DEG
+        return (None, 0.0) if still else (track, choice.track_sigma_deg * DEG)
+
+    def _transfer(self, item: MasterState) -> None:
+        """Start at the state of the master; once aligned it is not listened to."""
+        means = None if self._aligned else self.levelling.mean(0.2)
+        if means is None:
+            return
+        state = transferred(item.solution, self.settings.alignment.master_sigma_deg)
+        wrong = unit_error(*means)
+        if state is None or wrong:
+            self.input_status[item.source].reject(wrong or "no position, velocity or attitude with covariance")
+            return
+        self.set_origin(*(float(x) for x in state[0][:3]))
+        self.core.start(item.stamp_ns, *state)
+        self._emitted = item.stamp_ns // self.output_period_ns
+        self._fused_fix_ns = item.stamp_ns - round(1e9 * self.settings.gps.timeout_s) - 1  # no fix yet: it coasts until there is one
+        self._aligned = True
+        self._judge()
 
     def _start(self, f_b, force_n, heading: float, sigma: float, velocity: GpsVelocity, still: bool) -> None:
         fix, choice = self._fix, self.settings.alignment

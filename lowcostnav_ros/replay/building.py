@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from lowcostnav_ros import config_files
+from lowcostnav_ros.imu_by_name import with_imu_profile
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.settings import SettingsError, from_mapping, to_mapping
 
@@ -55,13 +56,14 @@ def _build(
 
 
 def make_navigator(settings: Any, navigator_class: Callable[..., Navigator]) -> Navigator:
-    """Make a navigator from its settings, with the station table they name, if any.
+    """Make a navigator from its settings, with the IMU profile and the station table they name, if any.
 
     Raises
     ------
     ValueError
-        (SettingsError, StationError) when the station table is missing or cannot be flown on.
+        (SettingsError, StationError) when the profile or the station table is missing or cannot be flown on.
     """
+    settings = with_imu_profile(settings)
     stations_file = _stations_file(to_mapping(settings))
     if not stations_file:
         return navigator_class(settings)

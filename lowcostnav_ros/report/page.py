@@ -16,7 +16,16 @@ from lowcostnav_ros.report.timeline import timeline
 WALL_CLOCK_S = 1.0e8
 """Stamps from here on are seconds since 1970 and are shown as a date too."""
 
-_NOTE = '<p class="note">Shaded: no GPS fix for more than 3 s. Red ticks: a measurement was refused, or its innovation limited.</p>'
+_NOTE = (
+    '<p class="note">Shaded: no GPS fix, or fewer than four satellites, for more than 3 s. '
+    "Red ticks: a measurement was refused, or its innovation limited.</p>"
+)
+
+_REQUIREMENTS = (
+    '<p class="note">Red lines: what precision approaches of category III, II and I ask for. Alert limits: safety-of-life (SOL) and public '
+    "regulated (PRS) service. An alert is on while the navigator's own sigma, times what its error may pass with half the service's "
+    "integrity risk each way, is beyond a limit.</p>"
+)
 
 
 def write_page(folder: Path, output: Path, title: str | None = None) -> int:
@@ -52,6 +61,7 @@ def page_of(result: Result, title: str | None = None) -> str:
         _section("Map", figures.ground_map(result)),
         _section("Modes and refused measurements", timeline(list(result.navigators.values()), axis), _NOTE),
         _section("Errors", *_error_tables(summary)),
+        _section("Accuracy and requirements", *_requirements(result, axis)),
         *_per_navigator(result, axis),
         _section("Attitude", *figures.attitude_figures(result, axis)),
         _section("Height and speed", *figures.motion_figures(result, axis)),
@@ -116,6 +126,14 @@ def _sentences(summary: dict[str, Any]) -> str:
 def _error_tables(summary: dict[str, Any]) -> list[str]:
     everything = _details("All error statistics", html_tables.errors(summary))
     return [html_tables.overview(summary), html_tables.intervals(summary), everything]
+
+
+def _requirements(result: Result, axis: TimeAxis) -> list[str]:
+    tables = [html_tables.accuracy(result.summary), html_tables.approaches(result.summary), html_tables.alarms(result.summary)]
+    if not any(tables):
+        return []
+    each = _details("Every time beyond an alert limit", html_tables.exceedances(result.summary))
+    return [*figures.requirement_figures(result, axis), *tables, each, _REQUIREMENTS]
 
 
 def _per_navigator(result: Result, axis: TimeAxis) -> list[str]:

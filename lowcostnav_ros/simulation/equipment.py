@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from lowcostnav_ros.config_files import find_config
+from lowcostnav_ros.config_files import config_dir, find_config
 from lowcostnav_ros.radionav.stations import StationTable, stations_from_text
 from lowcostnav_ros.sensors.imu_profile import ImuProfile, imu_profile_from_text
 from lowcostnav_ros.settings import SettingsError, nearest
@@ -20,8 +20,15 @@ def load_imu_profile(name: str) -> ImuProfile:
     SettingsError
         When there is no such profile or it is not usable.
     """
-    path = find_config(name if name.endswith((".yaml", ".yml")) else f"profiles/{name}")
+    path = find_config(name) if name.endswith((".yaml", ".yml")) else config_dir() / "profiles" / f"{name}.yaml"
+    if not path.is_file():
+        raise SettingsError(f"There is no IMU profile '{name}'{nearest(name, imu_profile_names())}; or give the path of a YAML file.")
     return imu_profile_from_text(path.read_text(encoding="utf-8"), str(path))
+
+
+def imu_profile_names() -> list[str]:
+    """Names of the shipped IMU profiles."""
+    return sorted(path.stem for path in (config_dir() / "profiles").glob("*.yaml"))
 
 
 def load_stations(name: str) -> StationTable:
