@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from lowcostnav_ros import __version__, cli_calibrate, cli_dme, cli_observability, cli_reproduce
+from lowcostnav_ros import __version__, cli_calibrate, cli_dme, cli_gnss, cli_observability, cli_reproduce
 
 EXIT_OK, EXIT_WORSE, EXIT_CANNOT_RUN, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -38,6 +38,7 @@ _JOBS = {
     "identify": "cli_calibrate",
     "magcal": "cli_calibrate",
     "dme": "cli_dme",
+    "gnss": "cli_gnss",
     "observability": "cli_observability",
 }
 
@@ -57,6 +58,7 @@ def parser() -> argparse.ArgumentParser:
     cli_reproduce.add_parsers(jobs)
     cli_calibrate.add_parsers(jobs)
     cli_dme.add_arguments(_job(jobs, "dme", "Plan how DME stations carry a flight without GPS; turn navaid lists into station tables."))
+    cli_gnss.add_arguments(_job(jobs, "gnss", "Positions out of RINEX files; satellites in view and their geometry over a day."))
     text = "Which states of an inertial navigator its measurements can tell, along a recording."
     cli_observability.add_arguments(_job(jobs, "observability", text))
     return top
