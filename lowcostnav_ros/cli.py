@@ -83,10 +83,13 @@ def _add_system_jobs(jobs: argparse._SubParsersAction) -> None:
     demo.add_argument("--out", default="out/demo", metavar="DIR", help="folder of the results, replaced (default: out/demo)")
     demo.add_argument("--graph", default="demo", metavar="GRAPH", help="lossless graph to fly, with a recorder (default: demo)")
     demo.add_argument("--real-time-factor", type=float, metavar="X", help="simulated seconds per second (default: the graph's)")
-    convert = _job(jobs, "convert", "Turn a recorded log (CSV) into a bag with the standard topics.")
-    convert.add_argument("source", help="file or directory of the log")
+    convert = _job(jobs, "convert", "Turn a recorded log (CSV, or RINEX files) into a bag with the standard topics.")
+    convert.add_argument("source", help="file or directory of the log, or a RINEX observation file")
     convert.add_argument("-o", "--output", required=True, metavar="BAG", help="bag to create")
     convert.add_argument("--profile", metavar="NAME|FILE", help="column profile: a shipped one or a YAML file (default: the one that fits)")
+    text = "RINEX navigation files: SOURCE is then an observation file, and the bag gets gnss/raw"
+    convert.add_argument("--navigation", nargs="+", metavar="NAV", help=text)
+    convert.add_argument("--at-rest", action="store_true", help="RINEX: the header's coordinates are the truth, recorded as truth/odometry")
 
 
 def _add_simulate(jobs: argparse._SubParsersAction) -> None:

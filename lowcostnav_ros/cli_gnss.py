@@ -79,11 +79,17 @@ def located_with_progress(observations, navigation, settings, label: str):
         When no epoch at all gives a position.
     """
     from lowcostnav_ros.cli_replay import progress_bar
+    from lowcostnav_ros.gnss import GnssError
     from lowcostnav_ros.gnss.track import track
+    from lowcostnav_ros.report.words_gnss import counted
 
     with progress_bar(label) as advance:
         total = len(observations.epochs)
-        return track(observations.epochs, navigation, settings, advance=advance and (lambda done: advance(done / total)))
+        located = track(observations.epochs, navigation, settings, advance=advance and (lambda done: advance(done / total)))
+    if not any(one.result for one in located.located):
+        reasons = f"; satellites left out: {counted(located.rejected)}" if located.rejected else ""
+        raise GnssError(f"None of {total} epochs gives a position ({located.located[0].refusal[:-1]}{reasons}).")
+    return located
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -9,8 +9,8 @@ _ORIGIN = datetime.datetime.fromtimestamp(GPS_EPOCH_UNIX_S, datetime.UTC)
 
 
 def date(gps_ns: int) -> str:
-    """A GPS time, ns, as a date of the GPS time scale."""
-    return f"{_ORIGIN + datetime.timedelta(seconds=gps_ns // SECOND):%Y-%m-%d %H:%M:%S}"
+    """A GPS time, ns, as a date of the GPS time scale, to the nearest second."""
+    return f"{_ORIGIN + datetime.timedelta(seconds=(gps_ns + SECOND // 2) // SECOND):%Y-%m-%d %H:%M:%S}"
 
 
 def counted(reasons: Mapping[str, int]) -> str:
