@@ -16,10 +16,13 @@ from typing import Protocol
 
 import numpy as np
 
+from lowcostnav_ros.gnss.gps_time import SECOND, from_calendar
 from lowcostnav_ros.gnss.signals import GALILEO, GPS
 from lowcostnav_ros.kernels import kernel
 
 SIDEREAL_DAY_S = 86164.0
+TABLE_EPOCH_GPS_S = from_calendar(1993, 7, 1) / SECOND
+"""t = 0 of Table 6.1, s of GPS time."""
 _GPS_NODES_DEG = np.repeat([272.847, 332.847, 32.847, 92.847, 152.847, 212.847], 4)
 _GPS_ARGUMENTS_DEG = np.array([
     268.126, 161.786, 11.676, 41.806, 80.956, 173.336, 309.976, 204.376, 111.876, 11.796, 339.666, 241.556,

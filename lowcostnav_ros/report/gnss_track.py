@@ -2,7 +2,6 @@
 
 import csv
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from lowcostnav_ros.gnss.gps_time import SECOND, unix_ns, week_and_tow
 from lowcostnav_ros.gnss.rinex_nav import Navigation
 from lowcostnav_ros.gnss.rinex_obs import Observations
 from lowcostnav_ros.gnss.track import Located, Track
-from lowcostnav_ros.report.words_gnss import counted, date
+from lowcostnav_ros.report.words_gnss import counted, date, spread
 
 ELSEWHERE_M = 1000.0
 """Median distance from the header's coordinates above which they cannot be those of a receiver at rest."""
@@ -108,13 +107,7 @@ def spread_rows(summary: TrackSummary) -> list[tuple[str, ...]]:
         "HPL, m": ([one.result.hpl_m for one in good], 1),
         "VPL, m": ([one.result.vpl_m for one in good], 1),
     }
-    return [(name, *_spread(values, digits)) for name, (values, digits) in columns.items() if len(values)]
-
-
-def _spread(values: Iterable[float], digits: int) -> list[str]:
-    ordered = np.sort(np.asarray(values, float))  # by rank: an interpolated quantile of infinities would be no number
-    ranks = (0, (len(ordered) - 1) // 2, math.ceil(0.95 * (len(ordered) - 1)), -1)
-    return [f"{ordered[k]:.{digits}f}" if math.isfinite(ordered[k]) else "none" for k in ranks]
+    return [(name, *spread(values, digits)) for name, (values, digits) in columns.items() if len(values)]
 
 
 def error_rows(summary: TrackSummary) -> list[tuple[str, ...]]:
