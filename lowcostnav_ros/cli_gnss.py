@@ -129,8 +129,8 @@ def _plan(arguments: argparse.Namespace) -> int:
     place = math.radians(lat_deg), math.radians(lon_deg), height
     with progress_bar("plan") as advance:
         sky = plan_sky(satellites, place, lowest, arguments.hours, start_s, arguments.step_s, advance)
-    title = f"{Path(arguments.almanac).name}, {len(satellites)} satellites, from {lat_deg:g}, {lon_deg:g}, {height:g} m, {hidden}"
-    plan = GnssPlan(sky, title, start, arguments.pdop, lowest, notes)
+    title = f"{Path(arguments.almanac).name}, {len(satellites)} satellites, from {lat_deg:g}, {lon_deg:g}, {height:g} m"
+    plan = GnssPlan(sky, title, hidden, start, arguments.pdop, lowest, notes)
     print_plan(plan)
     if arguments.output:
         from lowcostnav_ros.report.gnss_plan_figures import write_figures

@@ -23,8 +23,8 @@ class GnssPlan:
     Attributes
     ----------
     sky : SkyPlan
-    title : str
-        Constellation and place.
+    title, view : str
+        Constellation and place; what hides the sky.
     start : datetime.datetime
         UTC.
     pdop_limit : float
@@ -36,6 +36,7 @@ class GnssPlan:
 
     sky: SkyPlan
     title: str
+    view: str
     start: datetime.datetime
     pdop_limit: float
     lowest: Lowest
@@ -63,7 +64,7 @@ def print_plan(plan: GnssPlan) -> None:
     from rich.table import Table
 
     console = Console(soft_wrap=True)
-    overall = Table(title=plan.title)
+    overall = Table(title=f"{plan.title}, {plan.view}")
     for column in ("", "smallest", "median", "95 %", "largest"):
         overall.add_column(column, justify="right" if column else "left")
     overall.add_row("satellites in view", *spread(plan.sky.counts, 0))
@@ -141,6 +142,7 @@ def as_mapping(plan: GnssPlan) -> dict[str, Any]:
         times.append({"time_s": float(t_s), **{dop: _finite(getattr(sky.dops[k], dop)) for dop in DOPS}, "satellites": seen})
     return {
         "title": plan.title,
+        "view": plan.view,
         "start_utc": plan.start.isoformat(),
         "pdop_limit": plan.pdop_limit,
         "good_enough": plan.good_enough(),

@@ -48,7 +48,7 @@ def draw_sky(figure: "Figure", plan: GnssPlan) -> None:
     ax.set_rlim(0.0, 90.0)
     ax.set_rticks([0, 30, 60, 90], labels=["90", "60", "30", ""], fontsize=7)
     ax.set_thetagrids([0, 90, 180, 270], ["N", "E", "S", "W"])
-    ax.set_title(plan.title, fontsize=9)
+    ax.set_title(f"{plan.title}\n{plan.view}", fontsize=9)
 
 
 def _unbroken(azimuth: np.ndarray) -> np.ndarray:
@@ -64,7 +64,8 @@ def draw_geometry(figure: "Figure", plan: GnssPlan) -> None:
     hours = sky.time_s / HOUR_S
     top.step(hours, sky.counts, where="post", color="#1f77b4", lw=1.3)
     top.axhline(4, color="k", lw=0.8, ls="--")
-    top.set(ylabel="satellites in view", ylim=(0.0, None), title=plan.title)
+    top.set(ylabel="satellites in view", ylim=(0.0, None))
+    top.set_title(f"{plan.title}\n{plan.view}", fontsize=9)
     for dop, colour in (("hdop", "#1f77b4"), ("vdop", "#d95f02"), ("pdop", "#2a9d5c")):
         values = sky.column(dop)
         below.step(hours, np.where(np.isfinite(values), values, np.nan), where="post", lw=1.2, color=colour, label=dop.upper())
@@ -90,4 +91,4 @@ def draw_satellites(figure: "Figure", plan: GnssPlan) -> None:
         ax.broken_barh(spans, (row - 0.35, 0.7), color="#1f77b4" if sky.names[j][0] == "G" else "#d95f02")
     ax.set_yticks(range(len(rows)), [sky.names[j] for j in rows], fontsize=7)
     ax.set(xlim=(0.0, sky.time_s[-1] / HOUR_S), ylim=(len(rows) - 0.4, -0.6), xlabel=f"hours from {plan.start:%Y-%m-%d %H:%M} UTC")
-    ax.set_title(f"in view: {plan.title}", fontsize=9)
+    ax.set_title(f"in view: {plan.title}\n{plan.view}", fontsize=9)
