@@ -10,8 +10,8 @@ from lowcostnav_ros.gnss.raw_epoch import RawEpoch
 from lowcostnav_ros.gnss.rinex_nav import Navigation
 from lowcostnav_ros.measurements import GnssEpoch
 
-NEAR_M = 1000.0
-"""Corrections change by less than a millimetre over this distance."""
+NEAR_M = 10.0
+"""Corrections change by a few millimetres over this distance, most of it the troposphere over height."""
 _PASSES = 4
 
 
