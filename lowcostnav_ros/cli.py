@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from lowcostnav_ros import __version__, cli_calibrate, cli_dme, cli_observability, cli_profiles, cli_reproduce
+from lowcostnav_ros import __version__, cli_calibrate, cli_dme, cli_gnss, cli_observability, cli_profiles, cli_reproduce
 
 EXIT_OK, EXIT_WORSE, EXIT_CANNOT_RUN, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -38,6 +38,7 @@ _JOBS = {
     "identify": "cli_calibrate",
     "magcal": "cli_calibrate",
     "dme": "cli_dme",
+    "gnss": "cli_gnss",
     "observability": "cli_observability",
     "profiles": "cli_profiles",
 }
@@ -58,6 +59,7 @@ def parser() -> argparse.ArgumentParser:
     cli_reproduce.add_parsers(jobs)
     cli_calibrate.add_parsers(jobs)
     cli_dme.add_arguments(_job(jobs, "dme", "Plan how DME stations carry a flight without GPS; turn navaid lists into station tables."))
+    cli_gnss.add_arguments(_job(jobs, "gnss", "Positions out of RINEX files; satellites in view and their geometry over a day."))
     cli_profiles.add_arguments(_job(jobs, "profiles", "IMU profiles with their grade, and the numbers a filter takes from one."))
     text = "Which states of a navigator its measurements can tell, along a recording."
     cli_observability.add_arguments(_job(jobs, "observability", text))
@@ -83,10 +85,13 @@ def _add_system_jobs(jobs: argparse._SubParsersAction) -> None:
     demo.add_argument("--out", default="out/demo", metavar="DIR", help="folder of the results, replaced (default: out/demo)")
     demo.add_argument("--graph", default="demo", metavar="GRAPH", help="lossless graph to fly, with a recorder (default: demo)")
     demo.add_argument("--real-time-factor", type=float, metavar="X", help="simulated seconds per second (default: the graph's)")
-    convert = _job(jobs, "convert", "Turn a recorded log (CSV) into a bag with the standard topics.")
-    convert.add_argument("source", help="file or directory of the log")
+    convert = _job(jobs, "convert", "Turn a recorded log (CSV, or RINEX files) into a bag with the standard topics.")
+    convert.add_argument("source", help="file or directory of the log, or a RINEX observation file")
     convert.add_argument("-o", "--output", required=True, metavar="BAG", help="bag to create")
     convert.add_argument("--profile", metavar="NAME|FILE", help="column profile: a shipped one or a YAML file (default: the one that fits)")
+    text = "RINEX navigation files: SOURCE is then an observation file, and the bag gets gnss/raw"
+    convert.add_argument("--navigation", nargs="+", metavar="NAV", help=text)
+    convert.add_argument("--at-rest", action="store_true", help="RINEX: the header's coordinates are the truth, recorded as truth/odometry")
 
 
 def _add_simulate(jobs: argparse._SubParsersAction) -> None:

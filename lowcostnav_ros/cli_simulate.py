@@ -56,7 +56,7 @@ def load_scenario(name: str, seed: int | None = None) -> Scenario:
 
 
 def write_bag(scenario: Scenario, output: str, storage: str = "mcap", duration_s: float | None = None) -> dict[str, int]:
-    """Fly a scenario into a bag; return the number of messages by topic.
+    """Fly a scenario into a bag; print notes on its equipment, return the number of messages by topic.
 
     Every message is recorded at its stamp, truth at 20 Hz as the live truth source publishes it.
 
@@ -78,7 +78,10 @@ def write_bag(scenario: Scenario, output: str, storage: str = "mcap", duration_s
                 writer.write(topic, msgtype, stamp_ns, raw)
             if advance is not None and planned_s:
                 advance(min(1.0, flown_s / planned_s))
-        return dict(writer.counts)
+        counts = dict(writer.counts)
+    for note in simulation.notes:
+        print(note)
+    return counts
 
 
 def navigator_settings(scenario: Scenario) -> dict[str, str]:

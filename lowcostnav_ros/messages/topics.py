@@ -34,6 +34,10 @@ class TopicSpec:
     latched: bool = False
 
 
+_CLOUD = (
+    "Satellite observations; fields: see messages.gnss_cloud. One point a satellite is used: of two signals that agree the one of "
+    "the smaller sigma; copies that contradict each other are all left out, the other satellites stay."
+)
 _SENSORS = (
     TopicSpec("imu/data_raw", IMU, "Specific force and angular rate; orientation_covariance[0] = -1.", "imu_link", "m/s^2, rad/s"),
     TopicSpec("imu/data", IMU, "The AHRS attitude (true heading) with bias-corrected rates, low latency.", "base_link", "rad/s, m/s^2"),
@@ -42,7 +46,7 @@ _SENSORS = (
     TopicSpec("gps/fix", NAV_SAT_FIX, "Position, height above the ellipsoid, covariance ENU.", "gps", "deg, m, m^2"),
     TopicSpec("gps/attitude", IMU, "Attitude from several GPS antennas; rate and acceleration absent (-1).", "base_link", "rad"),
     TopicSpec("gps/vel", TWIST, "Velocity over ground, east north up at the antenna.", "gps", "m/s"),
-    TopicSpec("gnss/raw", POINT_CLOUD, "Satellite observations, one point a signal; fields: see messages.gnss_cloud.", "gps", "m, m/s"),
+    TopicSpec("gnss/raw", POINT_CLOUD, _CLOUD, "gps", "m, m/s"),
     TopicSpec("air/static_pressure", FLUID_PRESSURE, "Static pressure.", "base_link", "Pa"),
     TopicSpec("air/dynamic_pressure", FLUID_PRESSURE, "Impact pressure, total minus static.", "base_link", "Pa"),
     TopicSpec("air/temperature", TEMPERATURE, "Static air temperature.", "base_link", "deg C"),

@@ -1,11 +1,14 @@
 """From settings to simulators: finds the profile and the station table a sensor's settings name."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lowcostnav_ros.config_files import config_dir, find_config
 from lowcostnav_ros.radionav.stations import StationTable, stations_from_text
 from lowcostnav_ros.sensors.imu_profile import ImuProfile, imu_profile_from_text
 from lowcostnav_ros.settings import SettingsError, nearest
+
+if TYPE_CHECKING:
+    from lowcostnav_ros.gnss.almanac_constellation import Almanac
 
 SENSORS = ("imu", "magnetometer", "air_data", "gps", "dme", "gps_attitude", "gnss", "vor")
 USUAL = SENSORS[:5]
@@ -45,6 +48,24 @@ def load_stations(name: str) -> StationTable:
     return stations_from_text(path.read_text(encoding="utf-8"), path.name)
 
 
+def load_almanac(name: str) -> "Almanac":
+    """Return a YUMA almanac by its file name in the config directory or by its path.
+
+    Raises
+    ------
+    SettingsError
+        When there is no such file, or it has no usable satellite.
+    """
+    from lowcostnav_ros.gnss import GnssError
+    from lowcostnav_ros.gnss.almanac_constellation import almanac_from_yuma
+
+    path = find_config(name)
+    try:
+        return almanac_from_yuma(path.read_text(encoding="ascii", errors="replace"), path.name)
+    except GnssError as error:
+        raise SettingsError(str(error)) from error
+
+
 def build(sensor: str, settings: Any) -> Any:
     """Return the simulator of one sensor, with everything its settings name loaded.
 
@@ -78,7 +99,7 @@ def build(sensor: str, settings: Any) -> Any:
     if sensor == "gnss":
         from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulator
 
-        return GnssRawSimulator(settings)
+        return GnssRawSimulator(settings, almanac=load_almanac(settings.almanac_file) if settings.almanac_file else None)
     if sensor == "gps_attitude":
         from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulator
 
