@@ -29,6 +29,8 @@ SOLUTION = "gnss_only/odometry_fused"
 THESIS_POSITION_PSD = (6.0, 6.0, 90.0)
 """Position random walk, m^2/s north east down, with which the filter follows the range noise as the thesis's published errors do."""
 SOURCES = ("epochs", "gnss_only", "receiver")
+UNKNOWN_DRIFT_MPS = 1000.0
+"""1-sigma of the drift of a clock nobody has measured: three parts in a million, a common crystal."""
 ENOUGH = 4
 """Satellites from which position and clock follow from one epoch alone."""
 
@@ -93,10 +95,11 @@ def gnss_blocks(settings: InsGnssSettings) -> list[Block]:
 
 
 def clock_block(settings: GnssSettings) -> Block:
-    """Bias, m, and drift, m/s, of the receiver clock with the noise of its oscillator."""
+    """Bias, m, and drift, m/s, of the receiver clock with the noise of its oscillator; without Dopplers the drift starts unknown."""
     model = CLOCKS[settings.oscillator]
     labels = ("clock_bias_m", "clock_drift_mps")
-    return chain("clock", labels, (CLOCK_SIGMA_M, CLOCK_SIGMA_MPS), (model.bias_psd(), model.drift_psd()))
+    sigmas = CLOCK_SIGMA_M, CLOCK_SIGMA_MPS if settings.doppler else UNKNOWN_DRIFT_MPS
+    return chain("clock", labels, sigmas, (model.bias_psd(), model.drift_psd()))
 
 
 class InsGnss(InsGps):
