@@ -66,4 +66,5 @@ def _print_settings(name: str) -> None:
     print(f"\n{name} in a filter's settings (imu.profile: {name}):")
     for key, value in dataclasses.asdict(profile_settings(name)).items():
         if key != "profile":
-            print(f"  imu.{key}: {value:.6g}" if isinstance(value, float) else f"  imu.{key}: {value}")
+            numbers = [f"{v:.6g}" for v in (value if isinstance(value, list) else [value])]
+            print(f"  imu.{key}: {numbers[0] if len(numbers) == 1 else '[' + ', '.join(numbers) + ']'}")

@@ -3,6 +3,7 @@
 import dataclasses
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import yaml
 
@@ -96,7 +97,7 @@ def test_a_node_tells_the_numbers_it_flies_with():
     node = rclpy.create_node("profile_test", context=context, automatically_declare_parameters_from_overrides=True)
     try:
         parameters = Parameters(node, [InsGpsSettings()], {"imu.profile": "crista"}, lambda settings: None)
-        assert node.get_parameter("imu.gyro_turn_on_dps").value == CRISTA.gyro_turn_on_dps
+        assert np.ravel(node.get_parameter("imu.gyro_turn_on_dps").value).tolist() == np.ravel(CRISTA.gyro_turn_on_dps).tolist()
         assert parameters.settings[0].imu.profile == "crista"
     finally:
         node.destroy_node()
