@@ -5,7 +5,7 @@ values in NED/FRD and a covariance.  Live nodes, bags and simulations make the s
 recording are the same thing to everything downstream.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -168,6 +168,44 @@ class GnssEpoch(Measurement):
         return len(self.sat_id)
 
 
+@dataclass(slots=True)
+class Integrity:
+    """What a navigator's integrity tests say.
+
+    Attributes
+    ----------
+    verdict : str
+        ``healthy``; ``excluded`` (satellites are left out, the rest agree); ``faulty`` (they contradict each other and it cannot be told
+        which lies); ``not possible`` (too few to check with, which is not healthy).
+    reason : str
+        One sentence; empty when healthy.
+    excluded : dict of str to str
+        Why each satellite is left out, by name.
+    hpl_m, vpl_m : float or None
+        Horizontal and vertical protection level: the error that any one further fault can cause unnoticed, m.
+    lasting_hpl_m, lasting_vpl_m : float or None
+        The same for a fault that has lasted as long as the longest of the tests' windows.
+    alarm : str
+        First disagreement of all satellites with the inertial sensors, or of the receiver's clock with itself; kept until a fresh start.
+    alarm_ns : int or None
+        Its stamp.
+    """
+
+    verdict: str = "not possible"
+    reason: str = "no epoch yet"
+    excluded: dict[str, str] = field(default_factory=dict)
+    hpl_m: float | None = None
+    vpl_m: float | None = None
+    lasting_hpl_m: float | None = None
+    lasting_vpl_m: float | None = None
+    alarm: str = ""
+    alarm_ns: int | None = None
+
+    def snapshot(self) -> "Integrity":
+        """A copy that no longer changes with the navigator."""
+        return replace(self, excluded=dict(self.excluded))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class NavSolution(Measurement):
     """The state a navigator reports; ``source`` is the navigator's name.
@@ -192,6 +230,8 @@ class NavSolution(Measurement):
         One lower-case word, the navigator's mode.
     states : dict of str to (float, float)
         Further named scalars with their sigma, units in the names (``gyro_bias_x_radps``).
+    integrity : Integrity or None
+        Of a navigator that tests its satellites.
     """
 
     lat: float | None = None
@@ -208,3 +248,4 @@ class NavSolution(Measurement):
     cov_wind: np.ndarray | None = None
     mode: str = ""
     states: dict | None = None
+    integrity: Integrity | None = None

@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 
 from lowcostnav_ros.earth import dcm_ne, ecef_to_geodetic, geodetic_to_ecef
 from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import acceptance_band
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings, MotionCore, motion_blocks, motion_dynamics
 from lowcostnav_ros.reproduce.solimeno_flights import Case, epochs_of, flight_of, gps_only_settings, some_satellites, truth_of
+from lowcostnav_ros.trajectory.drawn import drawn_motion
 
 SHORT_S = 100.0
 PV, PVA = (Case(model, "HD", duration_s=SHORT_S) for model in ("pv", "pva"))
@@ -61,6 +63,38 @@ def test_errors_stay_inside_their_sigmas(case):
     assert scores[1] < acceptance_band(3, 4, 0.999)[1]
     assert np.mean([f.rms_3d(after_s=10.0) for f in flights]) < 1.2
     assert np.mean([f.rms_3d(slice(3, 6), after_s=10.0) for f in flights]) < 0.35
+
+
+@pytest.mark.parametrize("model", ["pv", "pva"])
+def test_on_motion_drawn_from_its_own_model_the_filter_is_consistent(model):
+    """Here nothing excuses a filter: errors and innovations must be as large as it says, neither more nor less."""
+    scores, nis = [], {}
+    for seed in range(20):
+        case = Case(model, seed=seed, duration_s=SHORT_S)
+        navigator = GnssOnly(replace_gate(gps_only_settings(case)))
+        *_, motion, _ = navigator.layout.blocks
+        tau_s, start = (motion.tau_s, motion.sigma0[0]) if model == "pva" else (0.0, 0.0)
+        truth = drawn_motion(np.random.default_rng(seed), case.duration_s, motion.psd[0], tau_s, start)
+        navigator.on_aid = lambda status, nav=navigator: count_innovations(nav, status, nis)
+        scores.append(flight_of(truth, navigator.feed_all(epochs_of(case, truth))).nees[199::200, :2])
+    looks = np.concatenate(scores)  # 20 s apart: about as long as an error of position lasts
+    low, high = acceptance_band(3, len(looks), 0.999)
+    assert np.all((low < looks.mean(axis=0)) & (looks.mean(axis=0) < high)), looks.mean(axis=0)
+    for name, (total, dof) in nis.items():
+        assert dof > 30000
+        assert total / dof == pytest.approx(1.0, abs=3.3 * np.sqrt(2.0 / dof)), name  # 99.9 %
+
+
+def replace_gate(settings):
+    """Gates that do not cut the tail off the statistic."""
+    return dataclasses.replace(settings, gnss=dataclasses.replace(settings.gnss, gate=GateSettings(probability=0.9999999)))
+
+
+def count_innovations(navigator, status, nis):
+    aid = navigator.range_aid if status.name == "gnss_range" else navigator.rate_aid
+    if status.stamp_ns > 5_000_000_000:  # the clock starts far too uncertain
+        total, dof = nis.get(status.name, (0.0, 0))
+        nis[status.name] = total + aid.epoch_nis, dof + aid.epoch_dof
 
 
 def test_with_three_satellites_the_solution_is_held_back_and_comes_back_at_once():

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
+from lowcostnav_ros.chi_square import noncentrality
 from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
 from lowcostnav_ros.gnss import GnssError, positioning, raim
 from lowcostnav_ros.gnss.constellation import galileo_27, gps_24
@@ -173,6 +174,6 @@ def test_false_alarms_and_missed_faults_occur_as_often_as_set():
 
 def test_noncentrality_has_its_closed_form_for_one_degree_of_freedom_and_grows_with_redundancy():
     bias = norm.isf(6.67e-5 / 2.0) + norm.isf(1e-3)  # a unit normal shifted so far stays within the threshold once in a thousand
-    assert math.sqrt(raim.noncentrality(6.67e-5, 1e-3, 1)) == pytest.approx(bias, rel=1e-6)
-    values = [raim.noncentrality(6.67e-5, 1e-3, redundancy) for redundancy in range(1, 9)]
+    assert math.sqrt(noncentrality(6.67e-5, 1e-3, 1)) == pytest.approx(bias, rel=1e-6)
+    values = [noncentrality(6.67e-5, 1e-3, redundancy) for redundancy in range(1, 9)]
     assert values == sorted(values)

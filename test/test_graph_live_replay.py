@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph import parse_graph  # noqa: E402
+from lowcostnav_ros.graph import load_graph, parse_graph  # noqa: E402
 from lowcostnav_ros.graph_nodes import navigator_of  # noqa: E402
 from lowcostnav_ros.graph_runner import GraphRunner  # noqa: E402
 from lowcostnav_ros.messages.bag import BagReader  # noqa: E402
@@ -16,19 +16,24 @@ SENSORS = ["imu_simulator", "magnetometer_simulator", "air_data_simulator", "gps
 GRAPH = {"scenario": "livermore", "lossless": True, "nodes": [TRUTH, *SENSORS, "ins_gps", "recorder"]}
 
 
+LIVERMORE = parse_graph(GRAPH, "live")
+CANYON = load_graph("gnss_canyon").with_parameters("truth_source", duration_s=16.0)
+
+
 @pytest.mark.timeout(120)
-def test_the_fused_solution_is_the_same_to_the_last_bit(tmp_path):
-    graph = parse_graph(GRAPH, "live")
+@pytest.mark.parametrize(("graph", "navigators"), [(LIVERMORE, ["ins_gps"]), (CANYON, ["gnss_only", "ins_gnss"])], ids=["gps", "gnss"])
+def test_the_fused_solution_is_the_same_to_the_last_bit(tmp_path, graph, navigators):
     with GraphRunner(graph, out=tmp_path, log_dir=tmp_path / "log") as runner:
         assert runner.wait_until_finished(90.0)
     counts = runner.counts()  # after the end: every node says its last counts as it goes
     assert runner.events == []
-    navigator = navigator_of(graph.node("ins_gps"))
-    with BagReader(tmp_path / "recording") as bag:
-        for source in set(navigator.inputs) & set(bag.types):
-            heard = {"sent": counts[source]["sent"], "heard": counts[source]["ins_gps"], "recorded": bag.counts[source]}
-            assert len(set(heard.values())) == 1, (source, heard)
-        replayed = navigator.feed_all(bag.measurements([s for s in navigator.inputs if s in bag.types]))
-        live = [bytes(raw) for _, _, raw in bag.stream(["ins_gps/odometry_fused"])]
-    assert len(live) > 30
-    assert [to_cdr(odometry_from_solution(solution, navigator.origin)) for solution in replayed] == live
+    for name in navigators:
+        navigator = navigator_of(graph.node(name))
+        with BagReader(tmp_path / "recording") as bag:
+            for source in set(navigator.inputs) & set(bag.types):
+                heard = {"sent": counts[source]["sent"], "heard": counts[source][name], "recorded": bag.counts[source]}
+                assert len(set(heard.values())) == 1, (source, heard)
+            replayed = navigator.feed_all(bag.measurements([s for s in navigator.inputs if s in bag.types]))
+            live = [bytes(raw) for _, _, raw in bag.stream([f"{name}/odometry_fused"])]
+        assert len(live) > 30
+        assert [to_cdr(odometry_from_solution(solution, navigator.origin)) for solution in replayed] == live

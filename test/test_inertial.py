@@ -197,3 +197,20 @@ def test_settings_take_one_number_or_three_and_refuse_two():
         from_mapping(ImuSettings, {"gyro_bias_dps": [0.1, 0.2]})
     with pytest.raises(SettingsError, match="at least 1 s, got 0.5"):
         from_mapping(ImuSettings, {"gyro_bias_tau_s": [300.0, 0.5, 1.0]})
+
+
+def test_a_correction_of_attitude_leaves_the_covariance_as_seen_from_the_body():
+    layout = layout_of()
+    core = InertialCore(layout)
+    root = np.random.default_rng(5).standard_normal((layout.size, layout.size))
+    core.start(0, NAV, np.eye(CORE))
+    core.P = root @ root.T
+    seen_from_body = lambda: np.kron(np.eye(3), quat_to_dcm(core.nav[6:10]).T)  # noqa: E731
+    T = seen_from_body()
+    before = [T @ core.P[:CORE, :CORE] @ T.T, T @ core.P[:CORE, CORE:], core.P[CORE:, CORE:].copy()]
+    core.correct(np.concatenate((np.zeros(6), [0.1, -0.2, 0.7], np.zeros(layout.size - CORE))))
+    T = seen_from_body()
+    after = [T @ core.P[:CORE, :CORE] @ T.T, T @ core.P[:CORE, CORE:], core.P[CORE:, CORE:]]
+    for seen, expected in zip(after, before, strict=True):
+        assert seen == pytest.approx(expected, abs=1e-9)
+    assert np.array_equal(core.P, core.P.T)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lowcostnav_ros.earth import dcm_ne, displace, geodetic_to_ecef, radii
+from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import acceptance_band
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.gnss.constellation import gps_24
@@ -133,6 +134,14 @@ def test_errors_stay_inside_their_sigmas_and_innovations_are_white():
     assert np.mean([f.rms_3d(slice(3, 6), after_s=10.0) for f in flights]) < 0.1
 
 
+def test_a_large_heading_error_leaves_the_attitude_inside_its_sigmas():
+    """Forty degrees found out by the first horizontal acceleration: what was learnt of the biases before must turn with it."""
+    flights = [fly(Case("tight", "LD", "mems", seed, start="drawn", heading_error_deg=40.0, duration_s=90.0)) for seed in range(8)]
+    low, high = acceptance_band(3, 8, 0.999)
+    assert low < np.mean([f.nees[-300:, 2].mean() for f in flights]) < high
+    assert max(abs(np.degrees(f.error[-1, 8])) for f in flights) < 1.0
+
+
 def test_innovations_are_as_large_as_predicted():
     navigator, nis, dof = ready(), 0.0, 0
     truth = truth_of("HD", SHORT_S)
@@ -186,7 +195,8 @@ def test_a_satellite_that_lies_is_left_out_by_name_and_the_others_carry_on():
 
     liar = epochs_of(CASE, truth_of("HD", SHORT_S))[-1].sat_id[2]
     navigator, flight = after(30.0, fault)
-    assert navigator.range_aid.satellites[f"G{liar:02d}: innovation beyond gate"] > 250
+    assert navigator.range_aid.satellites[f"G{liar:02d}: left out by the integrity test"] > 250
+    assert list(navigator.integrity.status.excluded) == [f"G{liar:02d}"]
     assert flight.worst(30.0, 60.0) < 4.0
     assert navigator.mode == "gps"
 
@@ -280,3 +290,30 @@ def test_the_order_of_arrival_changes_no_bit():
     common = first.keys() & second.keys()
     assert len(common) > 80
     assert all(first[k].lat == second[k].lat and np.array_equal(first[k].cov_att, second[k].cov_att) for k in common)
+
+
+def test_loose_coupling_on_single_epochs_is_consistent_in_innovations_and_errors():
+    scores, nis = [], {"gps_position": [], "gps_velocity": []}
+    wide = GpsSettings(latency_s=0.0, gate=GateSettings(probability=0.9999999))  # a gate would cut the tail off the statistic
+    for seed in range(4):
+        case = dataclasses.replace(CASE, navigator="epochs", seed=seed)
+        truth, navigator = truth_of("HD", SHORT_S), ready(case, gps=wide)
+        navigator.on_aid = lambda status: nis[status.name].append(status.nis)
+        flight = flight_of(truth, fed(navigator, imu_of(PROFILE, truth, seed), epochs_of(case, truth)))
+        scores.append(flight.nees[100:].mean(axis=0))
+    low, high = acceptance_band(3, 4, 0.999)
+    assert np.all((low < np.mean(scores, axis=0)) & (np.mean(scores, axis=0) < high)), scores
+    for name, values in nis.items():
+        low, high = acceptance_band(3, len(values), 0.999)
+        assert len(values) > 2000 and low < np.mean(values) < high, name
+
+
+def test_loose_coupling_on_single_epochs_coasts_without_four_satellites_and_leaves_out_what_it_may_not_use():
+    case = dataclasses.replace(CASE, navigator="epochs")
+    navigator, flight = after(40.0, lambda e: some_satellites(e, np.arange(3)), case, ready(case))
+    assert navigator.mode == "coasting"
+    assert navigator.input_status["gnss/raw"].rejected["no solution of this epoch"] > 190
+    assert flight.worst(40.0, 60.0) < 20.0
+    navigator, _ = after(50.0, lambda e: dataclasses.replace(e, system=np.full(len(e), "R")), case, ready(case))
+    assert navigator.range_aid.status.rejected["system not used"] >= 4 * 90
+    assert navigator.mode == "coasting"

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.stats import chi2
 
+from lowcostnav_ros import chi_square
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.consistency import acceptance_band, error_over_sigma_rms, nees
 from lowcostnav_ros.estimation.smoothing import rts_smoother
@@ -41,6 +42,13 @@ def test_short_step_discretisation_approaches_van_loan():
     kalman.predict_covariance(P, kalman.transition(F, dt), GQG, dt)
     assert np.allclose(kalman.transition(F, dt), expm(F * dt), atol=1e-5)
     assert np.allclose(P, exact, rtol=1e-4)
+
+
+def test_noise_by_simpson_is_that_of_white_acceleration_to_the_last_digits():
+    F, GQG, dt = np.array([[0.0, 1.0], [0.0, 0.0]]), np.diag([0.0, 3.0]), 0.1
+    P = np.zeros((2, 2))
+    kalman.predict_covariance_by_simpson(P, kalman.transition(F, dt), kalman.transition(F, 0.5 * dt), GQG, dt)
+    assert kalman.van_loan(F, GQG, dt)[1] == pytest.approx(P, rel=1e-12)
 
 
 def test_update_equals_filterpy():
@@ -142,7 +150,7 @@ def test_smoother_equals_filterpy():
 
 
 def test_gate_and_band_come_from_chi_square():
-    assert kalman.gate_threshold(0.999, 1) == pytest.approx(10.828, abs=1e-3)
+    assert chi_square.threshold(0.999, 1) == pytest.approx(10.828, abs=1e-3)
     low, high = acceptance_band(3, 20)
     assert (low, high) == pytest.approx(tuple(chi2.ppf([0.025, 0.975], 60) / 20))
 
@@ -159,4 +167,4 @@ def test_nees_of_matched_errors_falls_inside_its_band():
 @pytest.mark.parametrize("dof", range(1, 13))
 def test_gate_equals_the_chi_square_quantile(dof):
     for probability in (0.5, 0.95, 0.9995, 0.9999999):
-        assert kalman.gate_threshold(probability, dof) == pytest.approx(chi2.ppf(probability, dof), rel=1e-7)
+        assert chi_square.threshold(probability, dof) == pytest.approx(chi2.ppf(probability, dof), rel=1e-7)

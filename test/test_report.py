@@ -137,6 +137,19 @@ def test_mode_spans_join_runs():
     assert spans == [(0.0, 2.0, "gps"), (2.0, 3.0, "coasting")]
 
 
+def test_a_mode_does_not_last_through_a_silence():
+    t_s = np.array([0.0, 1.0, 2.0, 60.0, 61.0])
+    assert mode_spans(t_s, np.array(["gps"] * 5)) == [(0.0, 2.0, "gps"), (60.0, 61.0, "gps")]
+
+
+def test_the_sentence_says_when_there_was_less_than_a_gps_position():
+    part = {"horizontal_m": {"max": 9.0, "p95": 4.0}, "error_over_sigma": {"north_m": 1.0, "east_m": 1.0}}
+    navigator = {"solutions": 9, "errors": {"flight": part}, "aids": {}, "mode_seconds": {"gps": 300.0, "sparse": 280.4}}
+    assert sentence("n", navigator, 0.0).startswith("n: 280 s with fewer than four satellites, worst 9.0 m")
+    assert sentence("n", navigator | {"mode_seconds": {"gps": 20.0, "no solution": 40.0}}, 0.0).startswith("n: 40 s without a solution,")
+    assert sentence("n", navigator | {"mode_seconds": {"gps": 20.0}}, 0.0).startswith("n: GPS all flight,")
+
+
 class _Checker(HTMLParser):
     """Fails on unbalanced tags and collects every address a browser would fetch."""
 

@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger  # noqa: E402
 from test_ros_node_base import imu  # noqa: E402
 
 from lowcostnav_ros.earth import LocalFrame  # noqa: E402
-from lowcostnav_ros.measurements import NavSolution  # noqa: E402
+from lowcostnav_ros.measurements import Integrity, NavSolution  # noqa: E402
 from lowcostnav_ros.ros import qos  # noqa: E402
 from lowcostnav_ros.ros.navigator_node import NavigatorNode  # noqa: E402
 from lowcostnav_ros.settings import setting  # noqa: E402
@@ -53,7 +53,9 @@ class Standstill:
             name="gps_position", labels=("north_m",), innovation=np.array([1.5]), innovation_variance=np.array([4.0]), test_ratio=1.7,
             accepted=False, reason="innovation beyond gate", fused=3, rejected={"innovation beyond gate": 2}, age_s=lambda now_ns: 0.5,
         )  # fmt: skip
-        return SimpleNamespace(mode=self.mode, reason=self.reason, level=0, stamp_ns=1, sigmas={"north_m": 2.0}, inputs=[], aids=[aid])
+        integrity = Integrity("excluded", "G11 is left out.", {"G11": "its range contradicts the others'"}, hpl_m=31.26)
+        parts = {"sigmas": {"north_m": 2.0}, "inputs": [], "aids": [aid], "integrity": integrity}
+        return SimpleNamespace(mode=self.mode, reason=self.reason, level=0, stamp_ns=1, **parts)
 
     def reset(self, reason):
         self.mode, self.reason = "initialising", reason
@@ -122,6 +124,10 @@ def test_diagnostics_name_mode_sigmas_aids_and_the_missing_input(ros):
     assert values["rejected[innovation beyond gate]"] == "2" and table["standstill: aid gps_position"].level == b"\x01"
     assert {e.key: e.value for e in table["standstill: navigator"].values}["north_m"] == "2"
     assert ros.spin_until(lambda: "nothing received yet" in table["standstill: input gps/fix"].message)
+    row = table["standstill: integrity"]
+    assert row.message == "excluded: G11 is left out." and row.level == b"\x01"
+    values = {e.key: e.value for e in row.values}
+    assert values["hpl_m"] == "31.3" and values["vpl_m"] == "" and values["excluded[G11]"] == "its range contradicts the others'"
 
 
 def test_reset_restarts_the_navigator_and_says_so(ros):

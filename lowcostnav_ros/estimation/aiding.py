@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros import chi_square
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.measurements import Measurement
 from lowcostnav_ros.settings import setting
@@ -86,7 +87,7 @@ class Aid:
 
     def __init__(self, name: str, labels: tuple[str, ...], gate: GateSettings) -> None:
         self.gate = gate
-        self.threshold = kalman.gate_threshold(gate.probability, len(labels))
+        self.threshold = chi_square.threshold(gate.probability, len(labels))
         self.status = AidStatus(name, labels)
         self._rejecting_since_ns: int | None = None
 

@@ -1,41 +1,14 @@
 """Kalman algebra: a short module that knows no physics.
 
 Discretisation (Van Loan, or the second-order series and trapezoid that suit short steps), covariance prediction, sequential
-scalar measurement updates in Joseph form, gating by probability, a guard on the covariance, and the steady-state gain.
+scalar measurement updates in Joseph form, a guard on the covariance, and the steady-state gain.
 The error state is zero before every update, so an update returns the correction to inject and the new covariance.
 """
-
-import math
-from functools import lru_cache
 
 import numpy as np
 
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.small_matrices import cholesky, forward_solve, matmul, matvec, turned
-
-
-@lru_cache(maxsize=256)
-def gate_threshold(probability: float, dof: int) -> float:
-    """Chi-square value that a true innovation stays below with ``probability``, for ``dof`` degrees of freedom.
-
-    By bisection on the closed form of the upper tail; scipy.special would do it too, but costs every node 20 MB for this one number.
-    """
-    low, high = 0.0, dof + 1500.0
-    while high - low > 1e-12 * high:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _upper_tail(middle, dof) > 1.0 - probability else (low, middle)
-    return high
-
-
-def _upper_tail(x: float, dof: int) -> float:
-    """Probability that a chi-square value exceeds x (Abramowitz and Stegun 26.4.4, 26.4.5)."""
-    odd = dof % 2
-    tail = math.erfc(math.sqrt(0.5 * x)) if odd else math.exp(-0.5 * x)
-    term = math.sqrt(2.0 * x / math.pi) * math.exp(-0.5 * x) if odd else 0.5 * x * math.exp(-0.5 * x)
-    for k in range(odd, dof - 1 if odd else dof - 2, 2):
-        tail += term
-        term *= x / (k + 2) if odd else x / (k + 4)
-    return tail
 
 
 def van_loan(F: np.ndarray, GQG: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -91,6 +64,23 @@ def predict_covariance(P, Phi, GQG, dt):
     for i in range(n):
         for j in range(i + 1):
             value = 0.5 * (moved[i, j] + moved[j, i]) + half[i, j]
+            P[i, j] = value
+            P[j, i] = value
+
+
+@kernel
+def predict_covariance_by_simpson(P, Phi, Phi_half, GQG, dt):
+    """The same with the noise by Simpson's rule, exact for a doubly integrated white noise; ``Phi_half`` leads to the middle of the step.
+
+    The trapezoid triples the part of a position's noise that the velocities at both ends of the step do not explain (q dt^3/4 for
+    q dt^3/12); where velocity is measured at every step and q is large, that part is what the position wanders by.
+    """
+    n = P.shape[0]
+    share = GQG * (dt / 6.0)
+    moved, middle = turned(Phi, P + share), turned(Phi_half, 4.0 * share)
+    for i in range(n):
+        for j in range(i + 1):
+            value = 0.5 * (moved[i, j] + moved[j, i]) + 0.5 * (middle[i, j] + middle[j, i]) + share[i, j]
             P[i, j] = value
             P[j, i] = value
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
+from lowcostnav_ros import chi_square
 from lowcostnav_ros.earth import dcm_ne, ecef_to_geodetic
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.dop import Dops, cofactor, design, of_cofactor
@@ -98,7 +98,7 @@ def residual_test(residuals: np.ndarray, weight: np.ndarray, unknowns: int, prob
     statistic, redundancy = float(residuals @ weight @ residuals), len(residuals) - unknowns
     if redundancy < 1:
         return ResidualTest(NOT_POSSIBLE, statistic, math.inf, redundancy)
-    threshold = float(chi2.ppf(probability, redundancy))
+    threshold = chi_square.threshold(probability, redundancy)
     return ResidualTest(PASSED if statistic <= threshold else FAILED, statistic, threshold, redundancy)
 
 
@@ -180,15 +180,19 @@ def _iterate(epoch: GnssEpoch, rows: np.ndarray, clock: np.ndarray, weight: np.n
     raise GnssError("The position did not settle; the pseudoranges contradict each other, check their source.")
 
 
-def solve_velocity(epoch: GnssEpoch, position_e: np.ndarray, *, probability: float = 0.999) -> VelocityFix:
+def solve_velocity(
+    epoch: GnssEpoch, position_e: np.ndarray, *, rows: np.ndarray | None = None, probability: float = 0.999
+) -> VelocityFix:
     """Velocity and clock drift from the Dopplers of one epoch at a known position, ECEF, m (100 m off turn a Doppler by 0.02 m/s).
+
+    ``rows`` are the satellites to use, all with a valid Doppler by default; ``probability`` that of a good set to pass the test.
 
     Raises
     ------
     GnssError
         With fewer than four valid Dopplers or in a singular geometry.
     """
-    rows = np.flatnonzero(epoch.doppler_valid)
+    rows = np.flatnonzero(epoch.doppler_valid) if rows is None else rows
     if len(rows) < 4:
         raise GnssError(f"{len(rows)} Dopplers give no velocity; wait until at least 4 are there.")
     lat, lon, _ = ecef_to_geodetic(position_e)

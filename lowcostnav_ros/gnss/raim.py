@@ -12,22 +12,18 @@ T. Walter and P. Enge, "Weighted RAIM for precision approach", ION GPS (1995).
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import chi2, ncx2
 
+from lowcostnav_ros.chi_square import noncentrality
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.gnss.dop import cofactor
+from lowcostnav_ros.gnss.parity import parity, slopes, suspect
 from lowcostnav_ros.gnss.positioning import PASSED, PointFix, require_near_ground, solve
 from lowcostnav_ros.gnss.signals import name
 from lowcostnav_ros.measurements import GnssEpoch
 from lowcostnav_ros.settings import setting
 
 HEALTHY, EXCLUDED, FAULTY, NOT_POSSIBLE = "healthy", "excluded", "faulty", "not possible"
-INSEPARABLE = 0.999
-"""Correlation of two satellites' normalised residuals from which their faults look alike."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +62,6 @@ class RaimResult:
     vpl_m: float
 
 
-@lru_cache(maxsize=64)
-def noncentrality(false_alarm: float, missed: float, redundancy: int) -> float:
-    """Noncentrality of the test statistic at which the test misses with probability ``missed``."""
-    threshold = chi2.ppf(1.0 - false_alarm, redundancy)
-    return float(brentq(lambda value: ncx2.cdf(threshold, redundancy, value) - missed, 1e-6, 10.0 * threshold + 1000.0))
-
-
 def check(epoch: GnssEpoch, settings: RaimSettings | None = None, **solve_options) -> RaimResult:
     """Solve an epoch, test it, and leave out one faulty satellite if that can be told.
 
@@ -109,49 +98,30 @@ def _exclude(epoch: GnssEpoch, fix: PointFix, settings: RaimSettings, options: d
     if fix.test.redundancy < 2:
         needed = fix.geometry.shape[1] + 2
         return faulty(f"The pseudoranges contradict each other and {len(fix.rows)} satellites cannot tell which; {needed} are needed.")
-    normalised, correlation = normalised_residuals(fix)
-    worst = int(np.argmax(normalised))
-    suspect = name(epoch.system[fix.rows[worst]], epoch.sat_id[fix.rows[worst]])
-    twins = np.flatnonzero(np.abs(correlation[worst]) > INSEPARABLE)
-    if twins.size > 1:
-        return faulty(f"A fault of {suspect} looks like one of another satellite from here; the position cannot be used.")
+    _, _, _, w, S = _split(fix)
+    worst, ambiguous = suspect(w, S)
+    satellite = name(epoch.system[fix.rows[worst]], epoch.sat_id[fix.rows[worst]])
+    if ambiguous:
+        return faulty(f"A fault of {satellite} looks like one of another satellite from here; the position cannot be used.")
     try:
         without = solve(epoch, **{**options, "rows": np.delete(fix.rows, worst)})
     except GnssError:
-        return faulty(f"{suspect} seems faulty and the others give no position; the position cannot be used.")
+        return faulty(f"{satellite} seems faulty and the others give no position; the position cannot be used.")
     if without.test.verdict != PASSED:
         return faulty("More than one satellite contradicts the others; the position cannot be used.")
-    reason = f"{suspect} contradicts the others and was left out."
-    return RaimResult(EXCLUDED, reason, without, suspect, *protection_levels(without, settings))
-
-
-def normalised_residuals(fix: PointFix) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals over their own sigmas (n,) and their correlation (n, n), in whitened observations.
-
-    A satellite without any redundancy of its own (its residual is always zero) counts as zero.
-    """
-    _, root, projector = _whitened(fix)
-    spread = np.sqrt(np.maximum(np.diag(projector), 0.0))
-    seen = spread > 1e-6
-    scale = np.divide(1.0, spread, out=np.zeros_like(spread), where=seen)
-    return np.abs(root @ fix.residuals_m) * scale, projector * np.outer(scale, scale)
+    reason = f"{satellite} contradicts the others and was left out."
+    return RaimResult(EXCLUDED, reason, without, satellite, *protection_levels(without, settings))
 
 
 def protection_levels(fix: PointFix, settings: RaimSettings) -> tuple[float, float]:
     """Horizontal and vertical protection level, m: the steepest slope times the bias that just goes unnoticed; inf if one is unseen."""
-    gain, root, projector = _whitened(fix)
-    seen = np.diag(projector)
-    if np.any(seen < 1e-9):
-        return math.inf, math.inf
+    _, _, gain, _, S = _split(fix)
     bias = math.sqrt(noncentrality(settings.false_alarm_probability, settings.missed_detection_probability, fix.test.redundancy))
-    horizontal = np.hypot(gain[0], gain[1]) / np.sqrt(seen)
-    vertical = np.abs(gain[2]) / np.sqrt(seen)
-    return float(bias * horizontal.max()), float(bias * vertical.max())
+    horizontal, vertical = slopes(gain, S)
+    return bias * horizontal, bias * vertical
 
 
-def _whitened(fix: PointFix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gain (m, n) from whitened observations to the solution, whitening root of the weight, projector (n, n) onto the residuals."""
+def _split(fix: PointFix) -> tuple:
+    """Parity of the pseudoranges at a fix, whitened by their weight."""
     root = np.linalg.cholesky(fix.weight).T
-    white = root @ fix.geometry
-    gain = cofactor(white) @ white.T
-    return gain, root, np.eye(len(white)) - white @ gain
+    return parity(root @ fix.geometry, root @ fix.residuals_m)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from lowcostnav_ros.earth import LocalFrame
 from lowcostnav_ros.estimation.aiding import Aid, AidStatus
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
-from lowcostnav_ros.measurements import ImuBlock, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.settings import setting
 
 OK, WARN, ERROR = 0, 1, 2
@@ -52,6 +52,7 @@ class NavigatorStatus:
     sigmas: dict[str, float]
     inputs: list[InputStatus]
     aids: list[AidStatus]
+    integrity: Integrity | None = None
 
 
 class Navigator:
@@ -118,7 +119,8 @@ class Navigator:
         """Mode, reason, level and all records, for diagnostics and reports."""
         aids = [aid.status for aid in self.aids]
         inputs = list(self.input_status.values())
-        return NavigatorStatus(self.name, self.mode, self.reason, self._level(), self.horizon.passed_ns, self._sigmas(), inputs, aids)
+        now_ns, integrity = self.horizon.passed_ns, self._integrity()
+        return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, integrity)
 
     def reset(self, reason: str) -> None:
         """Start over: forget the state and what is held, keep the settings, the origin and the counters."""
@@ -142,6 +144,10 @@ class Navigator:
         """Fix the geodetic origin (rad, rad, m) of the local map frame, once."""
         if self.origin is None:
             self.origin = LocalFrame(lat, lon, height)
+
+    def _integrity(self) -> Integrity | None:
+        """What the integrity tests say, where there are any."""
+        return None
 
     def _level(self) -> int:
         if self.mode == "failed":

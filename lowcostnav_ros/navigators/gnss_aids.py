@@ -25,6 +25,7 @@ from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.gnss.signals import name
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.measurements import GnssEpoch
+from lowcostnav_ros.navigators.gnss_integrity import LEFT_OUT, RANGE, RATE, IntegritySettings
 from lowcostnav_ros.navigators.inertial import DEG, VEL
 from lowcostnav_ros.rotation import quat_to_dcm, skew
 from lowcostnav_ros.settings import group, setting
@@ -41,7 +42,7 @@ CLOCK_SIGMA_M, CLOCK_SIGMA_MPS = 100.0, 10.0
 NOTHING = np.zeros(0, dtype=np.int64)
 RECOVERED = "recovered after rejections"
 JUMP_SIGMAS = 8.0
-"""A clock jump moves all pseudoranges together by more than this many sigmas, and apart by less."""
+"""A clock jump moves most satellites together by more than this many sigmas, and apart by less."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,7 @@ class GnssSettings:
     system_offset_m: float = setting(0.0, "Sigma of Galileo's clock against that of GPS; 0 takes them as one.", unit="m", minimum=0.0)
     screening: bool = setting(True, "Leave out satellites whose innovation is beyond the gate.")
     gate: GateSettings = group(GateSettings)
+    integrity: IntegritySettings = group(IntegritySettings)
 
 
 @kernel
@@ -124,6 +126,18 @@ def scalar_variances(P, H, r):
     return out
 
 
+@kernel
+def noise_covariance(r, common):
+    """Covariance (n, n) of noise of variances r (n,) of which c c' with c = ``common`` (n,) is common to all."""
+    n = r.shape[0]
+    R = np.empty((n, n))
+    for k in range(n):
+        for j in range(n):
+            R[k, j] = common[k] * common[j]
+        R[k, k] = r[k]
+    return R
+
+
 @dataclass(slots=True)
 class Observations:
     """Usable observations of one kind at one epoch: satellite rows, innovations (m,), Jacobian (m, n), variances (m,).
@@ -138,9 +152,8 @@ class Observations:
     common: np.ndarray
 
     def covariance(self, rows: np.ndarray) -> np.ndarray:
-        """Covariance of the noise of some of them, (k, k)."""
-        common = self.common[rows]
-        return np.diag(self.r[rows] - common * common) + np.outer(common, common)
+        """Covariance of the noise of some of them (rows or a mask), (k, k)."""
+        return noise_covariance(self.r[rows], self.common[rows])
 
 
 def common_part(variance: np.ndarray, sin_elevation: np.ndarray) -> np.ndarray:
@@ -150,15 +163,16 @@ def common_part(variance: np.ndarray, sin_elevation: np.ndarray) -> np.ndarray:
 
 
 class SatelliteAid(Aid):
-    """Base of the two: screening satellite by satellite, fusing what passes in one update, recovery when most do not.
+    """Base of the two: screening satellite by satellite, the integrity tests of the host, fusing what passes in one update, recovery when
+    most do not.
 
     ``used`` holds the rows of the last epoch that were fused; ``epoch_nis`` and ``epoch_dof`` hold the normalised innovation
     squared of all of them together.  The status shows their mean innovation with its own variance, and the worst test ratio.
     """
 
-    def __init__(self, aid: str, label: str, settings: GnssSettings) -> None:
+    def __init__(self, aid: str, label: str, settings: GnssSettings, kind: str) -> None:
         super().__init__(aid, (label,), settings.gate)
-        self.settings = settings
+        self.settings, self.kind = settings, kind
         self.used = NOTHING
         self.satellites = Counter()
         self.epoch_nis, self.epoch_dof = 0.0, 0
@@ -167,6 +181,10 @@ class SatelliteAid(Aid):
     def observations(self, epoch: GnssEpoch, host: "Host") -> Observations:
         """Innovations of the usable satellites; counts why the others are not. Changes no state."""
         raise TypeError(f"{type(self).__name__} does not define its observations.")
+
+    def shared(self, obs: Observations, host: "Host") -> np.ndarray:
+        """Columns (n, m) of what all satellites measure together: position or velocity, and clocks."""
+        raise TypeError(f"{type(self).__name__} does not define what its satellites share.")
 
     def process(self, measurement: GnssEpoch, host: "Host") -> bool:
         """Judge and fuse one epoch; return whether anything of it was used."""
@@ -179,21 +197,45 @@ class SatelliteAid(Aid):
         if not (np.isfinite(obs.y).all() and np.isfinite(S).all()):
             return self._refused("innovation not finite")
         ratios = obs.y**2 / (S * self.threshold) if self.settings.screening else np.zeros(len(S))
-        self._report(obs, ratios, host)
+        shut = host.integrity.is_excluded(measurement, obs.rows)
+        if host.integrity.distrusted or shut.all():
+            return self._refused("satellites not trusted since the alarm" if host.integrity.distrusted else LEFT_OUT)
+        self._report(obs, ratios, ~shut, host)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
-        decision, reason = self.control(measurement.stamp_ns, float(np.sort(ratios)[(len(ratios) - 1) // 2]), host)
+        told = np.sort(ratios[~shut])
+        decision, reason = self.control(measurement.stamp_ns, float(told[(len(told) - 1) // 2]), host)
         if decision is Decision.REJECT:
             return self._refused(reason)
-        good = np.full(len(ratios), decision is Decision.RECOVER) | (ratios <= 1.0)
+        status.reason = ""
         if decision is Decision.RECOVER:
+            good = ~shut
             obs.r = obs.r + obs.y**2
             status.rejected[RECOVERED] += 1
-        self._name_rejected(measurement, obs, np.flatnonzero(~good))
+            host.integrity.contradicted(measurement.stamp_ns, self.gate.recovery_s)
+        else:
+            passed = (ratios <= 1.0) & ~shut
+            good = self._tested(measurement, obs, passed, host)
+            if not good.any():
+                return self._refused("satellites contradict each other")
+            self._name_rejected(measurement, obs, np.flatnonzero(~passed & ~shut), "innovation beyond gate")
+            self._name_rejected(measurement, obs, np.flatnonzero(shut | (passed & ~good)), LEFT_OUT)
         self._apply(obs, good, host)
         self.used = obs.rows[good]
         status.accepted, status.accepted_ns = True, measurement.stamp_ns
         status.fused += 1
         return True
+
+    def _tested(self, epoch: GnssEpoch, obs: Observations, passed: np.ndarray, host: "Host") -> np.ndarray:
+        """Those of the satellites that passed which the integrity tests leave."""
+        integrity = host.integrity
+        if not integrity.settings.enabled:
+            return passed
+        shared = self.shared(obs, host)
+        good = integrity.compare(self.kind, epoch, obs.rows, obs.y, shared, noise_covariance(obs.r, obs.common), passed)
+        if integrity.watches and good.any():
+            S = kalman.innovation_covariance(host.P, obs.H[good], obs.covariance(good))
+            integrity.testify(self.kind, epoch.stamp_ns, obs.y[good], shared[good, :4], S)
+        return good
 
     def _apply(self, obs: Observations, good: np.ndarray, host: "Host") -> None:
         y, H, R = obs.y[good], obs.H[good], obs.covariance(good)
@@ -202,18 +244,17 @@ class SatelliteAid(Aid):
         self.epoch_dof = len(y)
         host.correct(kalman.update(host.P, y, H, R, np.ones(len(host.P))))
 
-    def _report(self, obs: Observations, ratios: np.ndarray, host: "Host") -> None:
-        h, noise = obs.H.mean(axis=0), obs.covariance(np.arange(len(obs.r)))
-        variance = scalar_variances(host.P, h[None], np.array([noise.sum() / len(obs.r) ** 2]))
-        mean = np.array([obs.y.mean()])
+    def _report(self, obs: Observations, ratios: np.ndarray, shown: np.ndarray, host: "Host") -> None:
+        y, h = obs.y[shown], obs.H[shown].mean(axis=0)
+        variance = scalar_variances(host.P, h[None], np.array([obs.covariance(shown).sum() / len(y) ** 2]))
+        mean = np.array([y.mean()])
         status = self.status
-        status.observation, status.innovation, status.innovation_variance = np.array([float(len(obs.y))]), mean, variance
-        status.nis, status.test_ratio = float(mean[0] ** 2 / variance[0]), float(ratios.max())
+        status.observation, status.innovation, status.innovation_variance = np.array([float(len(y))]), mean, variance
+        status.nis, status.test_ratio = float(mean[0] ** 2 / variance[0]), float(ratios[shown].max())
 
-    def _name_rejected(self, epoch: GnssEpoch, obs: Observations, bad: np.ndarray) -> None:
-        self.status.reason = ""
+    def _name_rejected(self, epoch: GnssEpoch, obs: Observations, bad: np.ndarray, reason: str) -> None:
         for k in bad:
-            self.leave_out("innovation beyond gate", epoch, obs.rows[k])
+            self.leave_out(reason, epoch, obs.rows[k])
 
     def leave_out(self, reason: str, epoch: GnssEpoch, row: int) -> None:
         """Count one satellite under its reason."""
@@ -222,11 +263,31 @@ class SatelliteAid(Aid):
         self.satellites[f"{satellite}: {reason}"] += 1
         self.status.reason = f"{satellite}: {reason}"
 
-    def usable(self, epoch: GnssEpoch, valid: np.ndarray, sin_elevation: np.ndarray) -> np.ndarray:
-        """Rows that are valid, of a wanted system, high and strong enough."""
+    def clock_step(self, y: np.ndarray, H: np.ndarray, r: np.ndarray, host: "Host", *, known: bool) -> float | None:
+        """By how much the clock (or its drift) is to be moved: it was unknown, or it jumped; else None.
+
+        A jump moves all satellites together, so most of them agree on it (two must both); no motion of the receiver does that.
+        """
+        if not y.size:
+            return None
+        common = float(np.median(y))
+        if not known:
+            return common
+        together = np.abs(y - common) <= JUMP_SIGMAS * np.sqrt(r)
+        if len(y) < 2 or 2 * np.count_nonzero(together) <= len(y):
+            return None
+        if abs(common) < JUMP_SIGMAS * math.sqrt(scalar_variances(host.P, H, r).max()):
+            return None
+        self.status.rejected["clock jump followed"] += 1
+        host.integrity.clock_jumped(self.status.stamp_ns)
+        return common
+
+    def usable(self, epoch: GnssEpoch, observed: np.ndarray, valid: np.ndarray, sin_elevation: np.ndarray) -> np.ndarray:
+        """Rows that are valid and finite (``observed`` (n,) is what was measured), of a wanted system, high and strong enough."""
         settings = self.settings
         tests = (
             ("not valid", valid),
+            ("not finite", np.isfinite(observed) & np.isfinite(sin_elevation)),
             ("system not used", np.char.find(settings.systems, epoch.system.astype(str)) >= 0),
             ("below the mask", sin_elevation >= math.sin(settings.mask_deg * DEG)),
             ("signal too weak", (epoch.cn0 == 0.0) | (epoch.cn0 >= settings.minimum_cn0)),
@@ -253,12 +314,12 @@ class RangeAid(SatelliteAid):
     """Pseudoranges, m."""
 
     def __init__(self, settings: GnssSettings) -> None:
-        super().__init__("gnss_range", "mean_range_m", settings)
+        super().__init__("gnss_range", "mean_range_m", settings, RANGE)
 
     def observations(self, epoch: GnssEpoch, host: "Host") -> Observations:
         """y = pseudorange - (range + clock + system offset); a jump of the whole clock is followed first."""
         ranges, _, H, _, sin_elevation = predicted(epoch, host)
-        rows = self.usable(epoch, epoch.range_valid, sin_elevation)
+        rows = self.usable(epoch, epoch.pseudorange_m, epoch.range_valid, sin_elevation)
         clock = host.layout["clock"].start
         H = H[rows]
         H[:, clock] = 1.0
@@ -269,35 +330,32 @@ class RangeAid(SatelliteAid):
             y -= H[:, offset] * host.core.estimate[offset]
         r = (self.settings.range_sigma_scale * epoch.sigma_m[rows]) ** 2
         common = common_part(r, sin_elevation[rows]) if self.settings.common_error else np.zeros(len(rows))
-        obs = Observations(rows, y, H, r, common)
-        return self._follow_clock(obs, clock, host)
+        step = self.clock_step(y, H, r, host, known=host.clock_known)
+        if step is not None:
+            host.seed_clock(step)
+            y = y - step
+        return Observations(rows, y, H, r, common)
 
-    def _follow_clock(self, obs: Observations, clock: int, host: "Host") -> Observations:
-        """Seed an unknown clock, and follow one that jumped: all satellites moved together, so it was not they."""
-        if not obs.rows.size:
-            return obs
-        common = float(np.median(obs.y))
-        if host.clock_known:
-            S = scalar_variances(host.P, obs.H, obs.r)
-            apart = np.abs(obs.y - common) > JUMP_SIGMAS * np.sqrt(obs.r)
-            if len(obs.y) < 2 or abs(common) < JUMP_SIGMAS * math.sqrt(S.max()) or apart.any():
-                return obs
-            self.status.rejected["clock jump followed"] += 1
-        host.seed_clock(common)
-        obs.y = obs.y - common
-        return obs
+    def shared(self, obs: Observations, host: "Host") -> np.ndarray:
+        """Position, clock, and the clock between systems where satellites of both are seen."""
+        clock = host.layout["clock"].start
+        columns = [0, 1, 2, clock]
+        if "system_offset" in host.layout:
+            offset = host.layout["system_offset"].start
+            columns += [offset] if 0.0 < obs.H[:, offset].mean() < 1.0 else []
+        return obs.H[:, columns]
 
 
 class RangeRateAid(SatelliteAid):
     """Dopplers as range rates, m/s."""
 
     def __init__(self, settings: GnssSettings) -> None:
-        super().__init__("gnss_range_rate", "mean_rate_mps", settings)
+        super().__init__("gnss_range_rate", "mean_rate_mps", settings, RATE)
 
     def observations(self, epoch: GnssEpoch, host: "Host") -> Observations:
         """y = rate - (predicted rate + clock drift); the velocity of the lever arm also depends on the gyro bias."""
         _, rates, _, H, sin_elevation = predicted(epoch, host)
-        rows = self.usable(epoch, epoch.doppler_valid, sin_elevation)
+        rows = self.usable(epoch, epoch.doppler_mps, epoch.doppler_valid, sin_elevation)
         drift = host.layout["clock"].start + 1
         H = H[rows]
         H[:, drift] = 1.0
@@ -307,8 +365,13 @@ class RangeRateAid(SatelliteAid):
                 if block in host.layout:
                     H[:, host.layout[block]] = turn
         y = epoch.doppler_mps[rows] - rates[rows] - host.core.estimate[drift]
-        if not host.drift_known and rows.size:
-            common = float(np.median(y))
-            host.seed_drift(common)
-            y = y - common
-        return Observations(rows, y, H, (self.settings.doppler_sigma_scale * epoch.sigma_mps[rows]) ** 2, np.zeros(len(rows)))
+        r = (self.settings.doppler_sigma_scale * epoch.sigma_mps[rows]) ** 2
+        step = self.clock_step(y, H, r, host, known=host.drift_known)
+        if step is not None:
+            host.seed_drift(step)
+            y = y - step
+        return Observations(rows, y, H, r, np.zeros(len(rows)))
+
+    def shared(self, obs: Observations, host: "Host") -> np.ndarray:
+        """Velocity and clock drift."""
+        return obs.H[:, [3, 4, 5, host.layout["clock"].start + 1]]

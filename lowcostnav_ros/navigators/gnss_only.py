@@ -17,11 +17,13 @@ from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.measurements import GnssEpoch, NavSolution
+from lowcostnav_ros.measurements import GnssEpoch, Integrity, NavSolution
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, RECOVERED, GnssSettings, RangeAid, RangeRateAid
+from lowcostnav_ros.navigators.gnss_integrity import GnssIntegrity
+from lowcostnav_ros.navigators.gnss_start import point_solution, unknown_velocity
 from lowcostnav_ros.navigators.inertial import POS, VEL
-from lowcostnav_ros.navigators.ins_gnss import ENOUGH, EPOCH, THESIS_POSITION_PSD, clock_block, point_solution
+from lowcostnav_ros.navigators.ins_gnss import ENOUGH, EPOCH, THESIS_POSITION_PSD, clock_block
 from lowcostnav_ros.settings import group, setting
 
 ACC = slice(6, 9)
@@ -78,7 +80,8 @@ def predict(nav, estimate, P, rate, psd, dt):
     n = P.shape[0]
     steps = max(1, math.ceil(dt / STEP_S - 1e-9))
     h = dt / steps
-    Phi = kalman.transition(motion_dynamics(n, rate), h)
+    F = motion_dynamics(n, rate)
+    Phi, Phi_half = kalman.transition(F, h), kalman.transition(F, 0.5 * h)
     GQG = np.zeros((n, n))
     for i in range(n):
         GQG[i, i] = psd[i]
@@ -93,7 +96,7 @@ def predict(nav, estimate, P, rate, psd, dt):
         for i in range(6, n - 2):
             estimate[i] *= math.exp(-rate[i] * h)
         estimate[n - 2] += estimate[n - 1] * h
-        kalman.predict_covariance(P, Phi, GQG, h)
+        kalman.predict_covariance_by_simpson(P, Phi, Phi_half, GQG, h)
 
 
 class MotionCore:
@@ -109,12 +112,14 @@ class MotionCore:
         self.P = layout.initial_covariance()
         self.t_ns = 0
 
-    def start(self, t_ns: int, place: tuple[float, float, float], vel_n: np.ndarray) -> None:
-        """Begin at a place (rad, rad, m) and velocity, everything at its initial sigma."""
+    def start(self, t_ns: int, place: tuple[float, float, float], vel_n: np.ndarray, vel_cov: np.ndarray | None = None) -> None:
+        """Begin at a place (rad, rad, m) and velocity, everything at its initial sigma, the velocity at no less than its covariance."""
         self.t_ns = int(t_ns)
         self.nav[:3], self.nav[3:6] = place, vel_n
         self.estimate[:] = 0.0
         self.P = self.layout.initial_covariance()
+        if vel_cov is not None:
+            self.P[VEL, VEL] = np.maximum(self.P[VEL, VEL], np.diag(np.diag(vel_cov)))
 
     def advance(self, t_ns: int) -> None:
         """Predict to a stamp."""
@@ -139,7 +144,8 @@ class MotionCore:
 class GnssOnly(Navigator):
     """Satellites-only navigator; see the module head.
 
-    Modes: ``initialising``, ``gps``, ``coasting`` (too few satellites: nothing fused, solutions held back), ``failed``.
+    Modes: ``initialising``, ``gps``, ``coasting`` (too few satellites: nothing fused, solutions held back), ``suspect`` (the receiver's
+    clock cannot be right), ``failed``.
     """
 
     name = "gnss_only"
@@ -152,6 +158,7 @@ class GnssOnly(Navigator):
         self.range_aid, self.rate_aid = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
         self.aids = [self.range_aid, *([self.rate_aid] if settings.gnss.doppler else [])]
         self.lever_b = self.rate_b = np.zeros(3)
+        self.integrity = GnssIntegrity(settings.gnss.integrity, inertial=False)
         self._restart()
 
     @property
@@ -181,6 +188,7 @@ class GnssOnly(Navigator):
         self._started = False
         self.clock_known = self.drift_known = False
         self._fused_ns: int | None = None
+        self.integrity.clear()
 
     def _fuse(self, item: GnssEpoch) -> None:
         if self._started and item.stamp_ns - (self._fused_ns or 0) > 1e9 * self.settings.restart_s:
@@ -189,10 +197,11 @@ class GnssOnly(Navigator):
             return
         self.core.advance(item.stamp_ns)
         if np.count_nonzero(item.range_valid) >= self.settings.minimum_satellites:
-            ranged = self.use_aid(self.range_aid, item)
-            rated = self.settings.gnss.doppler and self.use_aid(self.rate_aid, item)
-            if ranged or rated:
+            if self.use_aid(self.range_aid, item):  # Dopplers alone would be dead reckoning under another name
                 self._fused_ns = item.stamp_ns
+            if self.settings.gnss.doppler:
+                self.use_aid(self.rate_aid, item)
+            self.integrity.watch_drift(item.stamp_ns, self.core.estimate[-1])
             if any(aid.status.rejected.pop(RECOVERED, 0) for aid in self.aids):
                 self.realign("most satellites contradicted the state")  # one epoch gives a better state than widening this one
                 return
@@ -202,24 +211,27 @@ class GnssOnly(Navigator):
 
     def _start(self, epoch: GnssEpoch) -> bool:
         try:
-            fix, velocity = point_solution(epoch)
+            fix, velocity = point_solution(epoch, doppler=self.settings.gnss.doppler)
         except GnssError as error:
             self.reason = str(error)
             return False
         self.set_origin(fix.lat, fix.lon, fix.height)
-        self.core.start(epoch.stamp_ns, (fix.lat, fix.lon, fix.height), velocity.vel_n)
+        velocity = velocity or unknown_velocity(fix)
+        self.core.start(epoch.stamp_ns, (fix.lat, fix.lon, fix.height), velocity.vel_n, velocity.cov_n)
         self._fused_ns, self._started = epoch.stamp_ns, True
         return True
 
     def _judge(self, epoch: GnssEpoch) -> None:
         since = 1e-9 * (epoch.stamp_ns - self._fused_ns)
         if since == 0.0:
-            self.mode, self.reason = "gps", f"{len({*self.range_aid.used, *self.rate_aid.used})} satellites"
+            self.mode, self.reason = "gps", f"{len(self.range_aid.used)} satellites"
+            if self.integrity.status.alarm:
+                self.mode, self.reason = "suspect", self.integrity.status.alarm
         elif since > self.settings.timeout_s:
             self.mode, self.reason = "coasting", f"{len(epoch)} satellites for {since:.0f} s"
 
     def _predict(self) -> NavSolution | None:
-        if not self._started or self.mode != "gps":
+        if not self._started or self.mode not in ("gps", "suspect"):
             return None
         newest = self.horizon.newest_ns or self.core.t_ns
         return self._solution(max(newest, self.core.t_ns), *self.core.ahead(newest))
@@ -236,8 +248,12 @@ class GnssOnly(Navigator):
             cov_pos=P[POS, POS].copy(),
             cov_vel=P[VEL, VEL].copy(),
             mode=self.mode,
+            integrity=self._integrity(),
             states={self.layout.labels[i]: (float(self.core.estimate[i]), float(sigma[i])) for i in range(6, self.layout.size)},
         )
+
+    def _integrity(self) -> Integrity:
+        return self.integrity.report(self.core.t_ns)
 
     def _sigmas(self) -> dict[str, float]:
         if not self._started:

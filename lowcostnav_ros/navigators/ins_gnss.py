@@ -15,8 +15,10 @@ from lowcostnav_ros.estimation.error_state import Block, Kind, chain, random_wal
 from lowcostnav_ros.estimation.horizon import FusionHorizon
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
-from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, Measurement, NavSolution
-from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, GnssSettings, RangeAid, RangeRateAid
+from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, Integrity, Measurement, NavSolution
+from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, GnssSettings, RangeAid, RangeRateAid, predicted
+from lowcostnav_ros.navigators.gnss_integrity import GnssIntegrity
+from lowcostnav_ros.navigators.gnss_start import SlopeVelocity, point_solution
 from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
 from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
 from lowcostnav_ros.settings import group, setting
@@ -25,6 +27,7 @@ EPOCH = "gnss/raw"
 SOLUTION = "gnss_only/odometry_fused"
 THESIS_POSITION_PSD = (6.0, 6.0, 90.0)
 """Position random walk, m^2/s north east down, with which the filter follows the range noise as the thesis's published errors do."""
+SOURCES = ("epochs", "gnss_only", "receiver")
 ENOUGH = 4
 """Satellites from which position and clock follow from one epoch alone."""
 
@@ -63,8 +66,10 @@ class LooseSettings:
 class InsGnssSettings(InsGpsSettings):
     """All settings of the INS/GNSS navigator."""
 
-    coupling: str = setting("tight", "Satellites one by one (tight), or a receiver's solution (loose).", choices=("tight", "loose"))
-    loose_source: str = setting("gnss_only", "Whose solution loose coupling uses.", choices=("gnss_only", "receiver"))
+    coupling: str = setting("tight", "Satellites one by one (tight), or a solution of them (loose).", choices=("tight", "loose"))
+    loose_source: str = setting(
+        "epochs", "Solution used by loose coupling: of each epoch alone, the filtered one of gnss_only, or a receiver's.", choices=SOURCES
+    )
     tuning: str = setting("consistent", "Process noise: as the sensors are, or as the thesis's.", choices=("consistent", "thesis"))
     split_turn_on: bool = setting(True, "Estimate turn-on biases beside Gauss-Markov drifts.")
     gnss: GnssSettings = group(GnssSettings)
@@ -96,7 +101,8 @@ def clock_block(settings: GnssSettings) -> Block:
 class InsGnss(InsGps):
     """INS/GNSS navigator; see the module head.
 
-    Modes: those of the GPS/INS navigator and ``sparse``, aided by one to three satellites.
+    Modes: those of the GPS/INS navigator; ``sparse``, aided by one to three satellites; ``suspect``, the satellites contradict the inertial
+    sensors or the receiver's clock cannot be right.
     """
 
     name = "ins_gnss"
@@ -106,6 +112,8 @@ class InsGnss(InsGps):
         self.inputs = {IMU: True, **_fixes(settings), MAG: False, PRESSURE: False, AIR: False}
         self.range_aid, self.rate_aid = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
         self.lever_b = np.array(settings.gps.lever_arm_b_m, dtype=float)
+        self.integrity = GnssIntegrity(settings.gnss.integrity, inertial=True)
+        self.slope = SlopeVelocity()
         super().__init__(settings)
         if SOLUTION in self.inputs:
             lag_s = settings.horizon.lag_s + settings.gps.latency_s + settings.loose.behind_s
@@ -142,14 +150,18 @@ class InsGnss(InsGps):
     def _restart(self) -> None:
         super()._restart()
         self.clock_known = self.drift_known = False
-        self._satellites = 0
+        self.slope.clear()
         self._heard_ns = -(10**18)
+        self.integrity.clear()
 
     def _fuse(self, item: Measurement) -> None:
         if isinstance(item, NavSolution) and (item.lat is None or item.vel_n is None):
             self.input_status[item.source].reject("no position or no velocity")
         elif isinstance(item, NavSolution):
             for part in self._fix_of(item):
+                super()._fuse(part)
+        elif isinstance(item, GnssEpoch) and not self.tight:
+            for part in self._solved(item):
                 super()._fuse(part)
         else:
             super()._fuse(item)
@@ -166,6 +178,25 @@ class InsGnss(InsGps):
         place = (solution.lat, solution.lon, solution.height)
         return GpsPosition(stamp, source, *place, position), GpsVelocity(stamp, source, solution.vel_n, velocity)
 
+    def _solved(self, epoch: GnssEpoch) -> tuple[Measurement, ...]:
+        """Position and velocity of the antenna from one epoch alone, errors white from epoch to epoch; nothing where there is none."""
+        if self._aligned and self.core.t_ns == epoch.stamp_ns:
+            used = np.zeros(len(epoch), dtype=bool)
+            used[self.range_aid.usable(epoch, epoch.pseudorange_m, epoch.range_valid, predicted(epoch, self)[-1])] = True
+            epoch = replace(epoch, range_valid=used, doppler_valid=used & epoch.doppler_valid)
+        try:
+            return tuple(part for part in self._solve(epoch) if part is not None)
+        except GnssError as error:
+            self.input_status[epoch.source].reject("no solution of this epoch")
+            if not self._aligned:
+                self.mode, self.reason = "aligning", str(error)
+            return ()
+
+    def _solve(self, epoch: GnssEpoch) -> tuple[GpsPosition, GpsVelocity | None]:
+        """Point solution of an epoch; to align without Dopplers, the slope of the positions serves as velocity."""
+        fix, velocity = point_solution(epoch, doppler=self.settings.gnss.doppler)
+        return fix, velocity or (None if self._aligned else self.slope.add(fix))
+
     def _aid(self, item: Measurement) -> None:
         if not isinstance(item, GnssEpoch):
             super()._aid(item)
@@ -174,8 +205,8 @@ class InsGnss(InsGps):
             ranged = self.use_aid(self.range_aid, item)
             rated = self.settings.gnss.doppler and self.use_aid(self.rate_aid, item)
             if ranged or rated:
-                self._satellites = len({*self.range_aid.used, *self.rate_aid.used})
                 self._fused_fix_ns = item.stamp_ns
+            self.integrity.watch_drift(item.stamp_ns, self.core.estimate[self.layout["clock"].start + 1])
 
     def _judge(self) -> None:
         super()._judge()
@@ -184,8 +215,17 @@ class InsGnss(InsGps):
         if self.mode == "coasting":
             self.reason = self.reason.replace("GPS fix", "satellites")
         elif self.mode == "gps":
-            self.mode = "gps" if self._satellites >= ENOUGH else "sparse"
-            self.reason = f"{self._satellites} satellites"
+            ranges, rates = len(self.range_aid.used), len(self.rate_aid.used)
+            self.mode = "gps" if ranges >= ENOUGH else "sparse"
+            self.reason = f"{ranges} satellites" if ranges or not rates else f"no pseudorange, {rates} Dopplers"
+        if self.integrity.status.alarm and self.mode in ("gps", "sparse"):
+            self.mode, self.reason = "suspect", self.integrity.status.alarm
+
+    def _integrity(self) -> Integrity | None:
+        return self.integrity.report(self.core.t_ns) if self.tight else None
+
+    def _solution(self, *state) -> NavSolution:
+        return replace(super()._solution(*state), integrity=self._integrity())
 
     def _prepare(self, item: Measurement) -> None:
         """Align on the point solution of an epoch, which takes four satellites."""
@@ -193,32 +233,19 @@ class InsGnss(InsGps):
             super()._prepare(item)
             return
         try:
-            fix, velocity = point_solution(item)
+            fix, velocity = self._solve(item)
         except GnssError as error:
             self.mode, self.reason = "aligning", str(error)
             return
         super()._prepare(fix)
-        super()._prepare(velocity)
+        if velocity is not None:
+            super()._prepare(velocity)
+        else:
+            self.mode, self.reason = "aligning", "waiting for positions that give a velocity: there are no Dopplers"
 
 
 def _fixes(settings: InsGnssSettings) -> dict[str, bool]:
     """Sources of satellite data and that they are needed."""
-    if settings.coupling == "tight":
+    if settings.coupling == "tight" or settings.loose_source == "epochs":
         return {EPOCH: True}
     return {SOLUTION: True} if settings.loose_source == "gnss_only" else {FIX: True, VELOCITY: True}
-
-
-def point_solution(epoch: GnssEpoch) -> tuple[GpsPosition, GpsVelocity]:
-    """Least-squares position and velocity of one epoch.
-
-    Raises
-    ------
-    GnssError
-        When it has none; the message says what is missing.
-    """
-    from lowcostnav_ros.gnss.positioning import solve, solve_velocity  # not on import: it brings scipy.stats, needed once a flight
-
-    fix = solve(epoch)
-    velocity = solve_velocity(epoch, fix.position_e)
-    position = GpsPosition(epoch.stamp_ns, epoch.source, fix.lat, fix.lon, fix.height, fix.cov_n)
-    return position, GpsVelocity(epoch.stamp_ns, epoch.source, velocity.vel_n, velocity.cov_n)

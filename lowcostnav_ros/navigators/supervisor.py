@@ -11,8 +11,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from lowcostnav_ros import chi_square
 from lowcostnav_ros.earth import difference_n
-from lowcostnav_ros.estimation.kalman import gate_threshold
 from lowcostnav_ros.measurements import Attitude, GpsPosition, Measurement, NavSolution
 from lowcostnav_ros.navigators.base import ERROR, OK, WARN, HorizonSettings, Navigator
 from lowcostnav_ros.navigators.supervisor_blend import Blend, carried_to
@@ -87,7 +87,7 @@ class Supervisor(Navigator):
         self.inputs = dict.fromkeys((*SOURCES, "imu/data_fused", "gps/fix"), False)
         settings = settings or SupervisorSettings()
         super().__init__(settings)
-        self.threshold = gate_threshold(settings.gps.agree_probability, 2)
+        self.threshold = chi_square.threshold(settings.gps.agree_probability, 2)
         self._restart()
 
     def _restart(self) -> None:

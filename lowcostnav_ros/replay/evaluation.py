@@ -137,20 +137,21 @@ class Evaluation:
         When there was no GPS.
     windows : iterable of Window
         Withheld windows.
-    on_errors : callable, optional
-        Called with every chunk of errors, to write them.
+
+    Attributes
+    ----------
+    listeners : list of callable
+        Each is called with every chunk of errors.
     """
 
-    def __init__(
-        self, truth: Truth | None, gaps: GpsGaps, windows: Iterable[Window], on_errors: Callable[[Errors], None] | None = None
-    ) -> None:
+    def __init__(self, truth: Truth | None, gaps: GpsGaps, windows: Iterable[Window]) -> None:
         self.truth = truth
         self.gaps = gaps
         self.windows = [(w, IntervalRecord(w.text, w.start_ns, w.end_ns)) for w in windows]
         self.outages: dict[int, IntervalRecord] = {}
         self.flight = ErrorStatistics()
         self.without_gps = ErrorStatistics()
-        self._on_errors = on_errors
+        self.listeners: list[Callable[[Errors], None]] = []
         self._estimates = Track()
         self._pending: list[NavColumns] = []
 
@@ -189,8 +190,8 @@ class Evaluation:
         return min((int(p.stamps_ns[0]) for p in self._pending if len(p)), default=None)
 
     def _file(self, errors: Errors) -> None:
-        if self._on_errors is not None:
-            self._on_errors(errors)
+        for listener in self.listeners:
+            listener(errors)
         self.flight.add(errors)
         starts = self.gaps.interval_starts(errors.stamps_ns)
         self.without_gps.add(errors[starts >= 0])

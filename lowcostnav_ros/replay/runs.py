@@ -15,6 +15,7 @@ from lowcostnav_ros.replay import result_files as files
 from lowcostnav_ros.replay.columns import columns_of
 from lowcostnav_ros.replay.digest import Comparison
 from lowcostnav_ros.replay.evaluation import Evaluation, solution_columns
+from lowcostnav_ros.replay.integrity import IntegrityRecord
 from lowcostnav_ros.replay.links import Link, recorder_of
 from lowcostnav_ros.replay.metrics import Errors
 
@@ -65,12 +66,16 @@ class NavigatorFiles:
         self.aids = files.Table(folder / f"{name}_aids.csv", files.AIDS_HEADER)
         self.errors = files.Table(folder / f"{name}_errors.csv", files.ERRORS_HEADER)
         self.states = files.Table(folder / f"{name}_states.csv", files.STATES_HEADER)
-        self._sampler = files.StateSampler()
+        self.integrity = files.Table(folder / f"{name}_integrity.csv", files.INTEGRITY_HEADER)
+        self._sampler = files.Sampler()
 
     def add(self, solutions: list[NavSolution]) -> None:
-        """Write solutions and, once a second, their further states."""
+        """Write solutions and, once a second, their further states and integrity."""
         self.solutions.rows(files.solution_rows(columns_of(solutions), [s.mode for s in solutions]))
-        self.states.rows(self._sampler.rows(solutions))
+        for solution in self._sampler.due(solutions):
+            self.states.rows(files.state_rows(solution))
+            if solution.integrity is not None:
+                self.integrity.rows([files.integrity_row(solution)])
 
     def add_errors(self, errors: Errors) -> None:
         """Write errors."""
@@ -78,8 +83,12 @@ class NavigatorFiles:
 
     def close(self) -> None:
         """Close all files."""
-        for table in (self.solutions, self.aids, self.errors, self.states):
+        for table in (self.solutions, self.aids, self.errors, self.states, self.integrity):
             table.close()
+
+
+SILENT, SILENT_S = "no solution", 2.0
+"""What a navigator's mode counts as while it says nothing for longer than this, s."""
 
 
 class NavigatorRun:
@@ -102,6 +111,8 @@ class NavigatorRun:
         self.evaluation = evaluation
         self.out = out
         self.comparison = Comparison(expected=compare)
+        self.integrity = IntegrityRecord()
+        evaluation.listeners += [self.integrity.add_errors, *([out.add_errors] if out is not None else [])]
         self.seconds = 0.0
         self.solutions = 0
         self.mode_seconds: dict[str, float] = defaultdict(float)
@@ -130,7 +141,9 @@ class NavigatorRun:
     def _take(self, solution: NavSolution, wanted: Collection[str]) -> list[Measurement]:
         self.solutions += 1
         if self._last is not None:
-            self.mode_seconds[self._last[1]] += max(0.0, (solution.stamp_ns - self._last[0]) / 1e9)
+            since_s = max(0.0, (solution.stamp_ns - self._last[0]) / 1e9)
+            longest_s = max(SILENT_S, 3e-9 * self.navigator.output_period_ns)
+            self.mode_seconds[self._last[1] if since_s <= longest_s else SILENT] += since_s
         self._last = (solution.stamp_ns, solution.mode)
         self._pending.append(solution)
         message = self.link.message(solution)
@@ -144,6 +157,7 @@ class NavigatorRun:
         if self._pending:
             if self.out is not None:
                 self.out.add(self._pending)
+            self.integrity.add(self._pending)
             self.evaluation.add_solutions(solution_columns(self._pending))
             self._pending = []
         self.evaluation.advance()
@@ -170,6 +184,7 @@ class NavigatorRun:
             "mode_seconds": dict(self.mode_seconds),
             "restarts": dict(self.navigator.restarts),
             "errors": self.evaluation.as_dict(end_ns),
+            "integrity": self.integrity.as_dict(),
             "aids": {name: statistics.as_dict(self.labels[name]) for name, statistics in sorted(self.aids.items())},
             "inputs": inputs,
             "feed_seconds": self.seconds,

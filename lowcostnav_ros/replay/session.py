@@ -132,8 +132,7 @@ class Session:
         for name in in_order(navigators):
             link = Link(name, navigators[name], rules)
             out_files = self.files.navigator(name)
-            on_errors = out_files.add_errors if out_files else None
-            evaluation = Evaluation(self.truth, self.gaps, self.windows, on_errors)
+            evaluation = Evaluation(self.truth, self.gaps, self.windows)
             self.runs[name] = NavigatorRun(link, evaluation, out_files, link.topic in recorded)
         self.replaced = {topic for name in self.runs for topic in output_topics(name)}
         self._is_chain = any(topic in run.navigator.inputs for topic in self.replaced for run in self.runs.values())

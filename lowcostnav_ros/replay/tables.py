@@ -36,10 +36,12 @@ def number(value: float | None, digits: int = 3) -> str:
 def print_summary(summary: Mapping[str, Any], console: Console) -> None:
     """Print what was replayed, the errors, the outages, the aids and the speed."""
     _print_head(summary, console)
-    for table in (error_table(summary), interval_table(summary), aid_table(summary), run_table(summary)):
+    for table in (error_table(summary), interval_table(summary), aid_table(summary), integrity_table(summary), run_table(summary)):
         if table.row_count:
             console.print(table)
             console.print()
+    for text in integrity_sentences(summary):
+        console.print(text, highlight=False)
     for name, navigator in summary["navigators"].items():
         console.print(sentence(name, navigator, summary["without_gps"]["total_s"]), highlight=False)
 
@@ -112,6 +114,35 @@ def aid_table(summary: Mapping[str, Any]) -> Table:
             reasons = ", ".join(f"{count} {reason}" for reason, count in entry["not_used_or_limited"].items())
             table.add_row(name, aid, str(entry["used"]), number(entry.get("nis_per_dof")), reasons or "-")
     return table
+
+
+def integrity_table(summary: Mapping[str, Any]) -> Table:
+    """Integrity of those who test their satellites: share of time per verdict, satellites left out, largest error over protection level."""
+    verdicts = ("healthy", "excluded", "faulty", "not possible")
+    table = _table(
+        "Integrity", ("navigator", *(f"{v}\n%" for v in verdicts), "left out", "epochs\nwith HPL", "beyond\nHPL", "error/HPL\nmax"), left=1
+    )
+    for name, navigator in summary["navigators"].items():
+        integrity = navigator.get("integrity")
+        if integrity:
+            seconds = integrity["verdict_seconds"]
+            total = max(sum(seconds.values()), 1e-9)
+            shares = [number(100.0 * seconds.get(v, 0.0) / total) for v in verdicts]
+            counts = (integrity["exclusion_count"], integrity["epochs_with_protection_level"], integrity["epochs_beyond_protection_level"])
+            table.add_row(name, *shares, *(str(c) for c in counts), number(integrity["largest_error_over_protection_level"]))
+    return table
+
+
+def integrity_sentences(summary: Mapping[str, Any]) -> list[str]:
+    """Every exclusion and alarm, with the seconds from the start."""
+    out = []
+    for name, navigator in summary["navigators"].items():
+        integrity = navigator.get("integrity") or {"exclusions": (), "alarm": None}
+        for entry in integrity["exclusions"]:
+            out.append(f"{name}: {entry['satellite']} left out at {entry['stamp_s'] - summary['first_stamp_s']:.1f} s: {entry['why']}")
+        if integrity["alarm"]:
+            out.append(f"{name}: ALARM at {integrity['alarm']['stamp_s'] - summary['first_stamp_s']:.1f} s: {integrity['alarm']['text']}")
+    return out
 
 
 def run_table(summary: Mapping[str, Any]) -> Table:

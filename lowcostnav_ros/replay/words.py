@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from typing import Any
 
 METRES_PER_NM = 1852.0
+LESS = {"sparse": "with fewer than four satellites", "no solution": "without a solution"}
+"""Modes in which there is less than a GPS position, as a sentence says them."""
 HONEST = (0.5, 1.5)
 """Error over sigma, RMS: between these the sigmas are called honest."""
 
@@ -34,8 +36,17 @@ def sentence(name: str, navigator: Mapping[str, Any], without_gps_s: float) -> s
     part = lost or errors.get("flight") or errors.get("withheld_gps")
     if part is None:
         return f"{name}: nothing to compare with; it ended {navigator['mode_at_end']}{_refused(navigator)}."
-    when = f"{without_gps_s:.0f} s without GPS" if lost else ("against withheld fixes" if "withheld_gps" in errors else "GPS all flight")
+    if lost:
+        when = f"{without_gps_s:.0f} s without GPS"
+    else:
+        when = "against withheld fixes" if "withheld_gps" in errors else _availability(navigator)
     return f"{name}: {when}, {_sizes(part)}, {_honesty(part['error_over_sigma'])}{_refused(navigator)}."
+
+
+def _availability(navigator: Mapping[str, Any]) -> str:
+    seconds = navigator["mode_seconds"]
+    parts = [f"{seconds[mode]:.0f} s {said}" for mode, said in LESS.items() if seconds.get(mode, 0.0) >= 1.0]
+    return " and ".join(parts) or "GPS all flight"
 
 
 def _sizes(part: Mapping[str, Any]) -> str:

@@ -149,6 +149,24 @@ def aid_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list
     return charts
 
 
+def integrity_figure(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> str:
+    """Horizontal error below its protection levels."""
+    integrity, errors = navigator.integrity, navigator.errors
+    if not _known(integrity, "hpl_m"):
+        return ""
+    top = float(np.nanquantile(integrity["hpl_m"], 0.95)) * 1.2
+    items = []
+    for column, label, dash in (("hpl_m", "protection level", None), ("lasting_hpl_m", "against a lasting fault", "4 3")):
+        if _known(integrity, column):
+            t, level, _ = _broken(integrity["t_s"], integrity[column], integrity[column])
+            items.append(Curve(t, level, "#444444", label, 1.2, dash))
+    if _known(errors, "north_m"):
+        horizontal = np.hypot(errors["north_m"], errors["east_m"])
+        t, error, _ = _broken(errors["t_s"], horizontal, horizontal)
+        items.append(Curve(t, error, colour, "error"))
+    return time_chart("Horizontal error and protection level [m]", axis, items, limits=(0.0, top))
+
+
 def ratio_figure(navigator: NavigatorResult, axis: TimeAxis) -> str:
     """Test ratios of all aids of a navigator, gate at 1."""
     aids = navigator.aids

@@ -127,6 +127,7 @@ def _per_navigator(result: Result, axis: TimeAxis) -> list[str]:
         innovations = "".join(figures.aid_figures(navigator, axis, colour))
         aids = _details("Innovations per aid, in their own 1 and 2 sigma", innovations)
         errors = figures.error_figures(navigator, axis, colour)
-        content = [*errors, figures.ratio_figure(navigator, axis), aids, states]
+        integrity = figures.integrity_figure(navigator, axis, colour)
+        content = [*errors, integrity, figures.ratio_figure(navigator, axis), aids, states]
         sections.append(_section(f"{name}: errors in their sigmas" if errors else name, *content))
     return sections

@@ -11,7 +11,7 @@ import numpy as np
 Columns = dict[str, np.ndarray]
 """Column name to values, shape (n,); numbers as float64 (NaN where blank), text columns as str."""
 
-_TEXT = {"mode", "aid", "label", "accepted", "reason", "state", "withheld"}
+_TEXT = {"mode", "aid", "label", "accepted", "reason", "state", "withheld", "verdict", "excluded", "alarm"}
 
 
 class ReportError(ValueError):
@@ -27,6 +27,7 @@ class NavigatorResult:
     errors: Columns
     aids: Columns
     states: Columns
+    integrity: Columns
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,4 +87,4 @@ def read_result(folder: Path) -> Result:
     return Result(summary, navigators, *tables, recorded)
 
 
-_PARTS = ("", "_errors", "_aids", "_states")
+_PARTS = ("", "_errors", "_aids", "_states", "_integrity")

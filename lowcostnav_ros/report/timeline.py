@@ -10,10 +10,14 @@ from lowcostnav_ros.report.result_folder import NavigatorResult
 
 WIDTH, LEFT, RIGHT, LANE = 960, 236, 12, 22
 MAX_REFUSALS = 14
+SILENT_S = 2.0
+"""A navigator that says nothing for longer holds its solution back; its last mode does not last through that."""
 MODE_COLOURS = {
     "gps": "#1b9e77",
     "calibrating": "#1b9e77",
     "coasting": "#e6a817",
+    "sparse": "#b8b042",
+    "suspect": "#d95f02",
     "dme_aided": "#7570b3",
     "re_acquiring": "#66a6d9",
     "aligning": "#a6b4c0",
@@ -25,7 +29,7 @@ _OTHER = ("#7f8fa6", "#9b8579", "#6c8e8e", "#a17fa6")
 
 
 def mode_spans(t_s: np.ndarray, modes: np.ndarray) -> list[tuple[float, float, str]]:
-    """Runs of equal mode as (start, end, mode); a run lasts until the next begins.
+    """Runs of equal mode as (start, end, mode); a run lasts until the next begins, or until the last solution before a silence.
 
     Parameters
     ----------
@@ -34,8 +38,10 @@ def mode_spans(t_s: np.ndarray, modes: np.ndarray) -> list[tuple[float, float, s
     """
     if len(t_s) == 0:
         return []
-    starts = np.concatenate([[0], np.flatnonzero(modes[1:] != modes[:-1]) + 1])
-    ends = np.concatenate([t_s[starts[1:]], t_s[-1:]])
+    steps = np.diff(t_s)
+    silent = steps > max(SILENT_S, 3.0 * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
+    starts = np.concatenate([[0], np.flatnonzero((modes[1:] != modes[:-1]) | silent) + 1])
+    ends = np.concatenate([np.where(silent[starts[1:] - 1], t_s[starts[1:] - 1], t_s[starts[1:]]), t_s[-1:]])
     return [(float(t_s[s]), float(e), str(modes[s])) for s, e in zip(starts, ends, strict=True)]
 
 

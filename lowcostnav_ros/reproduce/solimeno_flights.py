@@ -19,6 +19,7 @@ from lowcostnav_ros.gnss.visibility import FOUR_GAPS, FULL_AVAILABILITY
 from lowcostnav_ros.measurements import GnssEpoch, ImuBlock, NavSolution
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.gnss_aids import GnssSettings
+from lowcostnav_ros.navigators.gnss_integrity import IntegritySettings
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.inertial import ImuSettings, imu_settings
 from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss, InsGnssSettings, LooseSettings
@@ -50,7 +51,8 @@ GAPS_S = {3: (120.0, 160.0), 2: (240.0, 280.0), 1: (360.0, 400.0), 0: (480.0, 52
 
 @dataclass(frozen=True)
 class Case:
-    """One flight.  ``navigator``: ``pv``, ``pva``, ``tight`` or ``loose``; ``schedule`` a key of :data:`SCHEDULES`.
+    """One flight.  ``navigator``: ``pv``, ``pva``, ``tight``, ``loose`` (on the PVA filter, as in the thesis) or ``epochs`` (loose on
+    the solution of each epoch alone); ``schedule`` a key of :data:`SCHEDULES`.
 
     ``start``: at the ``known`` true state, as the thesis's flights do, or at one ``drawn`` from :data:`START_SIGMA`, which a judgement
     of the filter's own sigmas needs; the filter is told :data:`START_SIGMA` either way.  ``heading_error_deg`` is added at the start,
@@ -140,7 +142,8 @@ def some_satellites(epoch: GnssEpoch, rows: np.ndarray) -> GnssEpoch:
 
 def gnss_settings(case: Case) -> GnssSettings:
     """Settings of the satellite aids of a case; the thesis names screening and does none."""
-    return GnssSettings(screening=case.tuning == "consistent", oscillator=case.clock)
+    tested = case.tuning == "consistent"
+    return GnssSettings(screening=tested, oscillator=case.clock, integrity=IntegritySettings(enabled=tested))
 
 
 def gps_only_settings(case: Case) -> GnssOnlySettings:
@@ -156,7 +159,10 @@ def gps_only_settings(case: Case) -> GnssOnlySettings:
 def inertial_settings(case: Case, imu: ImuSettings) -> InsGnssSettings:
     """Settings of the INS/GNSS filter of a case; the thesis takes the errors of the GPS filter for white and screens nothing."""
     now = {"horizon": NO_LAG, "gps": GpsSettings(latency_s=0.0), "loose": LooseSettings(behind_s=0.0)}
-    plain = InsGnssSettings(imu=imu, coupling=case.navigator, tuning=case.tuning, gnss=gnss_settings(case), **now)
+    coupling = "tight" if case.navigator == "tight" else "loose"
+    source = "gnss_only" if case.navigator == "loose" else "epochs"
+    chosen = {"coupling": coupling, "loose_source": source, "tuning": case.tuning, "gnss": gnss_settings(case)}
+    plain = InsGnssSettings(imu=imu, **chosen, **now)
     if case.tuning == "consistent":
         return plain
     white = LooseSettings(position_tau_s=0.0, velocity_tau_s=0.0, behind_s=0.0)

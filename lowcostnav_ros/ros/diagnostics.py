@@ -15,6 +15,7 @@ from lowcostnav_ros.ros.input_monitor import Status
 
 if TYPE_CHECKING:  # the compiler behind the estimators costs 60 MB that a sensor node does not need
     from lowcostnav_ros.estimation.aiding import AidStatus
+    from lowcostnav_ros.measurements import Integrity
     from lowcostnav_ros.navigators.base import NavigatorStatus
 
 PERIOD_S = 1.0
@@ -74,7 +75,7 @@ def _status(row: Status, hardware_id: str) -> DiagnosticStatus:
 
 
 def navigator_rows(prefix: str, status: NavigatorStatus) -> list[Status]:
-    """Return the rows of a navigator: itself (mode, reason, sigmas), then one per aid.
+    """Return the rows of a navigator: itself (mode, reason, sigmas), its integrity tests where it has any, then one per aid.
 
     Sigma names and aid labels carry their units; the age of an aid is judged at the navigator's own time.
     """
@@ -82,7 +83,23 @@ def navigator_rows(prefix: str, status: NavigatorStatus) -> list[Status]:
     for record in status.inputs:
         values |= {f"rejected[{record.source}: {reason}]": str(n) for reason, n in record.rejected.items()}
     message = f"{status.mode}: {status.reason}" if status.reason else status.mode
-    return [Status(f"{prefix}: navigator", status.level, message, values), *(_aid_row(prefix, aid, status.stamp_ns) for aid in status.aids)]
+    rows = [Status(f"{prefix}: navigator", status.level, message, values)]
+    if status.integrity is not None:
+        rows.append(_integrity_row(prefix, status.integrity))
+    return [*rows, *(_aid_row(prefix, aid, status.stamp_ns) for aid in status.aids)]
+
+
+def _integrity_row(prefix: str, integrity: Integrity) -> Status:
+    """Verdict, protection levels and what is left out; an alarm, a contradiction and a test that is not possible are warnings."""
+    levels = ("hpl_m", "vpl_m", "lasting_hpl_m", "lasting_vpl_m")
+    known = {name: getattr(integrity, name) for name in levels}
+    values = {"verdict": integrity.verdict, "reason": integrity.reason, "alarm": integrity.alarm}
+    values |= {name: "" if value is None else f"{value:.1f}" for name, value in known.items()}
+    values |= {f"excluded[{satellite}]": why for satellite, why in integrity.excluded.items()}
+    if integrity.alarm_ns is not None:
+        values["alarm_stamp_s"] = f"{1e-9 * integrity.alarm_ns:.1f}"
+    message = f"{integrity.verdict}: {integrity.alarm or integrity.reason}" if integrity.alarm or integrity.reason else integrity.verdict
+    return Status(f"{prefix}: integrity", int(bool(integrity.alarm) or integrity.verdict != "healthy"), message, values)
 
 
 def _aid_row(prefix: str, aid: AidStatus, now_ns: int | None) -> Status:

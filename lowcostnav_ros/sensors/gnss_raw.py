@@ -55,10 +55,16 @@ class GnssRawSimulatorSettings:
     clock_drift_mps: float = setting(30.0, "Receiver clock drift at switch-on, 1 sigma.", unit="m/s", minimum=0.0)
     clock_reset_ms: float = setting(0.0, "The receiver sets its clock back by a millisecond beyond this; 0 never.", unit="ms", minimum=0.0)
     range_faults: list = setting([], "Range faults as start (s), satellite number (of either system), step (m), start, ...")
+    range_ramps: list = setting([], "Range faults that grow, as start (s), satellite number, rate (m/s), start, ...")
+    spoofing: list = setting([], "A false place for all satellites: start (s), north, east, down, clock (m/s), time to get so fast (s).")
+    faults_in_doppler: bool = setting(True, "Ramps and false places show in the Dopplers, too; off: in the code alone.")
 
     def __post_init__(self) -> None:
-        if len(self.range_faults) % 3:
-            raise SettingsError("GNSS: 'range_faults' needs start, satellite number and step of each fault; add what is missing.")
+        for key, what in (("range_faults", "step"), ("range_ramps", "rate")):
+            if len(getattr(self, key)) % 3:
+                raise SettingsError(f"GNSS: '{key}' needs start, satellite number and {what} of each fault; add what is missing.")
+        if len(self.spoofing) not in (0, 6):
+            raise SettingsError("GNSS: 'spoofing' needs start, north, east, down and clock rate, and the time to reach them; give all six.")
         if 0 < self.max_satellites < 4:
             raise SettingsError("GNSS: 'max_satellites' must be 0 or at least 4; use 'schedule' for fewer.")
         if 0.0 < self.clock_reset_ms < 0.5:
@@ -133,9 +139,15 @@ class GnssRawSimulator:
         clock_m = clock[0] + self._set_clock(float(clock[0]))
         if not used.size:
             return None
+        if settings.spoofing:
+            offset, rate = false_place(settings.spoofing, elapsed_s)
+            C_en = dcm_ne(lat, lon).T  # noqa: N806 - the package's name for a rotation
+            ranges, spoofed, _ = range_and_rate(position_e + C_en @ offset[:3], velocity_e + C_en @ rate[:3], sat_pos, sat_vel)
+            ranges, rates = ranges + offset[3], spoofed + rate[3] if settings.faults_in_doppler else rates
         error, sigma = self._range_errors(elevation, normals, used)
-        pseudorange = ranges[used] + clock_m + error + slow[used] + self._faults(elapsed_s)[used]
-        doppler = rates[used] + clock[1] + settings.doppler_sigma_mps * normals[n + 1 + used]
+        fault, growth = self._faults(elapsed_s)
+        pseudorange = ranges[used] + clock_m + error + slow[used] + fault[used]
+        doppler = rates[used] + growth[used] + clock[1] + settings.doppler_sigma_mps * normals[n + 1 + used]
         sigmas = np.hypot(sigma, settings.slow_sigma_m), np.full(used.size, settings.doppler_sigma_mps)
         names, states = (self.constellation.system[used], self.constellation.sat_id[used]), (sat_pos[used], sat_vel[used])
         valid = np.ones(used.size, dtype=bool)
@@ -168,11 +180,22 @@ class GnssRawSimulator:
             self._reset_m -= math.copysign(MILLISECOND_M, bias_m + self._reset_m)
         return self._reset_m
 
-    def _faults(self, elapsed_s: float) -> np.ndarray:
-        """Range steps, m, of all satellites at a time."""
-        steps = np.zeros(len(self.constellation))
-        listed = self.settings.range_faults
-        for start_s, sat_id, step_m in zip(listed[0::3], listed[1::3], listed[2::3], strict=True):
-            if elapsed_s >= start_s:
-                steps[self.constellation.sat_id == int(sat_id)] += step_m
-        return steps
+    def _faults(self, elapsed_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Range faults, m, of all satellites at a time, and what of their growth the Dopplers show, m/s."""
+        fault, growth = np.zeros(len(self.constellation)), np.zeros(len(self.constellation))
+        for listed, is_ramp in ((self.settings.range_faults, False), (self.settings.range_ramps, True)):
+            for start_s, sat_id, size in zip(listed[0::3], listed[1::3], listed[2::3], strict=True):
+                if elapsed_s >= start_s:
+                    these = self.constellation.sat_id == int(sat_id)
+                    fault[these] += size * (elapsed_s - start_s) if is_ramp else size
+                    growth[these] += size if is_ramp and self.settings.faults_in_doppler else 0.0
+        return fault, growth
+
+
+def false_place(spoofing: list[float], elapsed_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where a spoofer has dragged the receiver: north, east, down and clock (4,) m, and their rates (4,) m/s; from rest, evenly faster."""
+    start_s, *rates, rise_s = spoofing
+    since, final = max(elapsed_s - start_s, 0.0), np.array(rates)
+    if since < rise_s:
+        return final * 0.5 * since * since / rise_s, final * since / rise_s
+    return final * (since - 0.5 * rise_s), final if since > 0.0 else np.zeros(4)

@@ -1,0 +1,77 @@
+"""Integrity over a replay: how long each verdict stood, what was left out when, and whether an error passed its protection level."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+
+from lowcostnav_ros.measurements import NavSolution
+from lowcostnav_ros.replay.metrics import Errors
+
+MAX_LISTED = 50
+"""Exclusions listed one by one; more are counted."""
+GAP_S = 2.0
+"""A verdict stands for no longer than this without a further solution."""
+
+
+class IntegrityRecord:
+    """What one navigator's integrity tests said; empty for a navigator that has none."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.exclusions: list[dict] = []
+        self.exclusion_count = 0
+        self.alarm: dict | None = None
+        self.compared = self.beyond = 0
+        self.largest_share = 0.0
+        self._levels: dict[int, float] = {}
+        self._last: NavSolution | None = None
+
+    def add(self, solutions: Sequence[NavSolution]) -> None:
+        """Take fused solutions in, in order of stamps."""
+        for solution in solutions:
+            integrity = solution.integrity
+            if integrity is None:
+                continue
+            last = self._last.integrity if self._last is not None else None
+            if self._last is not None:
+                self.seconds[last.verdict] += min(GAP_S, 1e-9 * (solution.stamp_ns - self._last.stamp_ns))
+            for satellite in integrity.excluded.keys() - (last.excluded.keys() if last else ()):
+                self._exclude(solution.stamp_ns, satellite, integrity.excluded[satellite])
+            if integrity.alarm and self.alarm is None:
+                self.alarm = {"stamp_s": 1e-9 * integrity.alarm_ns, "text": integrity.alarm}
+            if integrity.hpl_m is not None:
+                self._levels[solution.stamp_ns] = integrity.hpl_m
+            self._last = solution
+
+    def _exclude(self, stamp_ns: int, satellite: str, why: str) -> None:
+        self.exclusion_count += 1
+        if len(self.exclusions) < MAX_LISTED:
+            self.exclusions.append({"stamp_s": 1e-9 * stamp_ns, "satellite": satellite, "why": why})
+
+    def add_errors(self, errors: Errors) -> None:
+        """Compare horizontal errors with the protection level of their stamp."""
+        horizontal = np.hypot(errors.axis("north_m"), errors.axis("east_m"))
+        for stamp, error in zip(errors.stamps_ns.tolist(), horizontal.tolist(), strict=True):
+            level = self._levels.pop(stamp, None)
+            if level is not None and np.isfinite(error):
+                self.compared += 1
+                self.beyond += error > level
+                self.largest_share = max(self.largest_share, error / level)
+        if len(errors):
+            newest = int(errors.stamps_ns[-1])
+            self._levels = {stamp: level for stamp, level in self._levels.items() if stamp > newest}
+
+    def as_dict(self) -> dict | None:
+        """Plain values for a result file; None without integrity tests."""
+        if self._last is None:
+            return None
+        return {
+            "verdict_seconds": dict(self.seconds),
+            "exclusions": self.exclusions,
+            "exclusion_count": self.exclusion_count,
+            "alarm": self.alarm,
+            "epochs_with_protection_level": self.compared,
+            "epochs_beyond_protection_level": int(self.beyond),
+            "largest_error_over_protection_level": self.largest_share if self.compared else None,
+        }
