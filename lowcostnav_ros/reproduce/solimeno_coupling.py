@@ -9,14 +9,12 @@ import numpy as np
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, category
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.reproduce.solimeno_flights import SETTLED_S, Case, Flight
-from lowcostnav_ros.reproduce.solimeno_gps_only import FOLLOWING, SEEDS, VELOCITY, each_3d, mean_rms, norm, rms_row, runs
+from lowcostnav_ros.reproduce.solimeno_gps_only import FOLLOWING, OTHERS, SEEDS, VELOCITY, each_3d, mean_rms, norm, rms_row, runs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ATTITUDE = slice(6, 9)
-OTHERS = 5
-"""Seeds of flights that stand beside a result and are not judged."""
 
 
 def attitude_deg(flights: Sequence[Flight]) -> np.ndarray:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
-from lowcostnav_ros.reproduce.solimeno_flights import Case, Flight, fly
+from lowcostnav_ros.reproduce.solimeno_flights import SETTLED_S, Case, Flight, fly
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,6 +25,8 @@ QV_TRIED = (0.003, 0.01, 0.03)
 """Driving densities of the velocity tried for Figure 7.10, m^2/s^3."""
 VELOCITY = slice(3, 6)
 SEEDS = 10
+OTHERS = 5
+"""Seeds of flights that stand beside a result and are not judged."""
 
 
 def runs(context: Context, case: Case, full: int = SEEDS) -> list[Flight]:
@@ -141,7 +143,8 @@ def pv_low(context: Context) -> Outcome:
     """q_v = 8e-4 m^2/s^3."""
     flights = lagging(context, "pv", "LD")
     rms = mean_rms(flights)
-    return judged(table_row(flights), abs(norm(rms) / 2.94 - 1.0) < 0.25 and rms[2] > norm(rms[:2]))
+    text = f"{table_row(flights)}; {consistent(context, 'pv', 'LD')}"
+    return judged(text, abs(norm(rms) / 2.94 - 1.0) < 0.25 and rms[2] > norm(rms[:2]))
 
 
 @result(
@@ -155,7 +158,7 @@ def pv_high(context: Context) -> Outcome:
     """q_v = 8e-4 m^2/s^3: the velocity lags by metres per second."""
     flights = lagging(context, "pv", "HD")
     total, low = norm(mean_rms(flights)), norm(mean_rms(lagging(context, "pv", "LD")))
-    text = f"{table_row(flights)}; with the tuning of a consistent filter {consistent(context, 'pv', 'HD'):.2f} m"
+    text = f"{table_row(flights)}; {consistent(context, 'pv', 'HD')}"
     return judged(text, abs(total / 7.63 - 1.0) < 0.4 and total > 2.0 * low)
 
 
@@ -172,7 +175,8 @@ def pva_low(context: Context) -> Outcome:
     each = 100.0 * (each_3d(flights) / each_3d(pv) - 1.0)
     ratio = 100.0 * (norm(mean_rms(flights)) / norm(mean_rms(pv)) - 1.0)
     why = "the velocity of the PV filter lags on our flight, which turns and accelerates (up to 4 m/s^2), and the PVA filter's does not"
-    text = f"{table_row(flights)}; {ratio:+.2f} % against PV ({each.min():+.1f} to {each.max():+.1f} % over seeds)"
+    text = f"{table_row(flights)}; {ratio:+.2f} % against PV ({each.min():+.1f} to {each.max():+.1f} % over seeds); "
+    text += consistent(context, "pva", "LD")
     return judged(text, abs(ratio) <= 5.0, why)
 
 
@@ -187,13 +191,16 @@ def pva_high(context: Context) -> Outcome:
     """q_a = 1e-4 m^2/s^5."""
     flights = lagging(context, "pva", "HD")
     total, pv = norm(mean_rms(flights)), norm(mean_rms(lagging(context, "pv", "HD")))
-    text = f"{table_row(flights)}; with the tuning of a consistent filter {consistent(context, 'pva', 'HD'):.2f} m"
+    text = f"{table_row(flights)}; {consistent(context, 'pva', 'HD')}"
     return judged(text, abs(total / 3.39 - 1.0) < 0.4 and total < 0.6 * pv)
 
 
-def consistent(context: Context, model: str, dataset: str) -> float:
-    """3D RMS, m, of the filter as it is tuned for use: process noise for the dynamics, none for the position."""
-    return norm(mean_rms(runs(context, Case(model, dataset))))
+def consistent(context: Context, model: str, dataset: str) -> str:
+    """Errors and NEES of the filter as it is tuned for use: process noise for the dynamics, none for the position."""
+    flights = runs(context, Case(model, dataset), OTHERS)
+    text = f"consistent tuning: {norm(mean_rms(flights)):.2f} m, {norm(mean_rms(flights, VELOCITY)):.2f} m/s, "
+    scores = np.mean([f.nees[f.t_s > SETTLED_S, :2].mean(axis=0) for f in flights], axis=0)
+    return f"{text}NEES position {scores[0]:.1f}, velocity {scores[1]:.1f} of 3"
 
 
 def draw_errors(figure: "Figure", flight: Flight, first: int) -> None:
