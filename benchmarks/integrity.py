@@ -86,8 +86,9 @@ def flown(flight: Flight) -> dict:
     truth, (epochs, liar) = truth_of(flight.dataset, flight.duration_s), with_fault(flight)
     if flight.navigator == "tight":
         profile = load_imu_profile(flight.grade)
-        settings = inertial_settings(Case("tight", flight.dataset, flight.grade, flight.seed), imu_settings(profile.filter_noise()))
-        navigator = started(InsGnss(settings), truth, flight.seed)
+        case = Case("tight", flight.dataset, flight.grade, flight.seed, start="drawn")
+        settings = inertial_settings(case, imu_settings(profile.filter_noise()))
+        navigator = started(InsGnss(settings), truth, case)
         solutions = fed(navigator, imu_of(profile, truth, flight.seed), epochs)
     else:
         navigator = GnssOnly(GnssOnlySettings(horizon=NO_LAG, latency_s=0.0, model=flight.navigator, gnss=GnssSettings()))

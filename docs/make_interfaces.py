@@ -83,7 +83,8 @@ def parameter_rows(settings_class: type) -> Iterator[str]:
     yield "| parameter | default | unit | range | meaning |"
     yield "|---|---|---|---|---|"
     for entry in declared(settings_class):
-        yield f"| `{entry.name}` | {entry.default} | {entry.unit or '-'} | {limits(entry) or '-'} | {entry.description} |"
+        axes = " One number or three, x y z." if entry.per_axis else ""
+        yield f"| `{entry.name}` | {entry.default} | {entry.unit or '-'} | {limits(entry) or '-'} | {entry.description}{axes} |"
 
 
 def page() -> str:

@@ -152,6 +152,8 @@ def _comment(entry: Declared) -> str:
         notes.append(f"{'-inf' if low is None else f'{low:g}'} to {'inf' if high is None else f'{high:g}'}")
     if entry.choices:
         notes.append("one of " + ", ".join(map(str, entry.choices)))
+    if entry.per_axis:
+        notes.append("one number or three, x y z")
     if entry.live:
         notes.append("may change while running")
     return f"{entry.description.rstrip('.')} [{'; '.join(notes)}]" if notes else entry.description.rstrip(".")

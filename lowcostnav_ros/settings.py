@@ -30,6 +30,7 @@ def setting(
     maximum: float | None = None,
     choices: tuple = (),
     live: bool = False,
+    per_axis: bool = False,
 ) -> Any:
     """Declare one setting of a frozen dataclass.
 
@@ -47,8 +48,11 @@ def setting(
         Allowed values of a string.
     live : bool
         True when a running node may change it; False means it takes a restart.
+    per_axis : bool
+        True for a number that may also be given as three, x y z.
     """
     meta = {"description": description, "unit": unit, "minimum": minimum, "maximum": maximum, "choices": choices, "live": live}
+    meta["per_axis"] = per_axis
     if isinstance(default, list | dict):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=meta)
     return dataclasses.field(default=default, metadata=meta)
@@ -71,6 +75,7 @@ class Declared:
     maximum: float | None
     choices: tuple
     live: bool
+    per_axis: bool = False
 
 
 def declared(cls: type, prefix: str = "") -> Iterator[Declared]:
@@ -139,6 +144,10 @@ def nearest(name: str, known: Any) -> str:
 def checked(entry: Declared, value: Any, where: str = "settings") -> Any:
     """Return ``value`` converted to the declared type; raise SettingsError when it does not fit."""
     label = f"{where}: '{entry.name}'"
+    if entry.per_axis and isinstance(value, list | tuple):
+        if len(value) != 3:
+            raise SettingsError(f"{label} must be one number or three, x y z, got {len(value)}.")
+        return [_scalar(entry, 0.0, v, label) for v in value]
     if isinstance(entry.default, list):
         if not isinstance(value, list | tuple):
             raise SettingsError(f"{label} must be a list, got {value!r}.")

@@ -47,7 +47,7 @@ def fly(heard, kind="tight", seed=1, **integrity):
     truth, gnss = truth_of(DATASET, DURATION_S), GnssSettings(integrity=IntegritySettings(**integrity))
     if kind == "tight":
         plain = inertial_settings(Case(kind, DATASET, "mems", seed), imu_settings(PROFILE.filter_noise()))
-        navigator = started(InsGnss(dataclasses.replace(plain, gnss=gnss)), truth, seed)
+        navigator = started(InsGnss(dataclasses.replace(plain, gnss=gnss)), truth, Case(kind, DATASET, "mems", seed, start="drawn"))
         solutions = fed(navigator, imu_of(PROFILE, truth, seed), heard)
     else:
         navigator = GnssOnly(GnssOnlySettings(horizon=NO_LAG, latency_s=0.0, model=kind, gnss=gnss))

@@ -9,7 +9,7 @@ from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Kind, Layout, gauss_markov, random_walk
 from lowcostnav_ros.measurements import ImuBlock
 from lowcostnav_ros.navigators import inertial
-from lowcostnav_ros.navigators.inertial import CORE, ImuSettings, InertialCore, bias_blocks, core_block
+from lowcostnav_ros.navigators.inertial import CORE, ImuSettings, InertialCore, bias_blocks, core_block, imu_settings, typical
 from lowcostnav_ros.rotation import (
     euler_to_quat,
     quat_apply_phi_n,
@@ -19,6 +19,8 @@ from lowcostnav_ros.rotation import (
     quat_to_dcm,
     rotvec_from_quat,
 )
+from lowcostnav_ros.settings import SettingsError, from_mapping
+from lowcostnav_ros.simulation.equipment import load_imu_profile
 from lowcostnav_ros.strapdown import strapdown_step
 
 NAV = np.array([0.8, -2.1, 3000.0, 80.0, -60.0, 5.0, *euler_to_quat(0.4, -0.15, 2.3)])
@@ -161,6 +163,40 @@ def test_fifteen_twenty_seven_and_scale_factor_states_are_lists_not_filters():
     assert layout_of(plain).size == 15
     assert layout_of(FULL).size == 21
     assert layout_of(FULL, split_turn_on=True).size == 27
+
+
+def test_one_number_serves_all_axes_and_three_reach_each_axis_its_own():
+    three = ImuSettings(gyro_bias_dps=[0.1, 0.2, 0.3], gyro_bias_tau_s=[100.0, 200.0, 400.0], gyro_scale_ppm=[0.0, 1.0, 2.0])
+    layout = layout_of(three, split_turn_on=True)
+    rows, sigma = layout["gyro_drift"], np.radians([0.1, 0.2, 0.3])
+    assert layout.sigma0[rows] == pytest.approx(sigma)
+    assert layout.rate[rows] == pytest.approx([0.01, 0.005, 0.0025])
+    assert layout.psd[rows] == pytest.approx(2.0 * sigma**2 * layout.rate[rows])
+    assert layout.sigma0[layout["gyro_scale"]] == pytest.approx([0.0, 1e-6, 2e-6])
+    same, plain = layout_of(ImuSettings(accel_noise_mg_rthz=[0.25] * 3)), layout_of(ImuSettings())
+    assert np.array_equal(same.psd, plain.psd) and np.array_equal(same.sigma0, plain.sigma0)
+    short = layout_of(three)["gyro_bias"]
+    assert layout_of(three).psd[short] == pytest.approx(2.0 * sigma**2 / [100.0, 200.0, 400.0])
+
+
+def test_a_profile_that_differs_by_axis_reaches_the_filter_axis_by_axis():
+    noise = load_imu_profile("crista").filter_noise()
+    layout = layout_of(imu_settings(noise), split_turn_on=True)
+    assert layout.sigma0[layout["gyro_bias"]] == pytest.approx(noise.gyro_turn_on_sigma)
+    assert layout.sigma0[layout["accel_drift"]] == pytest.approx(noise.accel_bias_sigma)
+    assert 1.0 / layout.rate[layout["accel_drift"]] == pytest.approx(noise.accel_bias_tau_s)
+    assert layout.psd[3:9] == pytest.approx(np.concatenate((noise.accel_noise_density, noise.gyro_noise_density)) ** 2)
+    assert typical([3.0, 4.0, 0.0]) == pytest.approx(5.0 / np.sqrt(3.0))
+    assert imu_settings(load_imu_profile("fog").filter_noise()).gyro_scale_tau_s == inertial.CONSTANT_S
+
+
+def test_settings_take_one_number_or_three_and_refuse_two():
+    given = {"gyro_bias_tau_s": [300, 200.0, 100.0], "gyro_noise_dps_rthz": 0.02}
+    assert from_mapping(ImuSettings, given).gyro_bias_tau_s == [300.0, 200.0, 100.0]
+    with pytest.raises(SettingsError, match="one number or three, x y z, got 2"):
+        from_mapping(ImuSettings, {"gyro_bias_dps": [0.1, 0.2]})
+    with pytest.raises(SettingsError, match="at least 1 s, got 0.5"):
+        from_mapping(ImuSettings, {"gyro_bias_tau_s": [300.0, 0.5, 1.0]})
 
 
 def test_a_correction_of_attitude_leaves_the_covariance_as_seen_from_the_body():

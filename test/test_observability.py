@@ -19,7 +19,7 @@ from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.inertial import dynamics_now, imu_settings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
 from lowcostnav_ros.reproduce.solimeno_flights import Case, epochs_of, fed, imu_of, inertial_settings, part, started, truth_of
-from lowcostnav_ros.reproduce.solimeno_observability import ranks_of
+from lowcostnav_ros.reproduce.solimeno_observability import flown_ranks, layout_of, true_dynamics, true_ranks
 from lowcostnav_ros.simulation.equipment import load_imu_profile
 
 CASE = Case("tight", "HD", "mems", 1, duration_s=20.0)
@@ -67,7 +67,7 @@ def test_watching_changes_no_bit_and_gives_the_published_rank():
     truth, profile = truth_of("HD", 20.0), load_imu_profile("mems")
     ends, found = [], []
     for watched in (False, True):
-        navigator = started(InsGnss(inertial_settings(CASE, imu_settings(profile.filter_noise()))), truth, 1)
+        navigator = started(InsGnss(inertial_settings(CASE, imu_settings(profile.filter_noise()))), truth, CASE)
         watch = Watch(navigator, dynamics_now, 1.0) if watched else None
         fed(navigator, imu_of(profile, truth, 1), epochs_of(CASE, truth))
         ends.append((navigator.core.nav.copy(), navigator.P.copy()))
@@ -79,10 +79,22 @@ def test_watching_changes_no_bit_and_gives_the_published_rank():
     assert np.mean([o.share[:6] for o in found]) > 0.99  # position and velocity are always told
 
 
-def test_ranks_of_the_loose_filter():
-    t_s, ranks = ranks_of(Case("loose", "HD", "mems", 1, duration_s=20.0))
+def test_flown_ranks_the_loose_filter():
+    t_s, ranks = flown_ranks(Case("loose", "HD", "mems", 1, duration_s=20.0))
     assert len(t_s) >= 3
     assert set(ranks.tolist()) <= {15, 16, 17}
+
+
+def test_ranks_at_the_true_state_fall_with_the_satellites_and_differ_by_axis_times():
+    moving, uniform = (true_ranks(Case("tight", name, duration_s=60.0))[1] for name in ("LD", "STR"))
+    assert len(moving) == 12
+    assert moving.mean() > uniform.mean() == 17.0
+    case = Case("tight", "LD", duration_s=60.0)
+    truth, layout = truth_of("LD", 60.0), layout_of(case)
+    nav, F = true_dynamics(truth, 500, layout)
+    assert nav[3:6] == pytest.approx(truth.vel_n[500])
+    assert -1.0 / np.diag(F)[layout["accel_drift"]] == pytest.approx([227.0, 211.0, 365.0])
+    assert true_ranks(Case("loose", "LD", duration_s=20.0))[1].max() <= 17
 
 
 @pytest.fixture

@@ -7,10 +7,24 @@ import pytest
 
 from lowcostnav_ros.earth import LocalFrame
 from lowcostnav_ros.reproduce.registry import REPRODUCED, Context
-from lowcostnav_ros.reproduce.solimeno_estimates import expected, only, true_clock, true_errors
-from lowcostnav_ros.reproduce.solimeno_flights import GAPS_S, Case, epochs_of, fly, imu_of, some_satellites, truth_of
+from lowcostnav_ros.reproduce.solimeno_estimates import only, true_clock, true_errors
+from lowcostnav_ros.reproduce.solimeno_flights import (
+    GAPS_S,
+    SETTLED_S,
+    Case,
+    epochs_of,
+    fly,
+    imu_of,
+    navigator_of,
+    some_satellites,
+    started,
+    truth_of,
+)
+from lowcostnav_ros.reproduce.solimeno_galileo import expected, single_epoch_sigma
 from lowcostnav_ros.reproduce.solimeno_gps_only import largest, mean_error, mean_rms
 from lowcostnav_ros.reproduce.solimeno_inertial import COMPENSATED, calibrated, ideal_attitude, ideal_position, ideal_velocity, unaided
+from lowcostnav_ros.reproduce.solimeno_outages import not_above, standard_error
+from lowcostnav_ros.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.simulation.equipment import load_imu_profile
 
 SHORT = Case("tight", "HD", duration_s=30.0)
@@ -34,6 +48,44 @@ def test_an_ideal_imu_gives_the_printed_half_millimetre():
 
 def test_expected_errors_of_two_constellations():
     assert expected(Context()).verdict == REPRODUCED
+
+
+def test_error_of_single_epochs_is_the_error_of_least_squares():
+    case = Case(schedule="gaps", duration_s=20.0)
+    truth, rng = truth_of("LD", 20.0), np.random.default_rng(4)
+    (epoch,) = epochs_of(case, truth)[50::100][:1]
+    row = int(np.searchsorted(truth.stamps_ns, epoch.stamp_ns))
+    here = LocalFrame(truth.lat[row], truth.lon[row], truth.height[row])
+    line = epoch.sat_pos_e - here.origin_e
+    H = np.column_stack((-line / np.linalg.norm(line, axis=1)[:, None], np.ones(len(epoch))))
+    missed = np.linalg.pinv(H) @ (epoch.sigma_m[:, None] * rng.standard_normal((len(epoch), 20000)))
+    assert single_epoch_sigma(case) == pytest.approx(np.sqrt(np.mean(np.sum(missed[:3] ** 2, axis=0))), rel=0.03)
+
+
+def test_pairs_of_flights_contradict_an_order_only_beyond_chance():
+    rng = np.random.default_rng(2)
+    common, small = rng.standard_normal(10), 0.01 * rng.standard_normal(10)
+    assert not_above(common, common + 1.0)
+    assert not_above(common + small, common)
+    assert not not_above(common + 0.1 + small, common)
+    assert standard_error(np.array([1.0, 2.0, 3.0])) == pytest.approx(1.0 / np.sqrt(3.0))
+    assert np.isinf(standard_error(np.array([[1.0, 2.0]]))).all()
+
+
+def test_more_position_noise_is_more_error():
+    quiet, loud = (fly(Case(tuning="thesis", position_noise=factor, duration_s=20.0)) for factor in (1.0, 100.0))
+    assert loud.rms_3d(after_s=10.0) > 1.5 * quiet.rms_3d(after_s=10.0)
+
+
+def test_a_known_start_is_the_truth_and_a_drawn_one_is_not():
+    truth, profile = truth_of("LD", 20.0), load_imu_profile("mems")
+    for start, most in (("known", 1e-12), ("drawn", 0.1)):
+        case = Case(grade="mems", start=start, duration_s=20.0)
+        navigator = started(navigator_of(case, profile), truth, case)
+        turn = rotvec_from_quat(quat_multiply(truth.q_nb[0], quat_conjugate(navigator.core.nav[6:10])))
+        assert (np.linalg.norm(turn) > 1e-3) == (start == "drawn")
+        assert np.linalg.norm(turn) < most
+        assert np.degrees(np.sqrt(navigator.P[8, 8])) == pytest.approx(1.0)
 
 
 def test_the_parts_of_the_sensor_errors_sum_up_to_what_the_sensor_measures():
@@ -63,8 +115,9 @@ def test_the_true_clock_is_the_one_in_the_pseudoranges():
 
 
 def test_statistics_of_flights_are_those_of_their_rows():
-    flight = fly(SHORT)
-    settled = flight.error[flight.t_s > 10.0]
+    flight = fly(dataclasses.replace(SHORT, duration_s=90.0))
+    settled = flight.error[flight.t_s > SETTLED_S]
+    assert len(settled) == 300
     assert mean_rms([flight, flight]) == pytest.approx(np.sqrt(np.mean(settled[:, :3] ** 2, axis=0)))
     assert mean_error([flight])[2] == pytest.approx(settled[:, 2].mean())  # up is minus down, estimated minus true minus the other way
     assert largest([flight], 3)[1] == pytest.approx(np.abs(settled[:, 5]).max())

@@ -24,6 +24,7 @@ class Example:
     high: float = setting(1.0, "Upper limit.", live=True)
     scheme: str = setting("one", "Scheme.", choices=("one", "two"))
     times_s: list[float] = setting([], "Times.", unit="s")
+    sigma: float | list = setting(0.1, "Sigma.", minimum=0.0, per_axis=True)
     gate: Gate = group(Gate)
 
     def __post_init__(self) -> None:
@@ -54,6 +55,15 @@ def test_values_from_outside_reach_the_settings_and_whole_numbers_pass_for_numbe
     settings = node.parameters.settings[0]
     assert (settings.rate_hz, settings.gate.probability, settings.times_s) == (100.0, 0.99, [1.0, 2.0])
     assert node.get_parameter("rate_hz").value == 100.0
+
+
+def test_one_number_or_three(ros):
+    assert ros.make(ExampleNode).parameters.settings[0].sigma == 0.1
+    assert ros.make(ExampleNode, sigma=0.3).parameters.settings[0].sigma == 0.3
+    node = ros.make(ExampleNode, sigma=[0.1, 0.2, 0.3])
+    assert node.parameters.settings[0].sigma == [0.1, 0.2, 0.3] == list(node.get_parameter("sigma").value)
+    with pytest.raises(SettingsError, match="one number or three"):
+        ros.make(ExampleNode, sigma=[0.1, 0.2])
 
 
 def test_an_empty_list_in_a_file_is_a_value(ros, tmp_path):

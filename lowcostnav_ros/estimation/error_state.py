@@ -7,7 +7,7 @@ so blocks come and go without new code.
 """
 
 import enum
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,8 +42,8 @@ class Block:
     kind : Kind
     sigma0 : tuple of float
         Initial sigma per state.
-    tau_s : float
-        Correlation time; ``inf`` for a random constant or random walk.
+    tau_s : float or tuple of float
+        Correlation time of all states or of each; ``inf`` for a random constant or random walk.
     psd : tuple of float
         Driving noise per state, unit^2/s; a Gauss-Markov state of sigma s has 2 s^2 / tau.
     """
@@ -52,7 +52,7 @@ class Block:
     labels: tuple[str, ...]
     kind: Kind
     sigma0: tuple[float, ...]
-    tau_s: float = np.inf
+    tau_s: float | tuple[float, ...] = np.inf
     psd: tuple[float, ...] = ()
 
     @property
@@ -61,20 +61,31 @@ class Block:
         return len(self.labels)
 
 
-def gauss_markov(name: str, labels: Iterable[str], kind: Kind, sigma: float, tau_s: float, sigma0: float | None = None) -> Block:
+PerState = float | Sequence[float] | np.ndarray
+"""One number for all states of a block, or one for each."""
+
+
+def gauss_markov(
+    name: str, labels: Iterable[str], kind: Kind, sigma: PerState, tau_s: PerState, sigma0: PerState | None = None
+) -> Block:
     """Block of first-order Gauss-Markov states with steady sigma and correlation time (G11: q = 2 sigma^2 / tau).
 
     ``sigma0`` is the sigma at the start where it differs from the steady one (a turn-on bias on top of a drift).
     """
     names = tuple(labels)
-    first = sigma if sigma0 is None else sigma0
-    return Block(name, names, kind, (first,) * len(names), tau_s, (2.0 * sigma * sigma / tau_s,) * len(names))
+    steady, tau = _each(sigma, names), _each(tau_s, names)
+    first = steady if sigma0 is None else _each(sigma0, names)
+    return Block(name, names, kind, first, tau, tuple(2.0 * s * s / t for s, t in zip(steady, tau, strict=True)))
 
 
-def random_walk(name: str, labels: Iterable[str], kind: Kind, sigma0: float, density: float = 0.0) -> Block:
+def random_walk(name: str, labels: Iterable[str], kind: Kind, sigma0: PerState, density: PerState = 0.0) -> Block:
     """Block of random walks growing by ``density`` (unit per square root of second); density 0 is a random constant."""
     names = tuple(labels)
-    return Block(name, names, kind, (sigma0,) * len(names), np.inf, (density * density,) * len(names))
+    return Block(name, names, kind, _each(sigma0, names), np.inf, tuple(d * d for d in _each(density, names)))
+
+
+def _each(value: PerState, names: tuple[str, ...]) -> tuple[float, ...]:
+    return tuple(float(v) for v in np.broadcast_to(value, len(names)))
 
 
 def chain(name: str, labels: Iterable[str], sigma0: Iterable[float], psd: Iterable[float]) -> Block:
@@ -110,7 +121,7 @@ class Layout:
         self.labels = tuple(label for b in self.blocks for label in b.labels)
         self.kind = np.array([int(b.kind) for b in self.blocks for _ in b.labels], dtype=np.int64)
         self.axis = np.array([i for b in self.blocks for i in range(b.size)], dtype=np.int64)
-        self.rate = np.array([1.0 / b.tau_s for b in self.blocks for _ in b.labels])
+        self.rate = np.array([1.0 / tau for b in self.blocks for tau in np.broadcast_to(b.tau_s, b.size)])
         self.psd = np.array([q for b in self.blocks for q in (b.psd or (0.0,) * b.size)])
         self.sigma0 = np.array([s for b in self.blocks for s in b.sigma0])
 

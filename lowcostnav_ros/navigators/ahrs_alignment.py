@@ -14,7 +14,7 @@ from lowcostnav_ros.measurements import AirVelocity, Attitude, GpsVelocity, ImuB
 from lowcostnav_ros.navigators.ahrs_kernels import WINDOW_SIZE, gather_window
 from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings
 from lowcostnav_ros.navigators.alignment import tilt_from_specific_force, unit_error
-from lowcostnav_ros.navigators.inertial import DEG
+from lowcostnav_ros.navigators.inertial import DEG, typical
 from lowcostnav_ros.navigators.magnetic_heading import LocalField, magnetic_heading
 from lowcostnav_ros.rotation import euler_to_quat, quat_conjugate, quat_multiply, quat_rotate
 
@@ -130,7 +130,7 @@ class Alignment:
         if not stale:
             force, rate = window[4:7] / window[10], window[7:10] / window[10]
             level = self.settings.level
-            bias_sigma = np.hypot(self.settings.imu.gyro_turn_on_dps, self.settings.imu.gyro_bias_dps)
+            bias_sigma = np.hypot(typical(self.settings.imu.gyro_turn_on_dps), typical(self.settings.imu.gyro_bias_dps))
             if np.linalg.norm(rate) > (level.yaw_rate_dps + 3.0 * bias_sigma) * DEG:
                 self.reason = "turning, and neither GPS velocity nor airspeed to tell the acceleration"
             elif abs(np.linalg.norm(force) / STANDARD_GRAVITY - 1.0) > level.force_g:

@@ -30,7 +30,7 @@ from lowcostnav_ros.navigators.ahrs_kernels import WINDOW_SIZE, gather_window
 from lowcostnav_ros.navigators.ahrs_settings import EULER, QUATERNION, VECTOR_MATCHING, AhrsSettings
 from lowcostnav_ros.navigators.attitude_switch import RateSwitch
 from lowcostnav_ros.navigators.attitude_vectors import specific_force_from_velocity
-from lowcostnav_ros.navigators.inertial import DEG, bias_blocks, core_block
+from lowcostnav_ros.navigators.inertial import DEG, bias_blocks, core_block, typical
 from lowcostnav_ros.navigators.ins_gps_aids import floored
 from lowcostnav_ros.rotation import quat_conjugate, quat_rotate, quat_to_dcm
 
@@ -70,7 +70,8 @@ class ConstantGainAhrs(Ahrs):
         self.switch = RateSwitch(settings.level, settings.rate_switch)
         self.attitude_aid = (ScheduledEulerAid if kind == EULER else ConstantQuaternionAid)(settings, gps)
         self.level_aid, self.magnetic_aid = ConstantLevelAid(settings.level, level), ConstantHeadingAid(settings, level)
-        self.field_aid, self.force_aid = FieldMatchAid(settings), ForceMatchAid(settings.gps.gate, settings.imu.accel_noise_mg_rthz)
+        self.field_aid = FieldMatchAid(settings)
+        self.force_aid = ForceMatchAid(settings.gps.gate, typical(settings.imu.accel_noise_mg_rthz))
         primary = [self.attitude_aid] if hears_attitude else [self.force_aid] if kind == VECTOR_MATCHING else []
         field = [self.field_aid] if kind == VECTOR_MATCHING else []
         magnetic = [*field, self.magnetic_aid] if settings.magnetic.enabled else []

@@ -12,6 +12,7 @@ corrected), checked against differences of the strapdown step in the tests.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -34,47 +35,67 @@ GAP_NS = HOLE_NS
 DEG = np.pi / 180.0
 MILLI_G = 9.80665e-3
 XYZ = "xyz"
+CONSTANT_S = 1e6
+"""Correlation time of an error that the data sheet calls constant."""
+PerAxis = float | list
+"""One number for all axes, or three, x y z."""
+
+
+def _axes(default: float, description: str, unit: str, minimum: float = 0.0, maximum: float | None = None) -> Any:
+    return setting(default, description, unit=unit, minimum=minimum, maximum=maximum, per_axis=True)
 
 
 @dataclass(frozen=True)
 class ImuSettings:
-    """Inertial sensor errors as a data sheet states them; the defaults are a vibrating-gyro unit of automotive grade."""
+    """Inertial sensor errors as a data sheet states them, each one number or three (x y z, FRD); the defaults are a vibrating-gyro unit
+    of automotive grade.
+    """
 
     profile: str = setting("", "IMU profile (config/profiles, or a file): its numbers, save those below that are not the default.")
-    gyro_noise_dps_rthz: float = setting(0.012, "Gyro white noise.", unit="deg/s/sqrt(Hz)", minimum=1e-7, maximum=10.0)
-    gyro_bias_dps: float = setting(0.05, "Gyro in-run bias, Gauss-Markov sigma.", unit="deg/s", minimum=0.0, maximum=10.0)
-    gyro_bias_tau_s: float = setting(300.0, "Correlation time of the gyro bias.", unit="s", minimum=1.0)
-    gyro_turn_on_dps: float = setting(0.1, "Gyro turn-on bias sigma.", unit="deg/s", minimum=0.0, maximum=10.0)
-    gyro_scale_ppm: float = setting(0.0, "Gyro scale-factor sigma; 0 leaves the states out.", unit="ppm", minimum=0.0, maximum=1e5)
-    accel_noise_mg_rthz: float = setting(0.25, "Accelerometer white noise.", unit="milli-g/sqrt(Hz)", minimum=1e-6, maximum=1e3)
-    accel_bias_mg: float = setting(1.2, "Accelerometer in-run bias, Gauss-Markov sigma.", unit="milli-g", minimum=0.0, maximum=1e3)
-    accel_bias_tau_s: float = setting(100.0, "Correlation time of the accelerometer bias.", unit="s", minimum=1.0)
-    accel_turn_on_mg: float = setting(5.0, "Accelerometer turn-on bias sigma.", unit="milli-g", minimum=0.0, maximum=1e3)
-    accel_scale_ppm: float = setting(0.0, "Accelerometer scale-factor sigma; 0 leaves them out.", unit="ppm", minimum=0.0, maximum=1e5)
-    scale_tau_s: float = setting(18000.0, "Correlation time of the scale factors.", unit="s", minimum=1.0)
+    gyro_noise_dps_rthz: PerAxis = _axes(0.012, "Gyro white noise.", "deg/s/sqrt(Hz)", 1e-7, 10.0)
+    gyro_bias_dps: PerAxis = _axes(0.05, "Gyro in-run bias, Gauss-Markov sigma.", "deg/s", maximum=10.0)
+    gyro_bias_tau_s: PerAxis = _axes(300.0, "Correlation time of the gyro bias.", "s", 1.0)
+    gyro_turn_on_dps: PerAxis = _axes(0.1, "Gyro turn-on bias sigma.", "deg/s", maximum=10.0)
+    gyro_scale_ppm: PerAxis = _axes(0.0, "Gyro scale-factor sigma; 0 leaves the states out.", "ppm", maximum=1e5)
+    gyro_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the gyro scale factors.", "s", 1.0)
+    accel_noise_mg_rthz: PerAxis = _axes(0.25, "Accelerometer white noise.", "milli-g/sqrt(Hz)", 1e-6, 1e3)
+    accel_bias_mg: PerAxis = _axes(1.2, "Accelerometer in-run bias, Gauss-Markov sigma.", "milli-g", maximum=1e3)
+    accel_bias_tau_s: PerAxis = _axes(100.0, "Correlation time of the accelerometer bias.", "s", 1.0)
+    accel_turn_on_mg: PerAxis = _axes(5.0, "Accelerometer turn-on bias sigma.", "milli-g", maximum=1e3)
+    accel_scale_ppm: PerAxis = _axes(0.0, "Accelerometer scale-factor sigma; 0 leaves them out.", "ppm", maximum=1e5)
+    accel_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the accelerometer scale factors.", "s", 1.0)
+
+
+def of_axes(value: PerAxis) -> np.ndarray:
+    """x, y, z (3,) of a setting that holds one number for all axes or three."""
+    return np.full(3, value, dtype=float)
+
+
+def typical(value: PerAxis) -> float:
+    """Root mean square over the axes, for what needs one number only (a threshold, a first tilt)."""
+    return float(np.sqrt(np.mean(of_axes(value) ** 2))) if isinstance(value, list) else value
 
 
 def imu_settings(noise: ImuNoise) -> ImuSettings:
-    """Filter settings of an IMU profile's numbers; where the axes differ, their root mean square."""
+    """Filter settings of an IMU profile's numbers, axis by axis; an error that is constant gets the correlation time of twelve days."""
 
-    def rms(values: np.ndarray, unit: float) -> float:
-        return float(np.sqrt(np.mean(np.square(values)))) / unit
-
-    def tau(values: np.ndarray, constant: float) -> float:
-        return float(np.mean(values)) if np.all(np.isfinite(values)) else constant
+    def axes(values: np.ndarray, unit: float = 1.0) -> PerAxis:
+        listed = [float(v) / unit if np.isfinite(v) else CONSTANT_S for v in values]
+        return listed[0] if len(set(listed)) == 1 else listed
 
     return ImuSettings(
-        gyro_noise_dps_rthz=rms(noise.gyro_noise_density, DEG),
-        gyro_bias_dps=rms(noise.gyro_bias_sigma, DEG),
-        gyro_bias_tau_s=tau(noise.gyro_bias_tau_s, 1e6),
-        gyro_turn_on_dps=rms(noise.gyro_turn_on_sigma, DEG),
-        gyro_scale_ppm=rms(noise.gyro_scale_sigma, 1e-6),
-        accel_noise_mg_rthz=rms(noise.accel_noise_density, MILLI_G),
-        accel_bias_mg=rms(noise.accel_bias_sigma, MILLI_G),
-        accel_bias_tau_s=tau(noise.accel_bias_tau_s, 1e6),
-        accel_turn_on_mg=rms(noise.accel_turn_on_sigma, MILLI_G),
-        accel_scale_ppm=rms(noise.accel_scale_sigma, 1e-6),
-        scale_tau_s=tau(noise.gyro_scale_tau_s, 1e6),
+        gyro_noise_dps_rthz=axes(noise.gyro_noise_density, DEG),
+        gyro_bias_dps=axes(noise.gyro_bias_sigma, DEG),
+        gyro_bias_tau_s=axes(noise.gyro_bias_tau_s),
+        gyro_turn_on_dps=axes(noise.gyro_turn_on_sigma, DEG),
+        gyro_scale_ppm=axes(noise.gyro_scale_sigma, 1e-6),
+        gyro_scale_tau_s=axes(noise.gyro_scale_tau_s),
+        accel_noise_mg_rthz=axes(noise.accel_noise_density, MILLI_G),
+        accel_bias_mg=axes(noise.accel_bias_sigma, MILLI_G),
+        accel_bias_tau_s=axes(noise.accel_bias_tau_s),
+        accel_turn_on_mg=axes(noise.accel_turn_on_sigma, MILLI_G),
+        accel_scale_ppm=axes(noise.accel_scale_sigma, 1e-6),
+        accel_scale_tau_s=axes(noise.accel_scale_tau_s),
     )
 
 
@@ -85,9 +106,9 @@ def core_block(imu: ImuSettings) -> Block:
         *("velocity_north_mps", "velocity_east_mps", "velocity_down_mps"),
         *("attitude_north_rad", "attitude_east_rad", "attitude_down_rad"),
     )
-    accel = (imu.accel_noise_mg_rthz * MILLI_G) ** 2
-    gyro = (imu.gyro_noise_dps_rthz * DEG) ** 2
-    return Block("core", labels, Kind.CORE, (10.0,) * 3 + (1.0,) * 3 + (0.1,) * 3, np.inf, (0.0,) * 3 + (accel,) * 3 + (gyro,) * 3)
+    accel = (of_axes(imu.accel_noise_mg_rthz) * MILLI_G) ** 2
+    gyro = (of_axes(imu.gyro_noise_dps_rthz) * DEG) ** 2
+    return Block("core", labels, Kind.CORE, (10.0,) * 3 + (1.0,) * 3 + (0.1,) * 3, np.inf, (0.0, 0.0, 0.0, *accel, *gyro))
 
 
 def bias_blocks(imu: ImuSettings, *, split_turn_on: bool = False) -> list[Block]:
@@ -98,22 +119,28 @@ def bias_blocks(imu: ImuSettings, *, split_turn_on: bool = False) -> list[Block]
     time, so in the short form the drift is a random walk with the drift's short-term growth, 2 sigma^2 / tau.
     """
     blocks = []
+    drift = of_axes(imu.accel_bias_mg) * MILLI_G, of_axes(imu.gyro_bias_dps) * DEG
+    turn_ons = of_axes(imu.accel_turn_on_mg) * MILLI_G, of_axes(imu.gyro_turn_on_dps) * DEG
     sensors = (
-        ("accel", "mps2", Kind.ACCEL_BIAS, imu.accel_bias_mg * MILLI_G, imu.accel_bias_tau_s, imu.accel_turn_on_mg * MILLI_G),
-        ("gyro", "radps", Kind.GYRO_BIAS, imu.gyro_bias_dps * DEG, imu.gyro_bias_tau_s, imu.gyro_turn_on_dps * DEG),
+        ("accel", "mps2", Kind.ACCEL_BIAS, drift[0], of_axes(imu.accel_bias_tau_s), turn_ons[0]),
+        ("gyro", "radps", Kind.GYRO_BIAS, drift[1], of_axes(imu.gyro_bias_tau_s), turn_ons[1]),
     )
     for name, unit, kind, sigma, tau, turn_on in sensors:
         labels = [f"{name}_bias_{axis}_{unit}" for axis in XYZ]
         if split_turn_on:
             blocks.append(gauss_markov(f"{name}_drift", [f"{name}_drift_{axis}_{unit}" for axis in XYZ], kind, sigma, tau))
             blocks.append(random_walk(f"{name}_bias", labels, kind, turn_on))
-        elif turn_on > 0.0:
-            blocks.append(random_walk(f"{name}_bias", labels, kind, float(np.hypot(turn_on, sigma)), sigma * np.sqrt(2.0 / tau)))
+        elif turn_on.any():
+            blocks.append(random_walk(f"{name}_bias", labels, kind, np.hypot(turn_on, sigma), sigma * np.sqrt(2.0 / tau)))
         else:
             blocks.append(gauss_markov(f"{name}_bias", labels, kind, sigma, tau))
-    for name, kind, ppm in (("accel", Kind.ACCEL_SCALE, imu.accel_scale_ppm), ("gyro", Kind.GYRO_SCALE, imu.gyro_scale_ppm)):
-        if ppm > 0.0:
-            blocks.append(gauss_markov(f"{name}_scale", [f"{name}_scale_{axis}" for axis in XYZ], kind, 1e-6 * ppm, imu.scale_tau_s))
+    scales = (
+        ("accel", Kind.ACCEL_SCALE, of_axes(imu.accel_scale_ppm), imu.accel_scale_tau_s),
+        ("gyro", Kind.GYRO_SCALE, of_axes(imu.gyro_scale_ppm), imu.gyro_scale_tau_s),
+    )
+    for name, kind, ppm, tau_s in scales:
+        if ppm.any():
+            blocks.append(gauss_markov(f"{name}_scale", [f"{name}_scale_{axis}" for axis in XYZ], kind, 1e-6 * ppm, tau_s))
     return blocks
 
 

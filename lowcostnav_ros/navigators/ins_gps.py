@@ -34,7 +34,7 @@ from lowcostnav_ros.navigators.alignment import (
     unit_error,
 )
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
-from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, GAP_NS, POS, VEL, ImuSettings, InertialCore, bias_blocks, core_block
+from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, GAP_NS, POS, VEL, ImuSettings, InertialCore, bias_blocks, core_block, typical
 from lowcostnav_ros.navigators.ins_gps_aids import (
     AirDataSettings,
     AirspeedAid,
@@ -366,7 +366,7 @@ class InsGps(Navigator):
         roll, pitch = tilt_from_specific_force(f_b, force_n, heading)
         nav = np.array([fix.lat, fix.lon, fix.height, *velocity.vel_n, *euler_to_quat(roll, pitch, heading)])
         lag_s = 1e-9 * (velocity.stamp_ns - fix.stamp_ns)
-        accel_sigma = np.hypot(self.settings.imu.accel_turn_on_mg, self.settings.imu.accel_bias_mg) * 1e-3
+        accel_sigma = np.hypot(typical(self.settings.imu.accel_turn_on_mg), typical(self.settings.imu.accel_bias_mg)) * 1e-3
         tilt = np.hypot(accel_sigma, (0.2 if still else choice.tilt_sigma_deg) * DEG)
         cov = np.zeros((CORE, CORE))
         cov[POS, POS] = fix.cov_n + np.eye(3) * (0.5 + (lag_s * np.linalg.norm(velocity.vel_n)) ** 2)

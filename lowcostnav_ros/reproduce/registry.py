@@ -41,6 +41,7 @@ MODULES = (
     "solimeno_outages",
     "solimeno_observability",
     "solimeno_estimates",
+    "solimeno_galileo",
 )
 """Modules of this package that hold results; the part of a name before the first underscore is the study."""
 

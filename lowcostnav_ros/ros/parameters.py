@@ -98,12 +98,13 @@ def _descriptor(entry: Declared) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         description=f"[{entry.unit}] {entry.description}" if entry.unit else entry.description,
         read_only=not entry.live,
-        dynamic_typing=isinstance(entry.default, list) and not entry.default,  # an empty list has no ROS type yet
+        # an empty list has no ROS type yet, and one number or three are two types
+        dynamic_typing=entry.per_axis or (isinstance(entry.default, list) and not entry.default),
     )
     if entry.choices:
         descriptor.additional_constraints = "one of " + ", ".join(str(c) for c in entry.choices)
     sample = entry.default[0] if isinstance(entry.default, list) and entry.default else entry.default
-    if (entry.minimum is None and entry.maximum is None) or isinstance(entry.default, list):
+    if (entry.minimum is None and entry.maximum is None) or isinstance(entry.default, list) or entry.per_axis:
         return descriptor
     low, high = (-LARGE if entry.minimum is None else entry.minimum), (LARGE if entry.maximum is None else entry.maximum)
     if isinstance(sample, int):
