@@ -173,7 +173,7 @@ def aid_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list
 
 
 def integrity_figure(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> str:
-    """Horizontal error below its protection levels."""
+    """Horizontal error below its protection levels, and the alarm."""
     integrity, errors = navigator.integrity, navigator.errors
     if not _known(integrity, "hpl_m"):
         return ""
@@ -187,6 +187,9 @@ def integrity_figure(navigator: NavigatorResult, axis: TimeAxis, colour: str) ->
         horizontal = np.hypot(errors["north_m"], errors["east_m"])
         t, error, _ = _broken(errors["t_s"], horizontal, horizontal)
         items.append(Curve(t, error, colour, "error"))
+    alarmed = integrity["t_s"][integrity["alarm"] != ""]
+    if len(alarmed):
+        items.append(Curve(np.full(2, alarmed[0]), np.array([0.0, top]), "#c0392b", "alarm", 1.6, "2 2"))
     return time_chart("Horizontal error and protection level [m]", axis, items, limits=(0.0, top))
 
 
