@@ -199,18 +199,20 @@ def test_settings_take_one_number_or_three_and_refuse_two():
         from_mapping(ImuSettings, {"gyro_bias_tau_s": [300.0, 0.5, 1.0]})
 
 
-def test_a_correction_of_attitude_leaves_the_covariance_as_seen_from_the_body():
+def test_a_correction_of_the_heading_turns_what_tilt_and_heading_share_with_the_body_and_nothing_else():
     layout = layout_of()
     core = InertialCore(layout)
     root = np.random.default_rng(5).standard_normal((layout.size, layout.size))
     core.start(0, NAV, np.eye(CORE))
     core.P = root @ root.T
-    seen_from_body = lambda: np.kron(np.eye(3), quat_to_dcm(core.nav[6:10]).T)  # noqa: E731
-    T = seen_from_body()
-    before = [T @ core.P[:CORE, :CORE] @ T.T, T @ core.P[:CORE, CORE:], core.P[CORE:, CORE:].copy()]
-    core.correct(np.concatenate((np.zeros(6), [0.1, -0.2, 0.7], np.zeros(layout.size - CORE))))
-    T = seen_from_body()
-    after = [T @ core.P[:CORE, :CORE] @ T.T, T @ core.P[:CORE, CORE:], core.P[CORE:, CORE:]]
+    kept = np.delete(np.arange(layout.size), [6, 7, 8])
+    P, T = core.P.copy(), quat_to_dcm(core.nav[6:10]).T
+    before = T @ P[6:9, kept], T @ P[6:9, 6:9] @ T.T, P[np.ix_(kept, kept)]
+    core.correct(np.concatenate((np.zeros(8), [0.7], np.zeros(layout.size - CORE))))
+    P, T = core.P, quat_to_dcm(core.nav[6:10]).T
+    after = T @ P[6:9, kept], T @ P[6:9, 6:9] @ T.T, P[np.ix_(kept, kept)]
     for seen, expected in zip(after, before, strict=True):
         assert seen == pytest.approx(expected, abs=1e-9)
     assert np.array_equal(core.P, core.P.T)
+    core.correct(np.concatenate((np.zeros(6), [0.1, -0.2, 0.0], np.zeros(layout.size - CORE))))
+    assert np.array_equal(core.P, P)

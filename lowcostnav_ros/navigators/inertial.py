@@ -21,7 +21,7 @@ from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
 from lowcostnav_ros.estimation.horizon import HOLE_NS
 from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.rotation import quat_apply_phi_n, quat_from_rotvec, quat_to_dcm
+from lowcostnav_ros.rotation import quat_apply_phi_n, quat_to_dcm
 from lowcostnav_ros.sensors.imu_profile import ImuNoise
 from lowcostnav_ros.settings import setting
 from lowcostnav_ros.small_matrices import matvec
@@ -304,33 +304,24 @@ def predict_mean(t_ns, nav, last, errors, stamps, f_m, w_m):
 
 
 @kernel
-def turn_covariance(P, phi_n):
-    """Turn the covariance of position, velocity and attitude errors with a correction ``phi_n`` of the attitude, in place.
+def turn_covariance(P, heading):
+    """Turn the covariance of tilt and heading errors with a correction of the heading, rad, in place.
 
-    How the core errors hang together with each other and with the sensor errors was gathered along the attitude believed until now, and
-    belongs to the body: seen from there the error dynamics depend on the inertial samples alone.  Left in n through a large correction
-    (the heading of a low-cost unit before its first turn), those correlations point where the sensor no longer is, and the filter
-    takes for observed what is not.  This is the covariance of the left-invariant filter.
-
-    References
-    ----------
-    Barrau, Bonnabel, "The invariant extended Kalman filter as a stable observer", IEEE TAC 62 (2017).
+    How the attitude errors hang together with the sensor errors was gathered along the heading believed until now, and belongs to the
+    body.  Left in n through a large correction (a low-cost unit before its first turn), those correlations point where the sensor no
+    longer is, and the filter takes for observed what is not.  So far the left-invariant filter (Barrau and Bonnabel, IEEE TAC 62, 2017);
+    position and velocity stay, and so does what a tilt would turn: aids measure them in n, and an ellipsoid that is flat, as a barometer
+    leaves it in an outage, would be thinned along its length.
     """
-    C = quat_to_dcm(quat_from_rotvec(phi_n))
+    c, s = np.cos(heading), np.sin(heading)
     n = P.shape[0]
-    for first in range(0, 9, 3):
-        for j in range(n):
-            a, b, c = P[first, j], P[first + 1, j], P[first + 2, j]
-            for r in range(3):
-                P[first + r, j] = C[r, 0] * a + C[r, 1] * b + C[r, 2] * c
+    for j in range(n):
+        north, east = P[6, j], P[7, j]
+        P[6, j], P[7, j] = c * north - s * east, s * north + c * east
     for i in range(n):
-        for first in range(0, 9, 3):
-            a, b, c = P[i, first], P[i, first + 1], P[i, first + 2]
-            for r in range(3):
-                P[i, first + r] = C[r, 0] * a + C[r, 1] * b + C[r, 2] * c
-    for i in range(n):
-        for j in range(i):
-            P[j, i] = P[i, j]
+        north, east = P[i, 6], P[i, 7]
+        P[i, 6], P[i, 7] = c * north - s * east, s * north + c * east
+    P[7, 6] = P[6, 7]
 
 
 class InertialCore:
@@ -389,7 +380,7 @@ class InertialCore:
         nav[0], nav[1], nav[2] = displace(nav[0], nav[1], nav[2], dx[POS])
         nav[3:6] += dx[VEL]
         nav[6:10] = quat_apply_phi_n(nav[6:10], dx[ATT])
-        turn_covariance(self.P, dx[ATT])
+        turn_covariance(self.P, dx[8])
         self.estimate[CORE:] += dx[CORE:]
         self.guard_actions += kalman.guard_covariance(self.P, self._floor, self._ceiling)
 
