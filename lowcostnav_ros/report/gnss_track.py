@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.earth import dcm_ne, ecef_to_geodetic
-from lowcostnav_ros.gnss.accuracy import ErrorStatistics, statistics
 from lowcostnav_ros.gnss.gps_time import SECOND, unix_ns, week_and_tow
 from lowcostnav_ros.gnss.rinex_nav import Navigation
 from lowcostnav_ros.gnss.rinex_obs import Observations
@@ -49,10 +48,9 @@ class TrackSummary:
         """Epochs with a position that nothing speaks against."""
         return [one for one in self.track.located if one.usable]
 
-    def statistics(self) -> ErrorStatistics | None:
-        """Error statistics north, east, up; None without coordinates to compare with."""
-        good = self.errors_n[np.isfinite(self.errors_n[:, 0])]
-        return statistics(good * (1.0, 1.0, -1.0)) if self.reference_e is not None and len(good) else None
+    def compared_n(self) -> np.ndarray:
+        """Errors (n, 3), NED, m, of the epochs with a usable position; none without coordinates to compare with."""
+        return self.errors_n[np.isfinite(self.errors_n[:, 0])] if self.reference_e is not None else np.zeros((0, 3))
 
 
 def summarise(name: str, observations: Observations, navigation: Navigation, track: Track) -> TrackSummary:
@@ -112,16 +110,15 @@ def spread_rows(summary: TrackSummary) -> list[tuple[str, ...]]:
 
 def error_rows(summary: TrackSummary) -> list[tuple[str, ...]]:
     """RMS, mean and largest error and the stated sigma, north, east, down and 3D; no row without coordinates to compare with."""
-    found = summary.statistics()
-    if found is None:
+    errors = summary.compared_n()
+    if not len(errors):
         return []
-    largest = np.nanmax(np.abs(summary.errors_n), axis=0)
-    mean = found.mean * (1.0, 1.0, -1.0)
+    rms, mean, largest = np.sqrt(np.mean(errors**2, axis=0)), errors.mean(axis=0), np.abs(errors).max(axis=0)
     stated = np.sqrt(np.mean([np.diag(one.result.fix.cov_n) for one in summary.usable], axis=0))
     rows = {
-        "RMS, m": (*found.rms, found.rms_3d),
+        "RMS, m": (*rms, np.linalg.norm(rms)),
         "mean, m": (*mean, np.linalg.norm(mean)),
-        "largest, m": (*largest, found.max_3d),
+        "largest, m": (*largest, np.linalg.norm(errors, axis=1).max()),
         "stated 1-sigma, m": (*stated, np.linalg.norm(stated)),
     }
     return [(name, *(f"{value:.2f}" for value in values)) for name, values in rows.items()]
