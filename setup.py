@@ -13,6 +13,7 @@ NODES = [
     "air_data_simulator",
     "gps_simulator",
     "dme_simulator",
+    "vor_simulator",
     "gps_attitude_simulator",
     "gnss_simulator",
     "ahrs",

@@ -46,7 +46,8 @@ then it writes `magnetometer_N.yaml` into `output.folder`, to be loaded with `--
 
 `/diagnostics` (`diagnostic_msgs/DiagnosticArray`) once a second, and at once when a level rises. One status per input
 (`<node>: input <topic>`: rate_hz, age_s, count, gaps, last_reject, rejected[reason]), per output, per aid (`<node>: aid <name>`:
-observation, innovation, test_ratio, accepted, reason, age, counters) and per navigator (`<node>: navigator`: mode, reason, sigmas).
+observation, innovation, test_ratio, accepted, reason, age, counters) and per navigator (`<node>: navigator`: mode, reason, sigmas,
+`approach_category`: the strictest precision approach that twice its own sigmas allow, `I`, `II`, `III` or `none`).
 Values are plain scalars, so that plotting tools read them.
 """
 

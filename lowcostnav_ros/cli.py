@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from lowcostnav_ros import __version__, cli_calibrate, cli_dme, cli_observability, cli_reproduce
+from lowcostnav_ros import __version__, cli_calibrate, cli_dme, cli_gnss, cli_observability, cli_profiles, cli_reproduce
 
 EXIT_OK, EXIT_WORSE, EXIT_CANNOT_RUN, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -38,7 +38,9 @@ _JOBS = {
     "identify": "cli_calibrate",
     "magcal": "cli_calibrate",
     "dme": "cli_dme",
+    "gnss": "cli_gnss",
     "observability": "cli_observability",
+    "profiles": "cli_profiles",
 }
 
 
@@ -57,7 +59,9 @@ def parser() -> argparse.ArgumentParser:
     cli_reproduce.add_parsers(jobs)
     cli_calibrate.add_parsers(jobs)
     cli_dme.add_arguments(_job(jobs, "dme", "Plan how DME stations carry a flight without GPS; turn navaid lists into station tables."))
-    text = "Which states of an inertial navigator its measurements can tell, along a recording."
+    cli_gnss.add_arguments(_job(jobs, "gnss", "Positions out of RINEX files; satellites in view and their geometry over a day."))
+    cli_profiles.add_arguments(_job(jobs, "profiles", "IMU profiles with their grade, and the numbers a filter takes from one."))
+    text = "Which states of a navigator its measurements can tell, along a recording."
     cli_observability.add_arguments(_job(jobs, "observability", text))
     return top
 
@@ -81,10 +85,13 @@ def _add_system_jobs(jobs: argparse._SubParsersAction) -> None:
     demo.add_argument("--out", default="out/demo", metavar="DIR", help="folder of the results, replaced (default: out/demo)")
     demo.add_argument("--graph", default="demo", metavar="GRAPH", help="lossless graph to fly, with a recorder (default: demo)")
     demo.add_argument("--real-time-factor", type=float, metavar="X", help="simulated seconds per second (default: the graph's)")
-    convert = _job(jobs, "convert", "Turn a recorded log (CSV) into a bag with the standard topics.")
-    convert.add_argument("source", help="file or directory of the log")
+    convert = _job(jobs, "convert", "Turn a recorded log (CSV, or RINEX files) into a bag with the standard topics.")
+    convert.add_argument("source", help="file or directory of the log, or a RINEX observation file")
     convert.add_argument("-o", "--output", required=True, metavar="BAG", help="bag to create")
     convert.add_argument("--profile", metavar="NAME|FILE", help="column profile: a shipped one or a YAML file (default: the one that fits)")
+    text = "RINEX navigation files: SOURCE is then an observation file, and the bag gets gnss/raw"
+    convert.add_argument("--navigation", nargs="+", metavar="NAV", help=text)
+    convert.add_argument("--at-rest", action="store_true", help="RINEX: the header's coordinates are the truth, recorded as truth/odometry")
 
 
 def _add_simulate(jobs: argparse._SubParsersAction) -> None:
@@ -99,14 +106,14 @@ def _add_simulate(jobs: argparse._SubParsersAction) -> None:
 def _add_replay(jobs: argparse._SubParsersAction) -> None:
     text = "Run the navigators over a bag, offline and repeatable to the last bit, and judge them."
     notes = """\
-withholding: 'gps/fix,gps/vel@290-350' keeps these sources from the navigators between 290 s and 350 s; without @ all flight.
+withholding: 'gps/fix,gps/vel@290-350' keeps these sources from the navigators from 290 s to 350 s, @290- to the end; without @ all flight.
   A window that starts before the bag's first stamp counts from the bag's start, any other is read as stamps (t_s).
 errors: against truth/odometry (or --truth) where the bag has it, else against the withheld fixes."""
     replay = _job(jobs, "replay", text, notes)
     replay.add_argument("bag", help="bag directory, .mcap or .db3 file")
     replay.add_argument("--navigators", metavar="A,B", help="which to run (default: all whose required inputs the bag has)")
     replay.add_argument("--config", metavar="DIR", help="directory with <navigator>.yaml (default: the package's own)")
-    replay.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-B]", help="keep sources back; repeatable")
+    replay.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-[B]]", help="keep sources back; repeatable")
     replay.add_argument("--truth", metavar="TOPIC", help="odometry topic to compare with (default: truth/odometry)")
     replay.add_argument("--out", metavar="DIR", help="write <navigator>.csv, _aids.csv, _errors.csv, _states.csv and summary.json there")
     replay.add_argument("--json", metavar="FILE", help="write the result as JSON")
@@ -120,7 +127,7 @@ def _add_report(jobs: argparse._SubParsersAction) -> None:
     report.add_argument("-o", "--output", required=True, metavar="HTML", help="page to write")
     report.add_argument("--navigators", metavar="A,B", help="which to run (bags only)")
     report.add_argument("--config", metavar="DIR", help="directory with <navigator>.yaml (bags only)")
-    report.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-B]", help="keep sources back (bags only)")
+    report.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-[B]]", help="keep sources back (bags only)")
     report.add_argument("--title", help="heading of the page (default: the name of the bag)")
 
 

@@ -63,6 +63,7 @@ def allan(arguments: argparse.Namespace) -> int:
     for name, fit in fits.items():
         if not fit.drift_tau_observed:
             print(f"{name}: the correlation time exceeds a third of the record; only sigma^2/tau is known, record longer.")
+    _print_grade({name: f.drift_sigma for name, f in fits.items()}, columns)
     numbers = {name: (f.white_density, f.drift_sigma, f.drift_tau_s) for name, f in fits.items()}
     out = _out_dir(arguments)
     if out is not None:
@@ -90,6 +91,7 @@ def identify(arguments: argparse.Namespace) -> int:
     for name, f in found.items():
         if f.correlation_time_s is not None and not f.correlation_time_sure:
             print(f"{name}: the record holds fewer than 20 correlation times; expect the true one to be longer.")
+    _print_grade({name: f.drift_sigma for name, f in found.items()}, columns)
     out = _out_dir(arguments)
     if out is not None:
         for unit in dict.fromkeys(columns.units.values()):
@@ -189,6 +191,18 @@ def _print_table(heads: tuple[str, ...], rows: list[tuple], columns: "Columns") 
     known = {unit for unit in columns.units.values() if unit}
     units = ", ".join(sorted(known)) if known else "the unit of the columns (say which with --unit)"
     console.print(f"u is {units}; {columns.source}", highlight=False)
+
+
+def _print_grade(drifts: dict[str, float], columns: "Columns") -> None:
+    """Say of what grade the gyros are by their drift; a recording at rest does not show the turn-on bias."""
+    from lowcostnav_ros.calibration.profile_text import GYRO_UNITS
+    from lowcostnav_ros.sensors.imu_grade import grade
+    from lowcostnav_ros.units import DEGREE_PER_HOUR
+
+    gyros = {n: sigma * GYRO_UNITS[columns.units[n]] / DEGREE_PER_HOUR for n, sigma in drifts.items() if columns.units[n] in GYRO_UNITS}
+    worst = max(gyros, key=gyros.get, default=None)
+    if worst is not None and gyros[worst] > 0.0:
+        print(f"gyro drift of {gyros[worst]:.3g} deg/h ({worst}): {grade(gyros[worst])} grade at best; the turn-on bias may be larger.")
 
 
 def _write_numbers(path: Path, heads: tuple[str, ...], rows: list[tuple]) -> None:

@@ -1,10 +1,11 @@
-"""The observability job: rank and singular values of an inertial navigator's measurements along a recording.
+"""The observability job: rank and singular values of a navigator's measurements along a recording.
 
 lowcostnav observability flight --navigator ins_gnss --period 5 --json observability.json
 """
 
 import argparse
 import json
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from lowcostnav_ros.estimation.observability import Observability
     from lowcostnav_ros.navigators.base import Navigator
 
-INERTIAL = ("ins_gps", "ins_gnss")
 WEAK = 0.5
 """A state counts as not told when less than this share of it lies in the observable space."""
 
@@ -22,7 +22,7 @@ WEAK = 0.5
 def add_arguments(job: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
     job.add_argument("bag", help="bag directory, .mcap or .db3 file")
-    job.add_argument("--navigator", choices=INERTIAL, default=INERTIAL[0], help="which to run (default: %(default)s)")
+    job.add_argument("--navigator", default="ins_gps", metavar="NAME", help="which to run (default: %(default)s)")
     job.add_argument("--config", metavar="DIR", help="directory with <navigator>.yaml (default: the package's own)")
     job.add_argument("--period", type=float, default=5.0, metavar="S", help="seconds between two looks (default: %(default)g)")
     job.add_argument("--json", metavar="FILE", help="write rank, singular values and shares of the states over time as JSON")
@@ -53,21 +53,46 @@ def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> "tup
     """
     from lowcostnav_ros.estimation.observability import Watch
     from lowcostnav_ros.messages.bag import BagReader
-    from lowcostnav_ros.navigators.inertial import dynamics_now
+    from lowcostnav_ros.navigators.dynamics import dynamics_of
     from lowcostnav_ros.navigators.registry import NAVIGATORS
     from lowcostnav_ros.replay.building import build_navigators
+    from lowcostnav_ros.replay.selection import check_names
+    from lowcostnav_ros.replay.session import Session
+
+    check_names([name], list(NAVIGATORS))
+    try:
+        dynamics = dynamics_of(name)
+    except LookupError as reason:
+        raise SettingsError(f"Observability of {name} is not offered: {reason.args[0]}.") from None
 
     with BagReader(bag) as reader:
-        navigator = build_navigators([name], NAVIGATORS, Path(config) if config else None, reader.settings_folder)[name]
-        reader.require(source for source, required in navigator.inputs.items() if required)
-        watch = Watch(navigator, dynamics_now, period_s)
-        for measurement in reader.measurements(s for s in navigator.inputs if s in reader.types):
-            navigator.feed(measurement)
+        folders = Path(config) if config else None, reader.settings_folder
+        navigator = build_navigators([name], NAVIGATORS, *folders)[name]
+        speakers = _speakers(navigator, reader.types)
+        reader.require(s for s, required in navigator.inputs.items() if required and s not in speakers.values())
+        flown = {**build_navigators(speakers, NAVIGATORS, *folders), name: navigator}
+        watch = Watch(navigator, dynamics, period_s)
+        session = Session(flown, rules=reader.decoder.rules)
+        heard = {source for one in flown.values() for source in one.inputs}
+        for measurement in reader.measurements(s for s in heard if s in reader.types):
+            session.feed(measurement)
+        session.finish()
     return navigator, watch.finish()
+
+
+def _speakers(navigator: "Navigator", recorded: Collection[str]) -> dict[str, str]:
+    """Navigators that must run beside, by name, each with the topic it says which the recording lacks and the navigator needs."""
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.replay.links import output_topic
+
+    lacking = {source for source, required in navigator.inputs.items() if required and source not in recorded}
+    return {name: output_topic(name) for name in NAVIGATORS if output_topic(name) in lacking}
 
 
 def as_plain(navigator: "Navigator", found: "list[Observability]") -> dict[str, Any]:
     """Everything as plain numbers: states, and for each instant rank, singular values and the share of each state."""
+    from lowcostnav_ros.estimation.observability import filter_of
+
     instants = [
         {
             "t_s": o.stamp_ns / 1e9,
@@ -78,14 +103,16 @@ def as_plain(navigator: "Navigator", found: "list[Observability]") -> dict[str, 
         }
         for o in found
     ]
-    return {"navigator": navigator.name, "states": list(navigator.layout.labels), "instants": instants}
+    return {"navigator": navigator.name, "states": list(filter_of(navigator).layout.labels), "instants": instants}
 
 
 def _print(navigator: "Navigator", found: "list[Observability]") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    size, labels = navigator.layout.size, navigator.layout.labels
+    from lowcostnav_ros.estimation.observability import filter_of
+
+    size, labels = filter_of(navigator).layout.size, filter_of(navigator).layout.labels
     table = Table("t [s]", "rows", "rank", f"not told, of {size}", "largest and smallest counted singular value", box=None)
     start_ns = found[0].stamp_ns
     for o in found[:: max(1, len(found) // 20)]:

@@ -1,18 +1,23 @@
 """The simulate job: a scenario flown offline, recorded as the nodes would have published it."""
 
 import argparse
+import dataclasses
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
+import yaml
 
 from lowcostnav_ros.cli_replay import progress_bar
 from lowcostnav_ros.config_files import config_dir, find_config
 from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.imu_by_name import profile_settings
 from lowcostnav_ros.measurements import Measurement
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.settings import SettingsError
+from lowcostnav_ros.simulation.equipment import load_imu_profile
 from lowcostnav_ros.simulation.scenario import Scenario, scenario_from_text
 from lowcostnav_ros.simulation.simulator import Simulation
 from lowcostnav_ros.truth import TruthBlock
@@ -23,11 +28,13 @@ Record = tuple[int, str, str, bytes]
 
 
 def simulate(arguments: argparse.Namespace) -> int:
-    """Fly a scenario and write the bag."""
+    """Fly a scenario and write the bag, with the settings a navigator needs to know its IMU by."""
     if arguments.duration is not None and not arguments.duration > 0.0:
         raise SettingsError(f"--duration must be positive, got {arguments.duration:g}.")
     scenario = load_scenario(arguments.scenario, arguments.seed)
+    settings = navigator_settings(scenario)  # first: what cannot be used is better refused before the flight than after
     counts = write_bag(scenario, arguments.output, arguments.storage, arguments.duration)
+    _write_settings(settings, Path(arguments.output) / SETTINGS_FOLDER)
     for topic, count in sorted(counts.items()):
         print(f"{topic:24} {count:8d}")
     print(f"flight '{scenario.name}' (seed {scenario.seed}) in {arguments.output}")
@@ -49,7 +56,7 @@ def load_scenario(name: str, seed: int | None = None) -> Scenario:
 
 
 def write_bag(scenario: Scenario, output: str, storage: str = "mcap", duration_s: float | None = None) -> dict[str, int]:
-    """Fly a scenario into a bag; return the number of messages by topic.
+    """Fly a scenario into a bag; print notes on its equipment, return the number of messages by topic.
 
     Every message is recorded at its stamp, truth at 20 Hz as the live truth source publishes it.
 
@@ -71,7 +78,33 @@ def write_bag(scenario: Scenario, output: str, storage: str = "mcap", duration_s
                 writer.write(topic, msgtype, stamp_ns, raw)
             if advance is not None and planned_s:
                 advance(min(1.0, flown_s / planned_s))
-        return dict(writer.counts)
+        counts = dict(writer.counts)
+    for note in simulation.notes:
+        print(note)
+    return counts
+
+
+def navigator_settings(scenario: Scenario) -> dict[str, str]:
+    """Return settings files (navigator to YAML text) for a replay of a scenario: the numbers of the IMU it flies with.
+
+    Empty where there is no IMU aboard, or one without errors, which leaves a filter nothing to know.
+    """
+    if "imu" not in scenario.sensors or not load_imu_profile(scenario.imu.profile).has_noise:
+        return {}
+    from lowcostnav_ros.navigators.inertial import ImuSettings
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+
+    numbers = dataclasses.asdict(profile_settings(scenario.imu.profile, scenario.imu.turn_on_bias))
+    del numbers["profile"]
+    head = f"# The IMU of scenario {scenario.name}: profile {scenario.imu.profile}. Every other parameter keeps its default.\n"
+    text = head + yaml.safe_dump({"/**": {"ros__parameters": {"imu": numbers}}}, sort_keys=False)
+    return {name: text for name, (settings, _) in NAVIGATORS.items() if isinstance(getattr(settings(), "imu", None), ImuSettings)}
+
+
+def _write_settings(files: dict[str, str], folder: Path) -> None:
+    for name, text in files.items():
+        folder.mkdir(exist_ok=True)
+        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
 
 
 def _flown(blocks: Iterable[tuple[TruthBlock, list[Measurement]]], duration_s: float | None) -> Iterator[tuple[float, list[Record]]]:

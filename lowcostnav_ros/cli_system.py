@@ -47,10 +47,32 @@ def demo(arguments: argparse.Namespace) -> int:
 def convert(arguments: argparse.Namespace) -> int:
     """Turn a recorded log into a bag."""
     from lowcostnav_ros import convert as conversion
-    from lowcostnav_ros.convert.profile import shipped_profile_for
+    from lowcostnav_ros.convert.profile import ConvertError, shipped_profile_for
+    from lowcostnav_ros.convert.rinex_files import is_rinex
 
+    if arguments.navigation:
+        return _convert_rinex(arguments)
+    if is_rinex(arguments.source):
+        raise ConvertError(f"{arguments.source} is a RINEX file; name the file of its ephemerides with --navigation.")
+    if arguments.at_rest:
+        raise ConvertError("--at-rest is for RINEX files; give --navigation too, or leave it out.")
     profile = arguments.profile or shipped_profile_for(arguments.source)
     report = conversion.convert(arguments.source, profile, arguments.output)
     if report is not None:
         print(report, file=sys.stdout)
+    return 0
+
+
+def _convert_rinex(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.cli_replay import progress_bar
+    from lowcostnav_ros.convert.profile import ConvertError
+    from lowcostnav_ros.convert.rinex import convert_rinex
+
+    if arguments.profile:
+        raise ConvertError("--profile is for tables and --navigation for RINEX files; leave one of them out.")
+    with progress_bar("convert") as advance:
+        report = convert_rinex(
+            arguments.source, arguments.navigation, arguments.output, at_rest=arguments.at_rest, on_progress=advance
+        )
+    print(report)
     return 0

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from lowcostnav_ros.config_files import load_settings
+from lowcostnav_ros.imu_by_name import with_imu_profile
 from lowcostnav_ros.messages.topics import NAVIGATOR_TOPICS, TOPICS
 from lowcostnav_ros.settings import declared, from_mapping, to_mapping
 
@@ -20,6 +21,7 @@ SIMULATOR_INPUTS: dict[str, tuple[str, ...]] = {
     "air_data_simulator": ("truth/odometry", "truth/wind"),
     "gps_simulator": ("truth/odometry",),
     "dme_simulator": ("truth/odometry",),
+    "vor_simulator": ("truth/odometry",),
     "gps_attitude_simulator": ("truth/odometry",),
     "gnss_simulator": ("truth/odometry",),
 }
@@ -95,12 +97,16 @@ def setting_of(node: "GraphNode", name: str) -> Any:
 
 
 def flown_settings(graph: "Graph") -> dict[str, dict[str, Any]]:
-    """Return the complete settings of every navigator of a graph, dotted names to values, as its nodes fly with them."""
+    """Return the complete settings of every navigator of a graph, dotted names to values, as its nodes fly with them.
+
+    A named IMU profile is given by its numbers alone, so that a recording can be replayed where there is no such file.
+    """
     flown = {}
     for node in graph.nodes:
         if node.executable in NAVIGATOR_NAMES:
             given = {name: value for name, value in shared_parameters(graph, node).items() if not name.startswith("qos.")}
-            flown[node.executable] = to_mapping(_navigator_settings(replace(node, parameters=given)))
+            values = to_mapping(with_imu_profile(_navigator_settings(replace(node, parameters=given))))
+            flown[node.executable] = {name: value for name, value in values.items() if name != "imu.profile"}
     return flown
 
 
@@ -116,7 +122,8 @@ def _navigator_settings(node: "GraphNode") -> Any:
 
 
 def navigator_of(node: "GraphNode") -> Any:
-    """Build the navigator a node of a graph runs, with the very settings it runs with."""
+    """Build the navigator a node of a graph runs, with the very settings and stations it runs with."""
     from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.replay.building import make_navigator
 
-    return NAVIGATORS[node.executable][1](_navigator_settings(node))
+    return make_navigator(_navigator_settings(node), NAVIGATORS[node.executable][1])

@@ -126,6 +126,19 @@ class SlantRange(Measurement):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class VorBearing(Measurement):
+    """One reading of a VOR receiver: the radial of the station named ``station`` on which the aircraft is.
+
+    ``bearing_rad`` in [0, 2 pi) is clockwise FROM the station TO the aircraft, counted from the station's own north: true bearing =
+    ``bearing_rad`` + declination of the station (east positive, from the station table).  ``variance`` rad^2, of the whole error.
+    """
+
+    station: str
+    bearing_rad: float
+    variance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class GnssEpoch(Measurement):
     """Satellite observations of one instant, as columns of n satellites, ready for a navigator.
 

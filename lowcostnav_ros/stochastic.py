@@ -242,3 +242,14 @@ def white_density(sigma: float, rate_hz: float, convention: str) -> float:
 def angle_random_walk(sigma: float, rate_hz: float, seconds: np.ndarray) -> np.ndarray:
     """Angle sigma after integrating rate noise of per-sample ``sigma`` at ``rate_hz``: sigma sqrt(T/f) (equation 4.7)."""
     return sigma * np.sqrt(np.asarray(seconds) / rate_hz)
+
+
+def correlation_factor(dt_s: float, tau_s: float) -> float:
+    """Factor on the noise variance of one of many samples ``dt_s`` apart whose errors stay correlated over ``tau_s``.
+
+    coth(dt / (2 tau)): fused as if white, such samples then give a slowly varying state the information they really hold (the variance
+    of the mean of a first-order autoregression, (1 + r) / (1 - r) with r = exp(-dt / tau)).
+    """
+    if tau_s <= 0.0 or dt_s >= 20.0 * tau_s:
+        return 1.0
+    return 1.0 / math.tanh(max(dt_s, 1e-3) / (2.0 * tau_s))

@@ -153,6 +153,24 @@ def test_simulate_records_what_the_nodes_would_publish(capsys, tmp_path):
     assert "exists already" in refused(capsys, "simulate", "ld", "-o", str(path), "--duration", "2")
 
 
+@pytest.mark.timeout(120)
+def test_a_recording_with_radials_replays_through_the_vor_aid(capsys, tmp_path):
+    (tmp_path / "config").mkdir()
+    (tmp_path / "config" / "ins_gps.yaml").write_text(
+        "ins_gps:\n  ros__parameters:\n    vor: {enabled: true, stations_file: dme_stations_bay_area.csv}\n"
+    )
+    scenario, bag = tmp_path / "radials.yaml", str(tmp_path / "bag")
+    flight = "truth: {kind: segments, name: straight, rate_hz: 50}\nimu: {profile: automotive, rate_hz: 50.0}\n"
+    scenario.write_text(f"name: radials\nsensors: [imu, magnetometer, gps, vor]\n{flight}gps: {{outages_s: [[15.0, 1000.0]]}}\n")
+    assert main(["simulate", str(scenario), "-o", bag, "--duration", "40"]) == 0
+    report = tmp_path / "r.json"
+    replay = ["replay", bag, "--navigators", "ins_gps", "--config", str(tmp_path / "config"), "--json", str(report)]
+    assert main(replay) == 0
+    found = json.loads(report.read_text())
+    assert found["navigators"]["ins_gps"]["aids"]["vor"]["used"] >= 14  # two stations, every five seconds
+    assert {"OAK", "SJC"} <= {s["ident"] for s in found["stations"]}
+
+
 def test_help_and_version_answer_at_once_and_name_the_jobs():
     began = time.perf_counter()
     shown = subprocess.run([sys.executable, "-m", "lowcostnav_ros.cli", "--help"], capture_output=True, text=True, check=True)

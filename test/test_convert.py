@@ -62,6 +62,15 @@ def test_units_frames_and_malformed_rows(tmp_path):
     np.testing.assert_allclose(velocity.vel_n, np.array([18, 36, -2]) * 0.514444444444444444, rtol=1e-14)
 
 
+def test_a_column_of_radials_becomes_bearings_of_its_station(tmp_path):
+    (tmp_path / "nav.csv").write_text("t,obs\n1,73\n2,-10\n")
+    radial = {"radial": {"column": "obs", "unit": "deg"}, "sigma": {"constants": [1.0], "unit": "deg"}, "station": "OAK"}
+    table = {"file": "nav.csv", "time": {"column": "t"}, "topics": {"vor/bearing": radial}}
+    _, measurements = converted(tmp_path, profile(table))
+    assert [(m.station, round(float(np.degrees(m.bearing_rad)), 9)) for m in measurements] == [("OAK", 73.0), ("OAK", 350.0)]
+    np.testing.assert_allclose(np.degrees(np.sqrt(measurements[0].variance)), 1.0)
+
+
 def test_mounting_turns_sensor_axes_into_body_axes(tmp_path):
     # upside down and backwards: what the sensor calls x is aft, y is right, z is up
     (tmp_path / "imu.txt").write_text("% a comment\n0.5 -0.1 0.2 1.0 -10 20 30\n0.51 -0.1 0.2 1.0 -10 20 30\n")

@@ -119,20 +119,13 @@ def test_combined_error_of_both_systems(band, case, printed):
     assert error_budget.combined_error(gps, galileo, 1.12) == pytest.approx(printed, abs=6e-3)
 
 
-def test_error_statistics_categories_and_alarms():
-    errors = np.array([[3.0, 4.0, 0.0], [-3.0, -4.0, 12.0]])
-    s = accuracy.statistics(errors)
-    assert s.mean.tolist() == [0.0, 0.0, 6.0]
-    assert (s.rms_2d, s.rms_3d, s.max_horizontal, s.max_vertical, s.max_3d) == pytest.approx((5.0, math.sqrt(97.0), 5.0, 12.0, 13.0))
-    per_gap = accuracy.max_per_gap(np.array([0.0, 1.0]), errors, [(0.0, 0.5), (0.5, 2.0), (3.0, 4.0)])
-    assert per_gap[:2] == pytest.approx([5.0, 13.0])
-    assert math.isnan(per_gap[2])
+def test_categories_relative_errors_and_protection_factors():
     assert [accuracy.category(h, v) for h, v in ((4.0, 0.5), (4.0, 1.5), (17.0, 4.0), (17.0, 4.2))] == ["III", "II", "I", ""]
-    horizontal = np.array([1.0, 13.0, 14.0, 2.0, 1.0])
-    vertical = np.array([0.0, 0.0, 0.0, 0.0, 21.0])
-    assert accuracy.alarms(np.arange(5.0), horizontal, vertical, accuracy.SERVICES["SOL"]) == [(1.0, 7.0), (4.0, 10.0)]
     assert accuracy.relative_error(0.9, 1.0) == pytest.approx(0.1)
     assert accuracy.relative_error(0.2, 0.0) == pytest.approx(0.2)
+    horizontal, vertical = accuracy.SERVICES["SOL"].protection_factors()
+    assert math.exp(-0.5 * horizontal**2) == pytest.approx(1.75e-7)  # a circular Gaussian error beyond it
+    assert math.erfc(vertical / math.sqrt(2.0)) == pytest.approx(1.75e-7)
 
 
 def test_observability_of_position_velocity_and_an_unconnected_state():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rinex_text import INTERVAL, TYPES_2, d19, epoch_2, head, record, start
 
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss import gps_time as gt
@@ -14,39 +15,6 @@ from lowcostnav_ros.gnss.ephemeris import Ephemeris
 from lowcostnav_ros.gnss.rinex_nav import parse_navigation
 from lowcostnav_ros.gnss.rinex_obs import parse_observations
 from lowcostnav_ros.gnss.signals import L1_WAVELENGTH_M
-
-
-def head(label, content=""):
-    return f"{content:<60}{label:<20}"
-
-
-def start(version, kind, *more):
-    return [head("RINEX VERSION / TYPE", f"{version:9.2f}{'':11}{kind}"), *more, head("END OF HEADER")]
-
-
-def d19(value):
-    """Fortran's D19.12."""
-    return f"{value:19.12E}".replace("E", "D")
-
-
-def record(e: Ephemeris, version, *, week=None, health=0.0, source=1.0, ura=2.0):
-    """One navigation record; the date is that of the clock, 2005-04-02 with the hour of toc."""
-    week_, toe = gt.week_and_tow(e.toe_ns)
-    hour = round(gt.week_and_tow(e.toc_ns)[1] - 518400.0) // 3600
-    name = f"{e.sat_id:2d} 05  4  2 {hour:2d}  0  0.0" if version < 3 else f"{e.system}{e.sat_id:02d} 2005 04 02 {hour:02d} 00 00"
-    delays = (e.group_delay_s, 7.0) if e.system == "G" else (9e-9, e.group_delay_s)
-    rows = [
-        (e.issue, e.crs, e.motion_correction, e.mean_anomaly),
-        (e.cuc, e.eccentricity, e.cus, e.sqrt_a),
-        (toe, e.cic, e.node, e.cis),
-        (e.inclination, e.crc, e.perigee, e.node_rate),
-        (e.inclination_rate, source, week_ if week is None else week, 0.0),
-        (ura, health, *delays),
-        (toe - 30.0,),
-    ]
-    pad = " " * (3 if version < 3 else 4)
-    return [name + "".join(d19(v) for v in (e.af0, e.af1, e.af2)), *(pad + "".join(d19(v) for v in row) for row in rows)]
-
 
 TOE = gt.from_week(1316, 518400.0 + 7200.0)
 EPHEMERIS = Ephemeris(
@@ -151,23 +119,6 @@ def test_navigation_files_that_are_refused(lines, match):
         parse_navigation("\n".join(lines))
 
 
-TYPES_2 = head("# / TYPES OF OBSERV", f"{6:6d}" + "".join(f"{t:>6}" for t in ("L1", "C1", "L2", "P2", "D1", "S1")))
-INTERVAL = head("INTERVAL", f"{30.0:10.3f}")
-
-
-def epoch_2(seconds, sats, flag=0, values=None):
-    """An epoch of version 2 with six observation types on two lines a satellite."""
-    names = [sats[k : k + 12] for k in range(0, len(sats), 12)] or [[]]
-    minute, second = divmod(seconds, 60.0)
-    lines = [f" 05  4  2  0 {int(minute):2d}{second:11.7f}  {flag}{len(sats):3d}" + "".join(names[0])]
-    lines += [" " * 32 + "".join(more) for more in names[1:]]
-    for k, _ in enumerate(sats):
-        c1, d1, s1 = (values or {}).get(k, (2.2e7 + k, -1000.0 + k, 45.0))
-        cells = [f"{v:14.3f}  " if v is not None else " " * 16 for v in (1e7, c1, None, 2.2e7, d1, s1)]
-        lines += ["".join(cells[:5]).rstrip(), cells[5].rstrip()]
-    return lines
-
-
 def header_2(*more):
     return start(2.11, "O", TYPES_2, INTERVAL, *more)
 
@@ -213,6 +164,26 @@ def test_observations_of_version_3():
     assert math.isnan(read.epochs[0].doppler_mps[1])
     assert read.rejected == {"GLONASS is not used": 1}
     assert read.missing_epochs == 0
+
+
+def test_without_an_interval_in_the_header_the_median_spacing_counts():
+    seconds = (0.0, 5.0, 10.0, 30.0, 35.0, 45.0, 50.0)
+    lines = start(2.11, "O", TYPES_2) + sum((epoch_2(s, ["G01"]) for s in seconds), [])
+    read = parse_observations("\n".join(lines))
+    assert (read.interval_s, read.interval_inferred, read.missing_epochs, read.holes) == (5.0, True, 4, 2)
+    assert not read.remarks
+
+
+def test_an_interval_that_no_epoch_keeps_is_not_believed():
+    lines = start(2.11, "O", TYPES_2, head("INTERVAL", f"{1.0:10.3f}")) + sum((epoch_2(s, ["G01"]) for s in (0.0, 30.0, 40.0)), [])
+    read = parse_observations("\n".join(lines + epoch_2(59.0, ["G01"])))
+    assert (read.interval_s, read.interval_inferred) == (19.0, True)
+    assert "states an interval of 1 s, but the epochs are 19 s apart" in read.remarks[0]
+
+
+def test_a_single_epoch_has_no_interval_and_misses_none():
+    read = parse_observations("\n".join(start(2.11, "O", TYPES_2) + epoch_2(0.0, ["G01"])))
+    assert (read.interval_s, read.missing_epochs, read.holes) == (None, 0, 0)
 
 
 def test_damaged_observations_are_counted():

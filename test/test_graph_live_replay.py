@@ -12,8 +12,9 @@ from lowcostnav_ros.messages.encode import odometry_from_solution  # noqa: E402
 from lowcostnav_ros.messages.store import to_cdr  # noqa: E402
 
 TRUTH = {"executable": "truth_source", "parameters": {"kind": "segments", "name": "straight", "duration_s": 8.0}}
-SENSORS = ["imu_simulator", "magnetometer_simulator", "air_data_simulator", "gps_simulator"]
-GRAPH = {"scenario": "livermore", "lossless": True, "nodes": [TRUTH, *SENSORS, "ins_gps", "recorder"]}
+SENSORS = ["imu_simulator", "magnetometer_simulator", "air_data_simulator", "gps_simulator", "vor_simulator"]
+INS = {"executable": "ins_gps", "parameters": {"vor.enabled": True, "vor.stations_file": "dme_stations_bay_area.csv"}}
+GRAPH = {"scenario": "livermore", "lossless": True, "nodes": [TRUTH, *SENSORS, INS, "recorder"]}
 
 
 LIVERMORE = parse_graph(GRAPH, "live")
@@ -37,3 +38,6 @@ def test_the_fused_solution_is_the_same_to_the_last_bit(tmp_path, graph, navigat
             live = [bytes(raw) for _, _, raw in bag.stream([f"{name}/odometry_fused"])]
         assert len(live) > 30
         assert [to_cdr(odometry_from_solution(solution, navigator.origin)) for solution in replayed] == live
+        if "vor/bearing" in counts:
+            assert counts["vor/bearing"][name] == 16  # two receivers, eight seconds
+            assert navigator.vor_aid.status.fused >= 2 and navigator.vor_aid.heard(navigator.core.t_ns) == ["OAK", "SJC"]

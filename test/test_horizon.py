@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
-from lowcostnav_ros.measurements import GpsVelocity, ImuBlock, SlantRange
+from lowcostnav_ros.measurements import GpsVelocity, ImuBlock, SlantRange, VorBearing
 
 MS = 1_000_000
 
@@ -66,8 +66,11 @@ def test_names_late_and_duplicate_measurements():
     drained(horizon)
     assert horizon.push(velocity(150)) == "late"
     assert horizon.push(velocity(195, "gps/fix")) == ""  # inside the lag
-    ranges = [SlantRange(300 * MS, "dme/range", station, 1e4, 1.0) for station in ("OAK", "SJC", "OAK")]
+    stations = ("OAK", "SJC", "OAK")
+    ranges = [SlantRange(300 * MS, "dme/range", station, 1e4, 1.0) for station in stations]
     assert [horizon.push(r) for r in ranges] == ["", "", "duplicate stamp"]
+    radials = [VorBearing(300 * MS, "vor/bearing", station, 1.0, 1e-4) for station in stations]
+    assert [horizon.push(r) for r in radials] == ["", "", "duplicate stamp"]  # two receivers read two stations at one time
 
 
 def test_a_single_wild_stamp_is_refused_and_a_new_time_base_is_believed_after_three():
@@ -76,6 +79,14 @@ def test_a_single_wild_stamp_is_refused_and_a_new_time_base_is_believed_after_th
     assert horizon.push(velocity(5)) == "stamp implausible"
     assert horizon.push(velocity(1_000_100)) == ""
     assert [horizon.push(velocity(t)) for t in (5, 15, 25)] == ["stamp implausible", "stamp implausible", TIME_JUMPED]
+
+
+def test_a_sole_source_may_be_slow_where_the_settings_say_so():
+    usual, patient = FusionHorizon(0), FusionHorizon(0, jump_ns=300 * 10**9)
+    stamps_ms = [30_000 * k for k in range(1, 6)]
+    assert [usual.push(velocity(t)) for t in stamps_ms] == [""] + ["stamp implausible"] * 4
+    assert [patient.push(velocity(t)) for t in stamps_ms] == [""] * 5
+    assert patient.push(velocity(600_000)) == "stamp implausible"
 
 
 def test_late_inertial_samples_are_dropped_from_a_block_and_the_rest_kept():

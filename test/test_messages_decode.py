@@ -44,6 +44,10 @@ def covariance(*diagonal, **entries):
     return out
 
 
+def yaw_variance(value):
+    return np.diag([1e6] * 5 + [value]).ravel()
+
+
 BUILD = {
     "imu/data_raw": lambda: e.imu_raw(STAMP, FORCE, RATE),
     "imu/data": lambda: e.imu_attitude(m.Attitude(STAMP, "imu/data", Q, 1e-4 * COV, RATE, FORCE)),
@@ -55,6 +59,7 @@ BUILD = {
     "air/dynamic_pressure": lambda: e.fluid_pressure(m.Pressure(STAMP, "air/dynamic_pressure", 1500.0, 100.0)),
     "air/temperature": lambda: e.temperature(m.AirTemperature(STAMP, "air/temperature", 280.0, 1.0)),
     "dme/range": lambda: e.dme_range(m.SlantRange(STAMP, "dme/range", "OAK", 40000.0, 1e5)),
+    "vor/bearing": lambda: e.vor_bearing(m.VorBearing(STAMP, "vor/bearing", "OAK", 4.0, 3e-4)),
 }
 
 BAD = [
@@ -103,6 +108,18 @@ BAD = [
     ("dme/range", {"range": 500_000.0}, "range is beyond the station's maximum"),
     ("dme/range", {"range": math.nan}, "range is not finite"),
     ("dme/range", {"header__frame_id": ""}, "station ident missing"),
+    ("vor/bearing", {"header__frame_id": " "}, "station ident missing"),
+    ("vor/bearing", {"pose__pose__orientation__z": 0.0, "pose__pose__orientation__w": 0.0}, "orientation is a zero quaternion"),
+    ("vor/bearing", {"pose__pose__orientation__z": math.nan}, "orientation is not finite"),
+    ("vor/bearing", {"pose__pose__orientation__w": 1.5}, "orientation is not a unit quaternion"),
+    ("vor/bearing", {"pose__pose__orientation__x": 0.05}, "roll or pitch is not zero, not a bearing?"),
+    ("vor/bearing", {"pose__pose__position__x": 3.0}, "position is not zero, not a bearing?"),
+    ("vor/bearing", {"pose__pose__position__x": math.inf}, "position is not finite"),
+    ("vor/bearing", {"pose__covariance": yaw_variance(-1e-4)}, "bearing variance is negative"),
+    ("vor/bearing", {"pose__covariance": yaw_variance(0.0)}, "bearing covariance has a zero variance"),
+    ("vor/bearing", {"pose__covariance": yaw_variance(math.nan)}, "bearing variance is not finite"),
+    ("vor/bearing", {"pose__covariance": yaw_variance(1.0)}, "bearing variance implausible, square degrees instead of square radians?"),
+    ("vor/bearing", {"pose__covariance": yaw_variance(1e40)}, "bearing variance is absurd"),
 ]
 
 
@@ -122,6 +139,7 @@ FIELDS = {
     "air/static_pressure": ("pressure_pa", "variance"),
     "air/temperature": ("temperature_k", "variance"),
     "dme/range": ("station", "range_m", "variance"),
+    "vor/bearing": ("station", "bearing_rad", "variance"),
 }
 
 
@@ -135,6 +153,7 @@ def test_measurements_survive_the_message():
         m.Pressure(STAMP, "air/static_pressure", 95000.0, 100.0),
         m.AirTemperature(STAMP, "air/temperature", 280.0, 1.0),
         m.SlantRange(STAMP, "dme/range", "OAK", 40000.0, 1e5),
+        m.VorBearing(STAMP, "vor/bearing", "OAK", 4.0, 3e-4),
     ]
     for measurement in sent:
         ((stamp, topic, msgtype, raw),) = e.encode_cdr(measurement)
@@ -146,6 +165,30 @@ def test_measurements_survive_the_message():
                 assert value == expected
             else:
                 np.testing.assert_allclose(value, expected, rtol=1e-7 if name == "range_m" else 4e-15, atol=0)
+
+
+@given(st.floats(0.0, 2.0 * math.pi, exclude_max=True), st.floats(1e-8, 0.1))
+def test_every_radial_survives_the_message_and_stays_on_the_compass_rose(radial, variance):
+    back = again(e.vor_bearing(m.VorBearing(STAMP, "vor/bearing", "OAK", radial, variance)), "vor/bearing")
+    assert 0.0 <= back.bearing_rad < 2.0 * math.pi
+    assert math.remainder(back.bearing_rad - radial, 2.0 * math.pi) == pytest.approx(0.0, abs=2e-15)
+    assert (back.station, back.variance) == ("OAK", variance)
+
+
+def test_the_yaw_of_a_radial_is_counted_from_east_counter_clockwise():
+    for radial_deg, yaw_deg in ((0.0, 90.0), (90.0, 0.0), (180.0, -90.0), (270.0, 180.0), (45.0, 45.0)):
+        message = e.encode(m.VorBearing(STAMP, "vor/bearing", "OAK", math.radians(radial_deg), 1e-4))
+        q = message.pose.pose.orientation
+        assert 2.0 * math.degrees(math.atan2(q.z, q.w)) == pytest.approx(yaw_deg)
+        assert (message.header.frame_id, message.pose.covariance[35]) == ("OAK", 1e-4)
+        assert min(message.pose.covariance[0], message.pose.covariance[7], message.pose.covariance[14]) >= m.UNKNOWN_VARIANCE
+
+
+def test_a_bearing_of_unknown_variance_takes_that_of_a_degree():
+    decoder = d.Decoder()
+    message = changed(BUILD["vor/bearing"](), pose__covariance=np.zeros(36))
+    assert math.degrees(math.sqrt(decoder.decode("vor/bearing", topics.POSE, to_cdr(message)).variance)) == pytest.approx(1.0, abs=0.01)
+    assert decoder.notes == {"vor/bearing: covariance unknown, default used": 1}
 
 
 def test_unknown_covariance_takes_the_default_and_says_so():

@@ -88,9 +88,54 @@ def test_a_cloud_that_is_not_an_epoch_is_refused_by_name(change, reason):
     assert isinstance(result, Rejected) and result.reason == reason
 
 
-def test_a_satellite_named_twice_is_refused():
-    result = back(cloud_of(epoch(3, system=np.full(3, "G"), sat_id=np.array([7, 8, 7]))))
-    assert isinstance(result, Rejected) and result.reason == "a satellite appears twice"
+def heard(message):
+    """Epoch and notes of a message."""
+    decoder = Decoder()
+    return decoder.decode("gnss/raw", topics.POINT_CLOUD, to_cdr(message)), decoder.notes
+
+
+def valid(n):
+    return {"range_valid": np.ones(n, bool), "doppler_valid": np.ones(n, bool)}
+
+
+def test_of_a_satellite_named_twice_every_copy_goes_and_the_others_stay():
+    sent = epoch(5, system=np.full(5, "G"), sat_id=np.array([7, 8, 7, 9, 7]), **valid(5))
+    got, notes = heard(cloud_of(sent))
+    assert got.sat_id.tolist() == [8, 9]
+    assert np.array_equal(got.pseudorange_m, sent.pseudorange_m[[1, 3]]) and np.array_equal(got.sat_pos_e, sent.sat_pos_e[[1, 3]])
+    assert notes == {"gnss/raw: G07: contradictory copies left out": 3}
+
+
+def test_the_same_number_in_two_systems_is_two_satellites():
+    got, notes = heard(cloud_of(epoch(2, system=np.array(["G", "E"]), sat_id=np.array([7, 7]))))
+    assert len(got) == 2 and not notes
+
+
+def test_two_signals_that_agree_are_one_observation_the_better():
+    once = epoch(4, **valid(4))
+    twice = dataclasses.replace(once, **{name: np.concatenate([getattr(once, name)] * 2) for name in COLUMNS})
+    twice.pseudorange_m[4:] += 3.0 * np.hypot(once.sigma_m, 0.5)
+    twice.sigma_m[4:6], twice.sigma_m[6:] = 0.5, once.sigma_m[2:] + 1.0
+    got, notes = heard(cloud_of(twice))
+    assert got.sat_id.tolist() == once.sat_id.tolist()
+    assert np.array_equal(got.pseudorange_m, twice.pseudorange_m[[4, 5, 2, 3]])
+    assert sum(notes.values()) == 4 and all("second signal not used" in note for note in notes)
+
+
+@pytest.mark.parametrize(("flags", "value"), [(0, 2.2e7), (3, np.nan)])
+def test_a_copy_without_an_observation_contradicts_nobody(flags, value):
+    twice = epoch(2, system=np.full(2, "G"), sat_id=np.array([7, 7]), **valid(2))
+    message = cloud_of(twice)
+    points = np.frombuffer(bytes(message.data), POINT).copy()
+    points["flags"][0], points["pseudorange"][0], points["doppler"][0] = flags, value, np.nan
+    message.data = np.frombuffer(points.tobytes(), np.uint8)
+    got, _ = heard(message)
+    assert got.pseudorange_m.tolist() == [twice.pseudorange_m[1]] and got.range_valid.tolist() == [True]
+
+
+def test_a_cloud_of_nothing_but_contradictions_is_refused():
+    result = back(cloud_of(epoch(2, system=np.full(2, "G"), sat_id=np.array([7, 7]), **valid(2))))
+    assert isinstance(result, Rejected) and result.reason == "every satellite appears twice and contradicts itself"
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Observability along a run: known ranks, shares of states, units, the watch that changes nothing, the command."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -8,9 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lowcostnav_ros import cli
+from lowcostnav_ros.config_files import config_dir
 from lowcostnav_ros.estimation.observability import Watch, geodetic_units, observability
 from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
+from lowcostnav_ros.navigators.dynamics import dynamics_of
+from lowcostnav_ros.navigators.gnss_aids import GnssSettings
+from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.inertial import dynamics_now, imu_settings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
 from lowcostnav_ros.reproduce.solimeno_flights import Case, epochs_of, fed, imu_of, inertial_settings, part, started, truth_of
@@ -110,6 +115,49 @@ def test_the_command_prints_ranks_and_writes_them(bag, tmp_path, capsys):
     written = json.loads((tmp_path / "o.json").read_text())
     assert len(written["states"]) == 23
     assert all(len(i["singular_values"]) == 23 and 10 <= i["rank"] <= 20 for i in written["instants"])
+
+
+@pytest.mark.parametrize(("model", "size", "told"), [("pv", 8, 8), ("pva", 11, 11)])
+def test_satellites_alone_tell_every_state_with_four_and_fewer_with_two(model, size, told):
+    """Ranges tell position and clock, their growth velocity and drift, their curvature the acceleration, along each line of sight."""
+    found = {}
+    for satellites in (8, 2):
+        navigator = GnssOnly(GnssOnlySettings(model=model, minimum_satellites=2, gnss=GnssSettings(doppler=False)))
+        watch = Watch(navigator, dynamics_of("gnss_only"), 1.0)
+        epochs = epochs_of(Case(model, "LD", "", 1, duration_s=20.0), truth_of("LD", 20.0))
+        for k, epoch in enumerate(epochs):
+            navigator.feed(epoch if k < 20 else shortened(epoch, satellites))
+        found[satellites] = watch.finish()[-1]
+    assert found[8].rank == told and found[8].share == pytest.approx(np.ones(size))
+    assert (found[2].rank, found[2].rows) == ({"pv": 4, "pva": 6}[model], 2)
+
+
+def shortened(epoch, satellites):
+    """The first few satellites of an epoch."""
+    columns = {f.name: getattr(epoch, f.name) for f in dataclasses.fields(epoch)}
+    return dataclasses.replace(epoch, **{n: v[:satellites] for n, v in columns.items() if isinstance(v, np.ndarray)})
+
+
+def test_the_command_takes_every_navigator_with_a_filter_of_its_own(bag, capsys):
+    assert cli.main(["observability", str(bag), "--navigator", "gnss_only", "--period", "2"]) == 0
+    assert "gnss_only: rank" in capsys.readouterr().out
+    for name, sentence in (("ahrs", "told position"), ("supervisor", "no filter of its own"), ("gnss_onli", "did you mean 'gnss_only'")):
+        assert cli.main(["observability", str(bag), "--navigator", name]) == 2
+        assert sentence in capsys.readouterr().err
+
+
+def test_dead_reckoning_on_the_reference_flight(capsys, tmp_path):
+    """The recording has no attitude of its own, so the attitude reference runs beside; fixes and velocities tell position and wind."""
+    reference = str(config_dir().parent / "bags" / "reference")
+    out = tmp_path / "o.json"
+    assert cli.main(["observability", reference, "--navigator", "dead_reckoning", "--period", "1", "--json", str(out)]) == 0
+    written = json.loads(out.read_text())
+    by_rows = {i["rows"]: i for i in written["instants"]}
+    names = ("position_north_m", "wind_variation_north_mps", "wind_mean_north_mps")
+    north, variation, mean = (written["states"].index(name) for name in names)
+    assert by_rows[6]["share"][north] > 0.99 > by_rows[1]["share"][north]
+    assert by_rows[6]["share"][variation] + by_rows[6]["share"][mean] > 0.9  # the wind is told; what of it lasts takes time
+    assert by_rows[1]["rank"] < by_rows[6]["rank"] < len(written["states"])
 
 
 def test_the_command_refuses_in_a_sentence(bag, capsys):

@@ -92,6 +92,27 @@ def test_unknown_lists_are_refused(text):
         navaids_from_text(text)
 
 
+def test_a_published_alignment_makes_a_vor_and_survives_the_table():
+    aligned = "8,h,HHH,Hotel,VORTAC,115200,37.90,-121.50,12,US,115200,099X,,,,17.001,14.4,BOTH,HIGH,\n"
+    navaids = navaids_from_text(OURAIRPORTS + aligned)
+    kinds = {s.ident: (s.kind, round(math.degrees(s.declination), 3)) for s in navaids.stations}
+    assert kinds["HHH"] == ("VORTAC", 17.001)
+    assert kinds["BBB"] == ("DME", 0.0)  # a VOR-DME whose alignment is not published ranges only
+    again = stations_from_text(table_as_text(navaids.stations[:2] + navaids.stations[-1:]))
+    assert (again["HHH"].kind, again["HHH"].has_vor) == ("VORTAC", True)
+    assert math.degrees(again["HHH"].declination) == pytest.approx(17.0)
+
+
+def test_of_our_own_table_a_vor_without_dme_is_left_out():
+    header = "ident,name,lat_deg,lon_deg,elevation_ft,undulation_m,channel,service_volume,kind,declination_deg\n"
+    rows = "AAA,Alpha,37.7,-122.2,10,-32.5,115X,H,VOR,17\n", "BBB,Bravo,37.9,-121.9,10,-32.5,117X,H,VORTAC,17\n"
+    navaids = navaids_from_text(header + "".join(rows))
+    assert [s.ident for s in navaids.stations] == ["BBB"]
+    assert navaids.left_out == {"VOR without DME": 1}
+    with pytest.raises(StationError, match="no station with DME, only VOR"):
+        navaids_from_text(header + rows[0])
+
+
 def test_a_list_without_dme_is_refused_with_the_reasons():
     with pytest.raises(StationError, match=r"no usable DME station \(1 with range below 25 NM\)"):
         navaids_from_text("I\n1100 Version\n12 37.37 -121.94 40 11095 18 0.2 ISJC KSJC K2 30L DME-ILS\n")

@@ -51,6 +51,37 @@ def test_refusals_say_what_to_do(text, sentence):
     assert sentence in str(refusal.value)
 
 
+WITH_VOR = HEADER.replace("\n", ",kind,declination_deg\n")
+
+
+def test_optional_columns_make_a_vor_of_a_station_and_old_files_read_as_before():
+    plain = stations_from_text(HEADER + OSI)["OSI"]
+    assert (plain.kind, plain.declination, plain.has_dme, plain.has_vor) == ("DME", 0.0, True, False)
+    rows = (OSI.replace("L\n", "L,VORTAC,17\n"), SJC.replace("L\n", "L,vor,-16.5\n"), OAK.replace("H\n", "H,,\n"))
+    table = stations_from_text(WITH_VOR + "".join(rows))
+    assert [(s.kind, s.has_dme, s.has_vor) for s in table] == [("VORTAC", True, True), ("VOR", False, True), ("DME", True, False)]
+    assert [math.degrees(s.declination) for s in table] == pytest.approx([17.0, -16.5, 0.0])
+    shipped = stations_from_text((CONFIG / "dme_stations_bay_area.csv").read_text())
+    assert all(s.has_dme for s in shipped)
+    assert {s.ident for s in shipped if not s.has_vor} == {"NUQ", "SUU"}  # TACAN only
+
+
+@pytest.mark.parametrize(
+    ("cells", "sentence"),
+    [
+        ("VORTAC,", "line 2: a VORTAC needs declination_deg, the station's own"),
+        ("NDB,17", "line 2: kind 'NDB' must be one of DME, VOR, VOR-DME, VORTAC, TACAN"),
+        ("VOR,17E", "line 2: declination_deg '17E' must be a number"),
+        ("VOR,nan", "line 2: declination_deg of nan must lie between -180 and 180"),
+        ("DME,200", "line 2: declination_deg of 200 must lie between"),
+    ],
+)
+def test_a_doubtful_kind_or_declination_is_refused(cells, sentence):
+    with pytest.raises(StationError) as refusal:
+        stations_from_text(WITH_VOR + OSI.replace("L\n", f"L,{cells}\n"))
+    assert sentence in str(refusal.value)
+
+
 def test_line_numbers_count_comments():
     with pytest.raises(StationError, match="bay line 4: elevation_ft"):
         stations_from_text("# a comment\n" + HEADER + "\n" + OSI.replace("2270", "high"), "bay")

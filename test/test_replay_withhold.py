@@ -68,3 +68,13 @@ def test_inertial_blocks_are_cut_by_sample_and_nothing_is_lost(start, length):
     expected = (stamps >= window.start_ns) & (stamps < window.end_ns)
     assert np.array_equal(held.stamps_ns if held else np.empty(0), stamps[expected])
     assert np.array_equal(given_.specific_force_b if given_ else np.empty((0, 3)), block.specific_force_b[~expected])
+
+
+def test_a_window_without_an_end_lasts_for_the_rest_of_the_flight():
+    withhold = parse_withhold("gps/fix,gps/vel@290-")
+    assert (withhold.start_s, withhold.end_s, withhold.text) == (290.0, None, "gps/fix,gps/vel@290-")
+    window = resolve(withhold, EPOCH * NS)
+    assert window.start_ns == (EPOCH + 290) * NS
+    assert window.holds("gps/vel", (EPOCH + 10**6) * NS) and not window.holds("gps/vel", (EPOCH + 289) * NS)
+    assert "withheld from 290 s on, read as seconds from the start" in window.text
+    assert "read as stamps" in resolve(parse_withhold(f"gps/fix@{EPOCH + 290}-"), EPOCH * NS).text

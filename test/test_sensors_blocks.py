@@ -16,12 +16,13 @@ from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
 from lowcostnav_ros.sensors.magnetometer import MagnetometerSimulator, MagnetometerSimulatorSettings
 from lowcostnav_ros.sensors.sampling import SampleClock
 from lowcostnav_ros.sensors.seeds import stream
+from lowcostnav_ros.sensors.vor import VorSimulator, VorSimulatorSettings
 from lowcostnav_ros.settings import to_mapping
 
 CONFIG = Path(__file__).parents[1] / "config"
 CRISTA = imu_profile_from_text((CONFIG / "profiles/crista.yaml").read_text())
 STATIONS = stations_from_text((CONFIG / "dme_stations_bay_area.csv").read_text())
-EVERYTHING = {"misalignment": True, "g_sensitivity": True, "warm_up": True}
+EVERYTHING = {"misalignment": True, "g_sensitivity": True, "warm_up": True, "bandwidth": True}
 
 MAKERS = {
     "imu": lambda seed: ImuSimulator(ImuSimulatorSettings(seed=seed, **EVERYTHING), CRISTA),
@@ -32,6 +33,9 @@ MAKERS = {
         GpsSimulatorSettings(seed=seed, latency_s=0.13, horizontal_drift_m=3.0, dropout_probability=0.2, outages_s=[5.0, 8.0])
     ),
     "dme": lambda seed: DmeSimulator(DmeSimulatorSettings(seed=seed, scheme="scanning", interval_s=1.0), STATIONS),
+    "vor": lambda seed: VorSimulator(
+        VorSimulatorSettings(seed=seed, stations="OAK,SJC,ECA", dwell_s=6.0, latency_s=0.13, outages_s=[5.0, 8.0]), STATIONS
+    ),
 }
 SETTINGS = {
     "imu": ImuSimulatorSettings,
@@ -39,6 +43,7 @@ SETTINGS = {
     "air_data": AirDataSimulatorSettings,
     "gps": GpsSimulatorSettings,
     "dme": DmeSimulatorSettings,
+    "vor": VorSimulatorSettings,
 }
 
 

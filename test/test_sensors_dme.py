@@ -1,6 +1,7 @@
 """DME simulator: schedule, error statistics, horizon, choice of stations."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,8 @@ from sensors_truth import START_NS, steady_truth
 
 from lowcostnav_ros.radionav.interrogation import ScheduleError
 from lowcostnav_ros.radionav.selection import STEEPEST, audible, best_pair, usable, view
-from lowcostnav_ros.radionav.stations import StationError, stations_from_text
-from lowcostnav_ros.sensors.dme import DmeSimulator, DmeSimulatorSettings, RangeError
+from lowcostnav_ros.radionav.stations import StationError, StationTable, stations_from_text
+from lowcostnav_ros.sensors.dme import DmeSimulator, DmeSimulatorSettings, range_error
 
 STATIONS = stations_from_text((Path(__file__).parents[1] / "config/dme_stations_bay_area.csv").read_text())
 QUIET = {"drift_m": 0.0, "noise_m": 0.1}
@@ -49,6 +50,10 @@ def test_over_budget_and_unknown_stations_are_refused():
         DmeSimulator(DmeSimulatorSettings(interval_s=10.0), STATIONS)
     with pytest.raises(StationError, match="LAX is not in the table"):
         DmeSimulator(DmeSimulatorSettings(stations="OAK,LAX"), STATIONS)
+    lone = StationTable([replace(STATIONS["OAK"], kind="VOR"), STATIONS["SJC"]])
+    with pytest.raises(StationError, match="OAK is a VOR; name one of kind DME"):
+        DmeSimulator(DmeSimulatorSettings(stations="OAK"), lone)
+    assert {v.station.ident for v in usable(lone, *LIVERMORE, 1000.0)} == {"SJC"}
 
 
 def test_ranges_are_straight_lines_on_the_ellipsoid():
@@ -61,7 +66,7 @@ def test_ranges_are_straight_lines_on_the_ellipsoid():
 
 
 def test_error_variance_and_correlation_distance():
-    errors = [RangeError(DmeSimulatorSettings(seed=seed), "OAK") for seed in range(1500)]
+    errors = [range_error(DmeSimulatorSettings(seed=seed), "OAK") for seed in range(1500)]
     first, near, far = np.array([[e.draw(distance_m) for distance_m in (0.0, 926.0, 9260.0)] for e in errors]).T
     total = math.hypot(314.84, 7.4)
     tolerance = 4.0 / math.sqrt(1500)
@@ -72,7 +77,7 @@ def test_error_variance_and_correlation_distance():
 
 def test_stations_have_independent_errors_and_the_white_part_alone_changes_on_the_spot():
     settings = DmeSimulatorSettings()
-    errors = RangeError(settings, "OAK"), RangeError(settings, "SJC")
+    errors = range_error(settings, "OAK"), range_error(settings, "SJC")
     assert errors[0].draw(0.0) != errors[1].draw(0.0)
     spot = np.array([errors[0].draw(0.0) for _ in range(2000)])
     assert spot.std() == pytest.approx(7.4, rel=4.0 / math.sqrt(4000))

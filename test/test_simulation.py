@@ -41,8 +41,22 @@ def test_shipped_scenarios_are_accepted_and_their_equipment_exists(path):
         assert hasattr(build(name, getattr(scenario, name)), "simulate")
 
 
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda p: p.stem)
+def test_shipped_scenarios_fly_and_every_sensor_speaks(path):
+    flown = fly(path.read_text(), 6.0)
+    truth, spoken = [t for t, _ in flown], by_source(flown)
+    assert sum(len(t) for t in truth) >= 290
+    wanted = {"imu": "imu/data_raw", "magnetometer": "imu/mag", "air_data": "air/velocity"}
+    wanted |= {"gps": "gps/fix", "dme": "dme/range", "gnss": "gnss/raw", "vor": "vor/bearing"}
+    scenario = scenario_from_text(path.read_text(), path.name)
+    assert {wanted[name] for name in scenario.sensors} <= spoken.keys()
+    assert all(np.isfinite(b.specific_force_b).all() and np.isfinite(b.angular_rate_b).all() for b in spoken["imu/data_raw"])
+    assert all(np.isfinite(t.vel_n).all() for t in truth)
+
+
 def test_the_promised_scenarios_are_shipped():
-    assert {"livermore", "livermore_long", "turns", "ld", "hd"} <= {p.stem for p in SCENARIOS}
+    promised = {"livermore", "livermore_long", "turns", "ld", "hd", "str", "ld_gentle", "gnss_ld", "gnss_hd", "gnss_canyon"}
+    assert promised <= {p.stem for p in SCENARIOS}
 
 
 def test_every_sensor_reports_at_its_rate_and_the_outage_is_where_it_was_asked():

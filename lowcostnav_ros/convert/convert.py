@@ -16,7 +16,7 @@ from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
 from lowcostnav_ros.messages.store import to_cdr
-from lowcostnav_ros.rotation import euler_to_dcm, euler_to_quat
+from lowcostnav_ros.rotation import euler_to_dcm, euler_to_quat, wrap_2pi
 
 _SHOWN = 5
 
@@ -211,6 +211,10 @@ def _range(stamp_ns: int, topic: TopicProfile, row: dict) -> m.SlantRange:
     return m.SlantRange(stamp_ns, topic.topic, topic.station, row["range"], row["sigma"] ** 2)
 
 
+def _radial(stamp_ns: int, topic: TopicProfile, row: dict) -> m.VorBearing:
+    return m.VorBearing(stamp_ns, topic.topic, topic.station, float(wrap_2pi(row["radial"])), row["sigma"] ** 2)
+
+
 _BUILDERS = {
     "imu/data_raw": _imu_raw,
     "imu/data": _attitude,
@@ -223,4 +227,5 @@ _BUILDERS = {
     "air/dynamic_pressure": _rows(_pressure),
     "air/temperature": _rows(_temperature),
     "dme/range": _rows(_range),
+    "vor/bearing": _rows(_radial),
 }

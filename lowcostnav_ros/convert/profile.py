@@ -52,10 +52,11 @@ TOPIC_FIELDS: dict[str, dict[str, Quantity]] = {
     "air/dynamic_pressure": _PRESSURE,
     "air/temperature": {"value": Quantity(1, "temperature"), "sigma": Quantity(1, "temperature")},
     "dme/range": {"range": Quantity(1, "length"), "sigma": Quantity(1, "length")},
+    "vor/bearing": {"radial": Quantity(1, "angle"), "sigma": Quantity(1, "angle")},
 }
 """Topics a table can become, with their fields."""
 
-_TOPIC_EXTRAS = {"imu/data_raw": {"mounting_deg"}, "imu/mag": {"mounting_deg"}, "dme/range": {"station"}}
+_TOPIC_EXTRAS = {"imu/data_raw": {"mounting_deg"}, "imu/mag": {"mounting_deg"}, "dme/range": {"station"}, "vor/bearing": {"station"}}
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lowcostnav_ros.measurements import ImuBlock, Measurement, SlantRange
+from lowcostnav_ros.measurements import ImuBlock, Measurement, SlantRange, VorBearing
 
 TIME_JUMP_NS = 10_000_000_000
-"""A stamp this far from the newest is not lateness: it is a bad stamp, or a restarted clock when it persists."""
+"""A stamp this far from the newest is not lateness: it is a bad stamp, or a restarted clock when it persists (default)."""
 
 JUMP_VOTES = 3
 """So many stamps in a row must agree before the time base is believed to have jumped."""
@@ -36,10 +36,12 @@ class FusionHorizon:
         How far the horizon stays behind the newest stamp; covers transport delays and declared sensor latencies.
     inertial : str or None
         Source of the :class:`ImuBlock` stream that carries the state; nothing is handed over beyond its newest sample.
+    jump_ns : int
+        A stamp this far from the newest is suspected; more than the interval of a source that is heard alone.
     """
 
-    def __init__(self, lag_ns: int, inertial: str | None = None) -> None:
-        self.lag_ns = int(lag_ns)
+    def __init__(self, lag_ns: int, inertial: str | None = None, jump_ns: int = TIME_JUMP_NS) -> None:
+        self.lag_ns, self.jump_ns = int(lag_ns), int(jump_ns)
         self.inertial = inertial
         self.clear()
 
@@ -73,7 +75,7 @@ class FusionHorizon:
             return self._push_imu(measurement)
         if self.passed_ns is not None and stamp <= self.passed_ns:
             return "late"
-        key = (stamp, measurement.source, measurement.station if isinstance(measurement, SlantRange) else "")
+        key = (stamp, measurement.source, measurement.station if isinstance(measurement, SlantRange | VorBearing) else "")
         if key in self._keys:
             return "duplicate stamp"
         self._keys.add(key)
@@ -113,10 +115,10 @@ class FusionHorizon:
         return None if self._imu_newest_ns is None else min(limit, self._imu_newest_ns)
 
     def _implausible(self, stamp: int) -> str:
-        if self.newest_ns is None or abs(stamp - self.newest_ns) <= TIME_JUMP_NS:
+        if self.newest_ns is None or abs(stamp - self.newest_ns) <= self.jump_ns:
             self._votes = 0
             return ""
-        agrees = self._votes and abs(stamp - self._suspect_ns) <= TIME_JUMP_NS
+        agrees = self._votes and abs(stamp - self._suspect_ns) <= self.jump_ns
         self._votes = self._votes + 1 if agrees else 1
         self._suspect_ns = stamp
         return TIME_JUMPED if self._votes >= JUMP_VOTES else "stamp implausible"

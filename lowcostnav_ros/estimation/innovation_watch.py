@@ -131,6 +131,7 @@ class InnovationWatch:
         return self._disagreement(worst) if self.ratio > 1.0 else None
 
     def _disagreement(self, window: int) -> Disagreement:
-        inverse = np.linalg.inv(self.first[window] + steadied(self.first[window]))
+        information = self.first[window]  # in numpy: a kernel met first at the alarm would be compiled just then
+        inverse = np.linalg.inv(information + np.eye(len(information)) * (UNSEEN * np.trace(information) + 1e-300))
         covariance = inverse @ self.second[window] @ inverse + np.diag(self.floor**2)
         return Disagreement(float(self.times[window]), inverse @ self.zeta[window], np.sqrt(np.diag(covariance)))

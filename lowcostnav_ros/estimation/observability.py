@@ -68,16 +68,17 @@ def observability(stamp_ns: int, F: np.ndarray, H: np.ndarray, units: np.ndarray
 
 
 class Watch:
-    """Follow a navigator that integrates an IMU and note, at most once a period, what its measurements can tell.
+    """Follow a navigator and note, at most once a period, what its measurements can tell.
 
     It steps between the navigator and its aids, and changes nothing the navigator computes.
 
     Parameters
     ----------
     navigator : Navigator
-        With ``core`` (an inertial core), ``layout`` and ``use_aid``.
+        With ``use_aid`` and ``core`` or ``state``, which holds ``nav`` (lat, lon, height, ...) and ``layout``; the error state begins with
+        the position north, east, down.
     dynamics : callable
-        Gives F (n, n) of the navigator as it is now (:func:`lowcostnav_ros.navigators.inertial.dynamics_now`).
+        Gives F (n, n) of the navigator as it is now (:func:`lowcostnav_ros.navigators.dynamics.dynamics_of`).
     period_s : float
     """
 
@@ -109,12 +110,17 @@ class Watch:
     def _judge(self) -> None:
         if not self._rows:
             return
-        core, layout = self.navigator.core, self.navigator.layout
+        core = filter_of(self.navigator)
         F = self._dynamics(self.navigator)
-        units = geodetic_units(core.nav[0], core.nav[2], layout.size)
+        units = geodetic_units(core.nav[0], core.nav[2], core.layout.size)
         self.found.append(observability(self._stamp_ns, F, np.vstack(self._rows), units))
         self._rows = []
         self._next_ns = self._stamp_ns + self.period_ns - 1_000_000
+
+
+def filter_of(navigator: Any) -> Any:
+    """The part of a navigator that holds its mean state ``nav`` and the ``layout`` of its error state."""
+    return navigator.core if hasattr(navigator, "core") else navigator.state
 
 
 def _rows_of(aid, measurement, host) -> Iterator[np.ndarray]:

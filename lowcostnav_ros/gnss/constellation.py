@@ -12,18 +12,34 @@ Solimeno (2007), Low-cost INS/GPS data fusion, IST Lisbon: sections 6.3, 6.4, Ta
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
+from lowcostnav_ros.gnss.gps_time import SECOND, from_calendar
 from lowcostnav_ros.gnss.signals import GALILEO, GPS
 from lowcostnav_ros.kernels import kernel
 
 SIDEREAL_DAY_S = 86164.0
+TABLE_EPOCH_GPS_S = from_calendar(1993, 7, 1) / SECOND
+"""t = 0 of Table 6.1, s of GPS time."""
 _GPS_NODES_DEG = np.repeat([272.847, 332.847, 32.847, 92.847, 152.847, 212.847], 4)
 _GPS_ARGUMENTS_DEG = np.array([
     268.126, 161.786, 11.676, 41.806, 80.956, 173.336, 309.976, 204.376, 111.876, 11.796, 339.666, 241.556,
     135.226, 265.446, 35.156, 167.356, 197.046, 302.596, 333.686, 66.066, 238.886, 345.226, 105.206, 135.346,
 ])  # fmt: skip
+
+
+class Satellites(Protocol):
+    """Satellites wherever their orbits come from: letters of their systems, their numbers, and ``states`` as :class:`Constellation` has."""
+
+    system: np.ndarray
+    sat_id: np.ndarray
+
+    def __len__(self) -> int: ...
+
+    def states(self, t_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (n, 3) m and velocities (n, 3) m/s, ECEF, at one time or at one time (n,) each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,3 +128,37 @@ def galileo_27(argument_deg: float = 0.0) -> Constellation:
         29601.0e3 * ones,
         50683.96 * ones,
     )
+
+
+_NAMED = {"gps": gps_24, "galileo": galileo_27, "gps_galileo": lambda: gps_24() + galileo_27()}
+NAMES = tuple(_NAMED)
+
+
+def constellation_named(name: str) -> Constellation:
+    """``gps``, ``galileo`` or both, ``gps_galileo``."""
+    return _NAMED[name]()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Together:
+    """Two constellations of different kinds, one after the other."""
+
+    first: Satellites
+    second: Satellites
+    system: np.ndarray
+    sat_id: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.sat_id)
+
+    def states(self, t_s: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        times, cut = np.broadcast_to(np.asarray(t_s, float), len(self)), len(self.first)
+        pairs = zip(self.first.states(times[:cut]), self.second.states(times[cut:]), strict=True)
+        position, velocity = (np.vstack(pair) for pair in pairs)
+        return position, velocity
+
+
+def together(first: Satellites, second: Satellites) -> Satellites:
+    """Satellites of two constellations whose orbits come from different sources."""
+    names = (np.concatenate((getattr(first, name), getattr(second, name))) for name in ("system", "sat_id"))
+    return _Together(first, second, *names)

@@ -8,7 +8,7 @@ whose week rollover has the wrong sign).
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -191,6 +191,9 @@ class EphemerisStore:
 
     def __len__(self) -> int:
         return sum(len(kept) for kept in self._of.values())
+
+    def __iter__(self) -> Iterator[Ephemeris]:
+        return (ephemeris for kept in self._of.values() for ephemeris in kept)
 
     def add(self, ephemeris: Ephemeris) -> None:
         """Add one; the same reference time and issue again is a repeat and counted, a later upload for a time replaces the earlier."""

@@ -10,8 +10,8 @@ from lowcostnav_ros.gnss.raw_epoch import RawEpoch
 from lowcostnav_ros.gnss.rinex_nav import Navigation
 from lowcostnav_ros.measurements import GnssEpoch
 
-NEAR_M = 1000.0
-"""Corrections change by less than a millimetre over this distance."""
+NEAR_M = 10.0
+"""Corrections change by a few millimetres over this distance, most of it the troposphere over height."""
 _PASSES = 4
 
 
@@ -49,13 +49,16 @@ def locate(
         When the satellites that are left give no position.
     """
     settings, clock_m = settings or CorrectionSettings(), 0.0
-    for _ in range(_PASSES):
-        counts: Counter[str] = Counter()
-        epoch = corrected(raw, navigation, position_e, settings, counts, clock_m)
-        result = raim.check(epoch, raim_settings)
-        fix, known = result.fix, position_e
-        position_e, clock_m = fix.position_e, next(iter(fix.clocks_m.values()))
-        if known is not None and np.linalg.norm(position_e - known) < NEAR_M:
-            break
-    rejected.update(counts)
+    counts: Counter[str] = Counter()
+    try:
+        for _ in range(_PASSES):
+            counts.clear()
+            epoch = corrected(raw, navigation, position_e, settings, counts, clock_m)
+            result = raim.check(epoch, raim_settings)
+            fix, known = result.fix, position_e
+            position_e, clock_m = fix.position_e, next(iter(fix.clocks_m.values()))
+            if known is not None and np.linalg.norm(position_e - known) < NEAR_M:
+                break
+    finally:  # without a position too: they say why there is none
+        rejected.update(counts)
     return corrected(raw, navigation, position_e, settings, Counter(), clock_m), result

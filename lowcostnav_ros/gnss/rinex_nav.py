@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from lowcostnav_ros.gnss import GnssError
@@ -49,6 +50,14 @@ def parse_navigation(text: str) -> Navigation:
         reasons = ", ".join(f"{count} x {reason}" for reason, count in rejected.items()) or "it has no records"
         raise GnssError(f"The navigation file holds no usable GPS or Galileo ephemeris ({reasons}); get another.")
     return Navigation(store, header.klobuchar(), rejected + store.rejected, _remarks(header, store))
+
+
+def joined(parts: Sequence[Navigation]) -> Navigation:
+    """Several navigation files as one, such as one for each system; the ionosphere model is the first there is."""
+    store = EphemerisStore(ephemeris for part in parts for ephemeris in part.store)
+    rejected = sum((part.rejected for part in parts), store.rejected)
+    klobuchar = next((part.klobuchar for part in parts if part.klobuchar is not None), None)
+    return Navigation(store, klobuchar, rejected, list(dict.fromkeys(remark for part in parts for remark in part.remarks)))
 
 
 def _remarks(header: Header, store: EphemerisStore) -> list[str]:

@@ -15,6 +15,8 @@ from lowcostnav_ros.gnss.signals import GALILEO, GPS, L1_WAVELENGTH_M, SYSTEM_NA
 _CODES_3 = {GPS: "CSLXPWYM", GALILEO: "CXBZA"}
 """Tracking modes of band 1, best first."""
 _EVENT_HEADER = {2, 3, 4, 5}
+_KEPT_SHARE = 0.1
+"""Share of the epochs that must keep the header's interval for it to be believed."""
 
 
 @dataclass(slots=True)
@@ -27,18 +29,27 @@ class Observations:
     approx_position_e : ndarray, shape (3,), or None
         Of the header, ECEF, m.
     interval_s : float or None
-        Of the header.
+        Of the header, or the median spacing of the epochs where the header has none that they keep; None where neither is known.
+    interval_inferred : bool
+        Whether it is the median spacing.
     missing_epochs : int
         Epochs that the interval promises and the file does not hold.
+    holes : int
+        Stretches without epochs that these make up.
     rejected : Counter
         Observations and epochs left out, by reason.
+    remarks : list of str
+        One sentence each.
     """
 
     epochs: list[RawEpoch] = field(default_factory=list)
     approx_position_e: np.ndarray | None = None
     interval_s: float | None = None
+    interval_inferred: bool = False
     missing_epochs: int = 0
+    holes: int = 0
     rejected: Counter = field(default_factory=Counter)
+    remarks: list[str] = field(default_factory=list)
 
 
 def parse_observations(text: str) -> Observations:
@@ -60,18 +71,29 @@ def parse_observations(text: str) -> Observations:
         _append(out, epoch)
     if not out.epochs:
         raise GnssError("The observation file holds no usable epoch; get another.")
+    _count_missing(out)
     return out
 
 
 def _append(out: Observations, epoch: RawEpoch) -> None:
-    if out.epochs:
-        step_ns = epoch.gps_ns - out.epochs[-1].gps_ns
-        if step_ns <= 0:
-            out.rejected["epoch not after the one before"] += 1
-            return
-        if out.interval_s:
-            out.missing_epochs += max(round(step_ns / SECOND / out.interval_s) - 1, 0)
+    if out.epochs and epoch.gps_ns <= out.epochs[-1].gps_ns:
+        out.rejected["epoch not after the one before"] += 1
+        return
     out.epochs.append(screened(epoch, out.rejected))
+
+
+def _count_missing(out: Observations) -> None:
+    """Count the epochs that are not there, against the header's interval or, without one, the median spacing."""
+    steps_s = np.diff([epoch.gps_ns for epoch in out.epochs]) / SECOND
+    if not steps_s.size:
+        return
+    stated_s, median_s = out.interval_s, float(np.median(steps_s))
+    if stated_s and np.mean(np.abs(steps_s - stated_s) < 0.1 * stated_s) < _KEPT_SHARE:  # a thinned file that kept its header
+        out.remarks.append(f"The header states an interval of {stated_s:g} s, but the epochs are {median_s:g} s apart, which is used.")
+        stated_s = None
+    out.interval_s, out.interval_inferred = stated_s or median_s, stated_s is None
+    absent = np.maximum(np.rint(steps_s / out.interval_s).astype(int) - 1, 0)
+    out.missing_epochs, out.holes = int(absent.sum()), int(np.count_nonzero(absent))
 
 
 def _positive(line: str | None) -> float | None:

@@ -179,6 +179,7 @@ _BY_NAME: dict[str, tuple[str, Callable]] = {
     "air/dynamic_pressure": (topics.FLUID_PRESSURE, sensor.pressure),
     "air/temperature": (topics.TEMPERATURE, sensor.temperature),
     "dme/range": (topics.RANGE, sensor.dme_range),
+    "vor/bearing": (topics.POSE, sensor.vor_bearing),
 }
 
 _BY_LAST: dict[str, tuple[str, Callable]] = {

@@ -17,6 +17,7 @@ from lowcostnav_ros.measurements import (
     MagneticField,
     Pressure,
     SlantRange,
+    VorBearing,
 )
 from lowcostnav_ros.messages import checks
 from lowcostnav_ros.messages import conversions as conv
@@ -199,11 +200,17 @@ def temperature(message, stamp_ns: int, source: str, rules: DecodeRules, notes: 
     return AirTemperature(stamp_ns, source, kelvin(value), _default(source, rules, notes)[0] if variance is None else variance)
 
 
+def _station(header) -> str:
+    """Return the station ident a header carries as its frame id."""
+    station = header.frame_id.strip()
+    if not station.isalnum() or len(station) > 8:
+        raise Refusal("station ident missing", f"frame_id '{header.frame_id}'")
+    return station
+
+
 def dme_range(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Notes) -> SlantRange:
     """Turn a message object into a measurement; raises Refusal."""
-    station = message.header.frame_id.strip()
-    if not station.isalnum() or len(station) > 8:
-        raise Refusal("station ident missing", f"frame_id '{message.header.frame_id}'")
+    station = _station(message.header)
     checks.finite((message.range,), "range")
     if message.range < 0.0:
         raise Refusal("range is negative", f"{message.range:g} m")
@@ -211,3 +218,35 @@ def dme_range(message, stamp_ns: int, source: str, rules: DecodeRules, notes: No
         raise Refusal("range is beyond the station's maximum", f"{message.range:g} m")
     variance = checks.variance(message.variance, "range")
     return SlantRange(stamp_ns, source, station, message.range, _default(source, rules, notes)[0] if variance is None else variance)
+
+
+TILTED = 1.0e-3
+"""Sine of half a tilt beyond which an orientation is that of a body, not a bearing."""
+WIDEST = 0.25
+"""Variance of a bearing, rad^2 (29 deg), beyond which it was stated in square degrees."""
+
+
+def vor_bearing(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Notes) -> VorBearing:
+    """Turn a message object, a rotation about up by 90 degrees minus the radial, into a measurement; raises Refusal."""
+    station = _station(message.header)
+    q, position = message.pose.pose.orientation, _xyz(message.pose.pose.position)
+    checks.quaternion(q.x, q.y, q.z, q.w)
+    if math.hypot(q.x, q.y) > TILTED:
+        raise Refusal("roll or pitch is not zero, not a bearing?", f"x {q.x:g}, y {q.y:g}")
+    checks.finite(position, "position")
+    if any(position):
+        raise Refusal("position is not zero, not a bearing?", f"{position}")
+    variance = _yaw_variance(message.pose.covariance)
+    radial = float(conv.heading_of_yaw(2.0 * math.atan2(q.z, q.w)))
+    return VorBearing(stamp_ns, source, station, radial, _default(source, rules, notes)[0] if variance is None else variance)
+
+
+def _yaw_variance(flat: np.ndarray) -> float | None:
+    """Return the last variance of a (36,) pose covariance, None where all is zero, which means unknown."""
+    variance = float(flat[35])
+    if variance == 0.0 and np.any(flat):
+        raise Refusal("bearing covariance has a zero variance")
+    variance = checks.variance(variance, "bearing")
+    if variance is not None and variance > WIDEST:
+        raise Refusal("bearing variance implausible, square degrees instead of square radians?", f"{variance:g}")
+    return variance

@@ -19,6 +19,7 @@ Header, Time = _T["std_msgs/msg/Header"], _T["builtin_interfaces/msg/Time"]
 Vector3, Quaternion, Point = (_T[f"geometry_msgs/msg/{name}"] for name in ("Vector3", "Quaternion", "Point"))
 Pose, PoseWithCovariance = _T["geometry_msgs/msg/Pose"], _T["geometry_msgs/msg/PoseWithCovariance"]
 Twist, TwistWithCovariance = _T["geometry_msgs/msg/Twist"], _T["geometry_msgs/msg/TwistWithCovariance"]
+PoseStamped = _T[topics.POSE]
 TwistStamped, Odometry, Imu, NavSatFix = _T[topics.TWIST], _T[topics.ODOMETRY], _T[topics.IMU], _T[topics.NAV_SAT_FIX]
 NavSatStatus = _T["sensor_msgs/msg/NavSatStatus"]
 MagneticField, FluidPressure, Temperature, Range = (
@@ -181,6 +182,14 @@ def dme_range(measurement: m.SlantRange, max_range_m: float = 400.0e3) -> object
     return Range(header, 0, 0.0, 0.0, max_range_m, float(measurement.range_m), float(measurement.variance))
 
 
+def vor_bearing(measurement: m.VorBearing) -> object:
+    """Build a ``vor/bearing`` message: the station ident is the frame id, yaw (0 east, left positive) 90 degrees minus the radial."""
+    half = 0.5 * float(conv.yaw_of_heading(measurement.bearing_rad))
+    pose = Pose(Point(0.0, 0.0, 0.0), Quaternion(0.0, 0.0, math.sin(half), math.cos(half)))
+    variances = [m.UNKNOWN_VARIANCE] * 5 + [float(measurement.variance)]
+    return PoseStamped(_header(measurement.stamp_ns, measurement.station), PoseWithCovariance(pose, np.diag(variances).ravel()))
+
+
 def odometry_from_solution(solution: m.NavSolution, origin: LocalFrame) -> object:
     """Build an Odometry message of a solution in the map frame of ``origin``.
 
@@ -285,6 +294,7 @@ _BUILDERS: dict[type, Callable] = {
     m.Pressure: fluid_pressure,
     m.AirTemperature: temperature,
     m.SlantRange: dme_range,
+    m.VorBearing: vor_bearing,
     m.GnssEpoch: cloud_of,
 }
 

@@ -18,12 +18,17 @@ flags         uint8         bit 0: the pseudorange is valid, bit 1: the range ra
 ============= ======= ===== ==========================================================================================
 
 The header's stamp is the time of reception; its frame is ``gps``, the antenna.
+
+A navigator takes one observation of a satellite.  Where valid points of one satellite agree within their sigmas, as two signals of it do,
+the one of the smallest sigma is taken.  Where they contradict each other nothing tells which is right, and all of them are left out.
 """
 
 from collections import Counter
+from dataclasses import fields, replace
 
 import numpy as np
 
+from lowcostnav_ros.gnss.signals import name as name_of
 from lowcostnav_ros.measurements import GnssEpoch
 from lowcostnav_ros.messages import checks, topics
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal
@@ -36,6 +41,9 @@ POINT = np.dtype([(name, "<f8") for name in _REALS] + [(name, "u1") for name in 
 
 NEAREST_M, FARTHEST_M = 1.5e7, 6.0e7
 """Pseudoranges outside are impossible for a navigation satellite; its distance from the earth's centre is held to the same."""
+
+SAME_SIGMAS = 5.0
+"""Two points of one satellite agree when they differ by less than this many sigmas of their difference."""
 
 _T = STORE.types
 _UINT8, _FLOAT64 = 2, 8  # sensor_msgs/PointField
@@ -63,18 +71,16 @@ def cloud_of(epoch: GnssEpoch) -> object:
 def epoch_of(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Counter) -> GnssEpoch:
     """Turn a PointCloud2 message object into an epoch.
 
-    An observation that cannot be (not finite, impossible range, no sigma) is kept as not valid, and ``notes`` counts it.
+    An observation that cannot be (not finite, impossible range, no sigma) is kept as not valid, and ``notes`` counts it; so it does the
+    points left out of satellites that appear more than once.
 
     Raises
     ------
     Refusal
-        For a wrong frame, missing fields, a length that does not fit, or satellites that appear twice.
+        For a wrong frame, missing fields, a length that does not fit, or when satellites that contradict themselves are all there is.
     """
     checks.frame(source, message.header.frame_id, rules)
     points = _points(message)
-    names = list(zip(points["system"].tolist(), points["sat_id"].tolist(), strict=True))
-    if len(set(names)) < len(names):
-        raise Refusal("a satellite appears twice")
     position, velocity = (np.column_stack([points[f"{v}{name}"] for name in "xyz"]) for v in ("", "v"))
     with np.errstate(invalid="ignore", over="ignore"):
         placed = np.isfinite(velocity).all(axis=1) & _between(np.linalg.norm(position, axis=1))
@@ -88,7 +94,44 @@ def epoch_of(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Cou
     system = np.array([chr(code) for code in points["system"]], dtype="<U1")
     states = np.where(placed[:, None], position, 0.0), np.where(placed[:, None], velocity, 0.0)
     valid = said_range & good_range, said_rate & good_rate
-    return GnssEpoch(stamp_ns, source, system, points["sat_id"].astype(np.int64), *columns, *states, *valid)
+    epoch = GnssEpoch(stamp_ns, source, system, points["sat_id"].astype(np.int64), *columns, *states, *valid)
+    return _once_each(epoch, notes)
+
+
+def _once_each(epoch: GnssEpoch, notes: Counter) -> GnssEpoch:
+    """Leave one observation of each satellite, or none where several contradict each other."""
+    rows_of: dict[tuple[str, int], list[int]] = {}
+    for row, satellite in enumerate(zip(epoch.system.tolist(), epoch.sat_id.tolist(), strict=True)):
+        rows_of.setdefault(satellite, []).append(row)
+    if len(rows_of) == len(epoch):
+        return epoch
+    kept: list[int] = []
+    for satellite, rows in rows_of.items():
+        best = rows if len(rows) == 1 else _best(epoch, rows)
+        kept += best
+        if len(rows) > 1:
+            what = "second signal not used" if best else "contradictory copies left out"
+            notes[f"{epoch.source}: {name_of(*satellite)}: {what}"] += len(rows) - len(best)
+    if not kept:
+        raise Refusal("every satellite appears twice and contradicts itself")
+    columns = {f.name: getattr(epoch, f.name)[kept] for f in fields(epoch) if f.name not in ("stamp_ns", "source")}
+    return replace(epoch, **columns)
+
+
+def _best(epoch: GnssEpoch, rows: list[int]) -> list[int]:
+    """The row to use of the copies of one satellite: valid, and of the smallest sigma; none where valid ones contradict each other."""
+    copies = np.array(rows)
+    for valid, value, sigma in (
+        (epoch.range_valid, epoch.pseudorange_m, epoch.sigma_m),
+        (epoch.doppler_valid, epoch.doppler_mps, epoch.sigma_mps),
+    ):
+        told = copies[valid[copies]]
+        if told.size > 1:
+            apart = np.abs(value[told][:, None] - value[told])
+            if np.any(apart > SAME_SIGMAS * np.hypot(sigma[told][:, None], sigma[told])):
+                return []
+    order = np.lexsort((epoch.sigma_m[copies], ~epoch.doppler_valid[copies], ~epoch.range_valid[copies]))
+    return [int(copies[order[0]])]
 
 
 def _between(metres: np.ndarray) -> np.ndarray:

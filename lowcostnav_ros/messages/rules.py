@@ -45,6 +45,7 @@ DEFAULT_VARIANCES: Mapping[str, tuple[float, ...]] = MappingProxyType(
         "air/temperature": (4.0,),
         "air/velocity": (4.0, 1.0e6, 1.0e6),
         "dme/range": (1.0e5,),  # 0.17 NM
+        "vor/bearing": (3.0e-4,),  # 1 deg
     }
 )
 """Variances used where the covariance is all zeros, which means unknown: NED or FRD order, SI."""

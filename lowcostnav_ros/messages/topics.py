@@ -14,6 +14,7 @@ NAV_SAT_FIX = "sensor_msgs/msg/NavSatFix"
 TWIST = "geometry_msgs/msg/TwistWithCovarianceStamped"
 FLUID_PRESSURE = "sensor_msgs/msg/FluidPressure"
 TEMPERATURE = "sensor_msgs/msg/Temperature"
+POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 RANGE = "sensor_msgs/msg/Range"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -33,6 +34,10 @@ class TopicSpec:
     latched: bool = False
 
 
+_CLOUD = (
+    "Satellite observations; fields: see messages.gnss_cloud. One point a satellite is used: of two signals that agree the one of "
+    "the smaller sigma; copies that contradict each other are all left out, the other satellites stay."
+)
 _SENSORS = (
     TopicSpec("imu/data_raw", IMU, "Specific force and angular rate; orientation_covariance[0] = -1.", "imu_link", "m/s^2, rad/s"),
     TopicSpec("imu/data", IMU, "The AHRS attitude (true heading) with bias-corrected rates, low latency.", "base_link", "rad/s, m/s^2"),
@@ -41,12 +46,15 @@ _SENSORS = (
     TopicSpec("gps/fix", NAV_SAT_FIX, "Position, height above the ellipsoid, covariance ENU.", "gps", "deg, m, m^2"),
     TopicSpec("gps/attitude", IMU, "Attitude from several GPS antennas; rate and acceleration absent (-1).", "base_link", "rad"),
     TopicSpec("gps/vel", TWIST, "Velocity over ground, east north up at the antenna.", "gps", "m/s"),
-    TopicSpec("gnss/raw", POINT_CLOUD, "Satellite observations, one point a signal; fields: see messages.gnss_cloud.", "gps", "m, m/s"),
+    TopicSpec("gnss/raw", POINT_CLOUD, _CLOUD, "gps", "m, m/s"),
     TopicSpec("air/static_pressure", FLUID_PRESSURE, "Static pressure.", "base_link", "Pa"),
     TopicSpec("air/dynamic_pressure", FLUID_PRESSURE, "Impact pressure, total minus static.", "base_link", "Pa"),
     TopicSpec("air/temperature", TEMPERATURE, "Static air temperature.", "base_link", "deg C"),
     TopicSpec("air/velocity", TWIST, "Air-relative velocity: TAS on x, sideslip on y, incidence on z.", "base_link", "m/s"),
     TopicSpec("dme/range", RANGE, "One reply: slant range; frame_id is the station ident.", "", "m"),
+    TopicSpec(
+        "vor/bearing", POSE, "One radial: yaw = 90 deg - radial, roll, pitch and position zero; frame_id is the station ident.", "", "rad"
+    ),
     TopicSpec("truth/odometry", ODOMETRY, "True pose and velocity, simulators only.", "map", "m, m/s"),
     TopicSpec("truth/imu", IMU, "Ideal inertial sample with the true attitude, simulators only.", "base_link", "m/s^2, rad/s"),
     TopicSpec("truth/wind", TWIST, "True velocity of the air mass, east north up at the aircraft.", "map", "m/s"),

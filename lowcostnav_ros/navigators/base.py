@@ -21,6 +21,9 @@ class HorizonSettings:
 
     lag_s: float = setting(0.05, "Fusion stays this far behind the newest stamp to outlast transport.", unit="s", minimum=0.0, maximum=10.0)
     output_period_s: float = setting(0.1, "Spacing of the fused solutions.", unit="s", minimum=0.005, maximum=10.0)
+    jump_s: float = setting(
+        10.0, "Stamps this far from the newest are suspect; must exceed a sole source's interval.", unit="s", minimum=1.0, maximum=3600.0
+    )
 
 
 @dataclass(slots=True)
@@ -73,7 +76,8 @@ class Navigator:
 
     def __init__(self, settings: Any, latency_s: float = 0.0) -> None:
         self.settings = settings
-        self.horizon = FusionHorizon(round(1e9 * (settings.horizon.lag_s + latency_s)), self.inertial)
+        lag_ns, jump_ns = round(1e9 * (settings.horizon.lag_s + latency_s)), round(1e9 * settings.horizon.jump_s)
+        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns)
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
         self.origin: LocalFrame | None = None
         self.input_status = {source: InputStatus(source, required) for source, required in self.inputs.items()}

@@ -12,7 +12,17 @@ import numpy as np
 
 from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.error_state import Kind
-from lowcostnav_ros.measurements import AirVelocity, Attitude, GpsPosition, GpsVelocity, Measurement, NavSolution, Pressure, SlantRange
+from lowcostnav_ros.measurements import (
+    AirVelocity,
+    Attitude,
+    GpsPosition,
+    GpsVelocity,
+    Measurement,
+    NavSolution,
+    Pressure,
+    SlantRange,
+    VorBearing,
+)
 from lowcostnav_ros.navigators.base import ERROR, Navigator
 from lowcostnav_ros.navigators.dead_reckoning_aids import BaroAid, DmeAid, GpsPositionAid, GpsVelocityAid
 from lowcostnav_ros.navigators.dead_reckoning_geometry import HeardStations
@@ -21,6 +31,8 @@ from lowcostnav_ros.navigators.dead_reckoning_model import NM, POS
 from lowcostnav_ros.navigators.dead_reckoning_settings import DeadReckoningSettings
 from lowcostnav_ros.navigators.dead_reckoning_state import DeadReckoningState
 from lowcostnav_ros.navigators.dead_reckoning_uplink import RadarFixAid, WindUplinkAid
+from lowcostnav_ros.navigators.vor_aid import BLOCK as VOR_BIAS
+from lowcostnav_ros.navigators.vor_aid import BearingState, VorAid
 from lowcostnav_ros.radionav.stations import StationTable
 
 HEARD_S = 120.0
@@ -32,14 +44,14 @@ UPLINK_S = 120.0
 class DeadReckoning(Navigator):
     """DME-aided dead reckoning with full attitude and air data.
 
-    Modes: initialising (an input is missing), aligning (no position yet), calibrating (GPS good), dme_aided, coasting, failed (attitude or
-    airspeed silent).
+    Modes: initialising (an input is missing), aligning (no position yet), calibrating (GPS good), dme_aided, vor_aided (radials
+    alone), coasting, failed (attitude or airspeed silent).
 
     Parameters
     ----------
     settings : DeadReckoningSettings
     stations : StationTable or None
-        Where the DME stations stand; without it every range is refused by name.
+        Where the DME and VOR stations stand; without it every range and radial is refused by name.
 
     Attributes
     ----------
@@ -54,7 +66,8 @@ class DeadReckoning(Navigator):
     def __init__(self, settings: DeadReckoningSettings | None = None, stations: StationTable | None = None) -> None:
         settings = settings or DeadReckoningSettings()
         uplinks = (topic for topic in (settings.radar.topic, settings.wind_uplink.topic) if topic)
-        optional = ("air/static_pressure", "gps/fix", "gps/vel", "dme/range", *uplinks)
+        radials = ("vor/bearing",) if settings.vor.enabled else ()
+        optional = ("air/static_pressure", "gps/fix", "gps/vel", "dme/range", *radials, *uplinks)
         self.inputs = {settings.attitude_topic: True, "air/velocity": True, **dict.fromkeys(optional, False)}
         super().__init__(settings)
         self.stations = stations
@@ -83,6 +96,12 @@ class DeadReckoning(Navigator):
         """Whether a range was accepted within the time-out."""
         return self._accepted_within(self._dme, self.settings.dme.timeout_s)
 
+    def bearing_state(self) -> BearingState:
+        """What the VOR aid asks for; while GPS is good a radial moves the error of its station alone, and never height."""
+        state = self.state
+        free = state.layout.mask(VOR_BIAS) if self.gps_good() else state.free_for_ranges
+        return BearingState(tuple(state.nav.tolist()), self.held.speed, state.layout, state.estimate, free)
+
     def _restart(self) -> None:
         settings = self.settings
         self.state, self.held, self.geometry = DeadReckoningState(settings), HeldInputs(), ""
@@ -92,9 +111,10 @@ class DeadReckoning(Navigator):
         self._gps_position = GpsPositionAid(settings.gps)
         self._gps_velocity = GpsVelocityAid(settings.gps, settings.wind)
         self._baro = BaroAid(settings.height, settings.gps.gate)
-        self._dme = DmeAid(settings.dme, self.stations)
+        self._dme, self._vor = DmeAid(settings.dme, self.stations), VorAid(settings.vor, self.stations, self.state.layout)
         self._radar, self._wind_uplink = RadarFixAid(settings.radar), WindUplinkAid(settings.wind_uplink)
         self.aids = [self._gps_position, self._gps_velocity, self._baro, self._dme]
+        self.aids += [self._vor] if settings.vor.enabled else []
         self.aids += [aid for aid in (self._radar, self._wind_uplink) if aid.settings.topic]
 
     def _fuse(self, item: Measurement) -> None:
@@ -140,6 +160,9 @@ class DeadReckoning(Navigator):
             self.use_aid(self._baro, item)
         elif isinstance(item, NavSolution):
             self.use_aid(self._radar if item.source == self.settings.radar.topic else self._wind_uplink, item)
+        elif isinstance(item, VorBearing):
+            if self._vor.due(item):
+                self.use_aid(self._vor, item)
         elif isinstance(item, SlantRange) and self.use_aid(self._dme, item):
             self._heard.heard(item.station, item.stamp_ns)
 
@@ -183,13 +206,18 @@ class DeadReckoning(Navigator):
             slow = f"airspeed below {self.settings.airspeed.minimum_mps:g} m/s: landed, or it failed"
             self.mode, self.reason = "coasting", f"{gps}; {slow}; position held"
             return
+        radials = ", ".join(self._vor.heard(state.t_ns))
         if not self.dme_good():
             self.geometry = ""
             self.mode, self.reason = "coasting", f"{gps}; reckoning on airspeed, heading and learned wind"
+            if radials:
+                self.mode, self.reason = "vor_aided", f"{gps}; VOR {radials}"
             return
         self._look_at_geometry()
-        stations = ", ".join(self._heard.idents(state.t_ns))
-        self.mode, self.reason = "dme_aided", f"{gps}; DME {stations}" + (f"; {self.geometry}" if self.geometry else "")
+        if radials:
+            self.geometry = ""  # a radial tells what ranges of one station, or along the track, do not
+        parts = (gps, f"DME {', '.join(self._heard.idents(state.t_ns))}", f"VOR {radials}" if radials else "", self.geometry)
+        self.mode, self.reason = "dme_aided", "; ".join(part for part in parts if part)
 
     def _uplinks_used(self) -> str:
         """Name what the ground contributed lately."""

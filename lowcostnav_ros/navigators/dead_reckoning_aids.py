@@ -15,20 +15,10 @@ from lowcostnav_ros.navigators.dead_reckoning_settings import DmeSettings, GpsSe
 from lowcostnav_ros.navigators.dead_reckoning_state import SLOWEST_MPS
 from lowcostnav_ros.radionav.geometry import range_and_direction
 from lowcostnav_ros.radionav.stations import StationTable
+from lowcostnav_ros.stochastic import correlation_factor
 
 FAR_BEYOND = 9.0
 """Test ratio (three times the gate in sigmas) above which even the last aid left is rejected, not limited."""
-
-
-def correlation_factor(dt_s: float, tau_s: float) -> float:
-    """Factor on the noise variance of one of many samples ``dt_s`` apart whose errors stay correlated over ``tau_s``.
-
-    coth(dt / (2 tau)): fused as if white, such samples then give a slowly varying state the information they really hold (the variance
-    of the mean of a first-order autoregression, (1 + r) / (1 - r) with r = exp(-dt / tau)).
-    """
-    if tau_s <= 0.0 or dt_s >= 20.0 * tau_s:
-        return 1.0
-    return 1.0 / math.tanh(max(dt_s, 1e-3) / (2.0 * tau_s))
 
 
 class GpsPositionAid(Aid):
@@ -114,6 +104,8 @@ class DmeAid(Aid):
         if measurement.station not in self.stations:
             return f"station unknown ({measurement.station})"
         station = self.stations[measurement.station]
+        if not station.has_dme:
+            return "station has no DME"
         predicted, direction = range_and_direction(*host.state.nav, station.lat, station.lon, station.height)
         if predicted <= 0.0:
             return "over the station"

@@ -19,6 +19,7 @@ from lowcostnav_ros.earth import displace
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.navigators.dead_reckoning_settings import DeadReckoningSettings
+from lowcostnav_ros.navigators.vor_aid import bias_blocks
 from lowcostnav_ros.rotation import quat_from_rotvec, quat_multiply, quat_rotate
 from lowcostnav_ros.small_matrices import turned
 
@@ -70,7 +71,7 @@ def _full_blocks(settings: DeadReckoningSettings) -> list[Block]:
     if dme.bias_nm > 0.0:
         labels = [f"dme_bias_{i + 1}_m" for i in range(dme.slots)]
         blocks.append(random_walk("dme_bias", labels, Kind.FREE, dme.bias_nm * NM))
-    return blocks
+    return blocks + bias_blocks(settings.vor)
 
 
 @kernel

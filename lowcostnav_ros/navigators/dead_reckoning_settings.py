@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.navigators.base import HorizonSettings
+from lowcostnav_ros.navigators.vor_aid import VorSettings
 from lowcostnav_ros.settings import group, setting
 
 
@@ -143,5 +144,6 @@ class DeadReckoningSettings:
     height: HeightSettings = group(HeightSettings)
     gps: GpsSettings = group(GpsSettings)
     dme: DmeSettings = group(DmeSettings)
+    vor: VorSettings = group(VorSettings)
     radar: RadarSettings = group(RadarSettings)
     wind_uplink: WindUplinkSettings = group(WindUplinkSettings)

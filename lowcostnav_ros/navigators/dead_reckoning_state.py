@@ -12,6 +12,7 @@ from lowcostnav_ros.navigators import dead_reckoning_model as model
 from lowcostnav_ros.navigators.dead_reckoning_inputs import HeldInputs
 from lowcostnav_ros.navigators.dead_reckoning_model import CLIMB, CORE, DEG, NM, POS
 from lowcostnav_ros.navigators.dead_reckoning_settings import DeadReckoningSettings
+from lowcostnav_ros.navigators.station_slots import StationSlots
 
 LOST_S = 10.0
 """Without attitude or airspeed the unknown velocity is as large as the last airspeed and stays correlated this long."""
@@ -53,8 +54,7 @@ class DeadReckoningState:
         considered = ["dme_bias"] if settings.dme.bias == "consider" else []
         self.free_for_ranges = 1.0 - layout.mask("baro_bias", *considered)
         self.free_for_ranges[2:CORE] = 0.0
-        self._slots: dict[str, int] = {}
-        self._slot_used_ns = [0] * settings.dme.slots
+        self._range_slots = StationSlots(layout.get("dme_bias"), settings.dme.bias_nm * NM)
 
     def start(self, t_ns: int, nav: np.ndarray, cov_n: np.ndarray) -> None:
         """Begin at a position (lat, lon [rad], height [m]) with its covariance (3, 3), NED m^2."""
@@ -139,18 +139,7 @@ class DeadReckoningState:
 
     def range_bias_index(self, station: str) -> int | None:
         """State that holds the range bias of a station, None when biases are not states; a new station takes the longest idle slot."""
-        if "dme_bias" not in self.layout:
-            return None
-        start = self.layout["dme_bias"].start
-        if station not in self._slots:
-            slot = min(range(self.settings.dme.slots), key=lambda i: (self._slot_used_ns[i], i))
-            self._slots = {name: i for name, i in self._slots.items() if i != slot}
-            self._slots[station] = slot
-            variance = (self.settings.dme.bias_nm * NM) ** 2
-            kalman.reset_block(self.P, slice(start + slot, start + slot + 1), np.array([[variance]]))
-            self.estimate[start + slot] = 0.0
-        self._slot_used_ns[self._slots[station]] = self.t_ns
-        return start + self._slots[station]
+        return self._range_slots.take(station, self.t_ns, self.P, self.estimate)
 
     def _walk(self, held: HeldInputs) -> float:
         """Density of the unknown motion, m^2/s: turbulence in flight, taxiing on the ground, all of the airspeed when inputs are gone.

@@ -11,8 +11,9 @@ import numpy as np
 from lowcostnav_ros.earth import difference_n
 from lowcostnav_ros.estimation.aiding import Aid, Innovation
 from lowcostnav_ros.measurements import NavSolution
-from lowcostnav_ros.navigators.dead_reckoning_aids import correlation_factor, since_s
+from lowcostnav_ros.navigators.dead_reckoning_aids import since_s
 from lowcostnav_ros.navigators.dead_reckoning_settings import RadarSettings, WindUplinkSettings
+from lowcostnav_ros.stochastic import correlation_factor
 
 
 class RadarFixAid(Aid):

@@ -32,10 +32,17 @@ STEP_S = 0.25
 
 
 @dataclass(frozen=True)
+class GnssOnlyHorizon(HorizonSettings):
+    """The fusion horizon of a navigator with one source: its silence is an outage, not a clock that jumped."""
+
+    jump_s: float = setting(130.0, "Stamps this far from the newest are suspect.", unit="s", minimum=1.0, maximum=3600.0)
+
+
+@dataclass(frozen=True)
 class GnssOnlySettings:
     """All settings of the satellites-only navigator."""
 
-    horizon: HorizonSettings = group(HorizonSettings)
+    horizon: GnssOnlyHorizon = group(GnssOnlyHorizon)
     model: str = setting("pva", "Motion model: velocity (pv) or acceleration (pva) as the driven state.", choices=("pv", "pva"))
     velocity_psd: float = setting(3.0, "Driving density of the velocity (pv).", unit="m^2/s^3", minimum=0.0, maximum=1e4)
     acceleration_psd: float = setting(1.0, "Driving density of the acceleration (pva).", unit="m^2/s^5", minimum=0.0, maximum=1e4)
@@ -112,14 +119,22 @@ class MotionCore:
         self.P = layout.initial_covariance()
         self.t_ns = 0
 
-    def start(self, t_ns: int, place: tuple[float, float, float], vel_n: np.ndarray, vel_cov: np.ndarray | None = None) -> None:
-        """Begin at a place (rad, rad, m) and velocity, everything at its initial sigma, the velocity at no less than its covariance."""
+    def start(
+        self,
+        t_ns: int,
+        place: tuple[float, float, float],
+        vel_n: np.ndarray,
+        cov_pos: np.ndarray | None = None,
+        cov_vel: np.ndarray | None = None,
+    ) -> None:
+        """Begin at a place (rad, rad, m) and velocity; initial covariances and those of the two add up."""
         self.t_ns = int(t_ns)
         self.nav[:3], self.nav[3:6] = place, vel_n
         self.estimate[:] = 0.0
         self.P = self.layout.initial_covariance()
-        if vel_cov is not None:
-            self.P[VEL, VEL] = np.maximum(self.P[VEL, VEL], np.diag(np.diag(vel_cov)))
+        for rows, covariance in ((POS, cov_pos), (VEL, cov_vel)):
+            if covariance is not None:
+                self.P[rows, rows] += covariance
 
     def advance(self, t_ns: int) -> None:
         """Predict to a stamp."""
@@ -217,7 +232,7 @@ class GnssOnly(Navigator):
             return False
         self.set_origin(fix.lat, fix.lon, fix.height)
         velocity = velocity or unknown_velocity(fix)
-        self.core.start(epoch.stamp_ns, (fix.lat, fix.lon, fix.height), velocity.vel_n, velocity.cov_n)
+        self.core.start(epoch.stamp_ns, (fix.lat, fix.lon, fix.height), velocity.vel_n, fix.cov_n, velocity.cov_n)
         self._fused_ns, self._started = epoch.stamp_ns, True
         return True
 

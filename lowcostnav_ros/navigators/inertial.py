@@ -51,6 +51,7 @@ class ImuSettings:
     of automotive grade.
     """
 
+    profile: str = setting("", "IMU profile (config/profiles, or a file): its numbers, save those below that are not the default.")
     gyro_noise_dps_rthz: PerAxis = _axes(0.012, "Gyro white noise.", "deg/s/sqrt(Hz)", 1e-7, 10.0)
     gyro_bias_dps: PerAxis = _axes(0.05, "Gyro in-run bias, Gauss-Markov sigma.", "deg/s", maximum=10.0)
     gyro_bias_tau_s: PerAxis = _axes(300.0, "Correlation time of the gyro bias.", "s", 1.0)

@@ -2,8 +2,8 @@
 
 The error state is a chosen list: core nine, bias drifts, turn-on biases, scale factors (27 with all of them) and, tightly coupled, the
 receiver clock's bias and drift (29); an IMU without drift needs 21 and 23.  Tight coupling uses whatever satellites there are, down to
-one; loose coupling coasts where the receiver has no solution (Solimeno 2007, sections 5.2 and 5.3).  Baro, magnetic heading and air data
-of the GPS/INS navigator may be switched on beside either.
+one; loose coupling coasts where the receiver has no solution (Solimeno 2007, sections 5.2 and 5.3).  Baro, magnetic heading, air data and
+VOR radials of the GPS/INS navigator may be switched on beside either.
 """
 
 from dataclasses import dataclass, replace
@@ -21,6 +21,7 @@ from lowcostnav_ros.navigators.gnss_integrity import GnssIntegrity
 from lowcostnav_ros.navigators.gnss_start import SlopeVelocity, point_solution
 from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
 from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
+from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.settings import group, setting
 
 EPOCH = "gnss/raw"
@@ -28,6 +29,8 @@ SOLUTION = "gnss_only/odometry_fused"
 THESIS_POSITION_PSD = (6.0, 6.0, 90.0)
 """Position random walk, m^2/s north east down, with which the filter follows the range noise as the thesis's published errors do."""
 SOURCES = ("epochs", "gnss_only", "receiver")
+UNKNOWN_DRIFT_MPS = 1000.0
+"""1-sigma of the drift of a clock nobody has measured: three parts in a million, a common crystal."""
 ENOUGH = 4
 """Satellites from which position and clock follow from one epoch alone."""
 
@@ -92,10 +95,11 @@ def gnss_blocks(settings: InsGnssSettings) -> list[Block]:
 
 
 def clock_block(settings: GnssSettings) -> Block:
-    """Bias, m, and drift, m/s, of the receiver clock with the noise of its oscillator."""
+    """Bias, m, and drift, m/s, of the receiver clock with the noise of its oscillator; without Dopplers the drift starts unknown."""
     model = CLOCKS[settings.oscillator]
     labels = ("clock_bias_m", "clock_drift_mps")
-    return chain("clock", labels, (CLOCK_SIGMA_M, CLOCK_SIGMA_MPS), (model.bias_psd(), model.drift_psd()))
+    sigmas = CLOCK_SIGMA_M, CLOCK_SIGMA_MPS if settings.doppler else UNKNOWN_DRIFT_MPS
+    return chain("clock", labels, sigmas, (model.bias_psd(), model.drift_psd()))
 
 
 class InsGnss(InsGps):
@@ -107,14 +111,14 @@ class InsGnss(InsGps):
 
     name = "ins_gnss"
 
-    def __init__(self, settings: InsGnssSettings) -> None:
+    def __init__(self, settings: InsGnssSettings, stations: StationTable | None = None) -> None:
         self.tight = settings.coupling == "tight"
         self.inputs = {IMU: True, **_fixes(settings), MAG: False, PRESSURE: False, AIR: False}
         self.range_aid, self.rate_aid = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
         self.lever_b = np.array(settings.gps.lever_arm_b_m, dtype=float)
         self.integrity = GnssIntegrity(settings.gnss.integrity, inertial=True)
         self.slope = SlopeVelocity()
-        super().__init__(settings)
+        super().__init__(settings, stations)
         if SOLUTION in self.inputs:
             lag_s = settings.horizon.lag_s + settings.gps.latency_s + settings.loose.behind_s
             self.horizon = FusionHorizon(round(1e9 * lag_s), self.inertial)

@@ -20,8 +20,19 @@ from lowcostnav_ros.measurements import (
     Measurement,
     NavSolution,
     Pressure,
+    VorBearing,
 )
-from lowcostnav_ros.navigators.alignment import AlignmentSettings, Levelling, tilt_from_specific_force, unit_error
+from lowcostnav_ros.navigators.alignment import (
+    AlignmentSettings,
+    Levelling,
+    MasterState,
+    agrees_with_track,
+    gyrocompass,
+    gyrocompass_sigma,
+    tilt_from_specific_force,
+    transferred,
+    unit_error,
+)
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, GAP_NS, POS, VEL, ImuSettings, InertialCore, bias_blocks, core_block, typical
 from lowcostnav_ros.navigators.ins_gps_aids import (
@@ -39,11 +50,15 @@ from lowcostnav_ros.navigators.ins_gps_aids import (
     WheelSettings,
 )
 from lowcostnav_ros.navigators.magnetic_heading import MagneticReference, magnetic_heading
+from lowcostnav_ros.navigators.vor_aid import BLOCK as VOR_BIAS
+from lowcostnav_ros.navigators.vor_aid import BearingState, VorAid, VorSettings
+from lowcostnav_ros.navigators.vor_aid import bias_blocks as vor_bias_blocks
+from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.rotation import euler_to_quat
 from lowcostnav_ros.settings import group, setting
 
 IMU, FIX, VELOCITY = "imu/data_raw", "gps/fix", "gps/vel"
-MAG, PRESSURE, AIR = "imu/mag", "air/static_pressure", "air/velocity"
+MAG, PRESSURE, AIR, VOR = "imu/mag", "air/static_pressure", "air/velocity", "vor/bearing"
 GRAVITY_N = np.array([0.0, 0.0, -9.80665])
 ACCELERATION_SPAN_NS = 2_100_000_000
 """GPS velocities this far apart give the acceleration of an alignment on the move; shorter, their noise tilts it."""
@@ -62,6 +77,7 @@ class InsGpsSettings:
     magnetic: MagneticSettings = group(MagneticSettings)
     airdata: AirDataSettings = group(AirDataSettings)
     wheels: WheelSettings = group(WheelSettings)
+    vor: VorSettings = group(VorSettings)
     alignment: AlignmentSettings = group(AlignmentSettings)
     failed_sigma_m: float = setting(10000.0, "Horizontal sigma beyond which the solution counts as failed.", unit="m", minimum=10.0)
 
@@ -83,20 +99,30 @@ def chosen_blocks(settings: InsGpsSettings) -> list[Block]:
         wind = ["wind_north_mps", "wind_east_mps"]
         blocks.append(gauss_markov("wind", wind, Kind.WIND, air.wind_mps, air.wind_tau_s, air.wind_start_mps))
         blocks.append(gauss_markov("airspeed_bias", ["airspeed_bias_mps"], Kind.AIRSPEED_BIAS, air.bias_mps, air.bias_tau_s))
-    return blocks
+    return blocks + vor_bias_blocks(settings.vor)
 
 
 class InsGps(Navigator):
     """GPS/INS navigator; see the module head.
 
     Modes: ``initialising`` (no data), ``aligning``, ``gps``, ``coasting`` (no accepted fix within the time-out), ``failed``.
+
+    Parameters
+    ----------
+    settings : InsGpsSettings
+    stations : StationTable or None
+        Where the VOR stations stand; without it every radial is refused by name.
     """
 
     name = "ins_gps"
     inertial = IMU
     inputs = {IMU: True, FIX: True, VELOCITY: True, MAG: False, PRESSURE: False, AIR: False}
 
-    def __init__(self, settings: InsGpsSettings) -> None:
+    def __init__(self, settings: InsGpsSettings, stations: StationTable | None = None) -> None:
+        if settings.vor.enabled:  # few aircraft feed it: who does not ask for it need not see it missing
+            self.inputs = {**self.inputs, VOR: False}
+        if settings.alignment.master:
+            self.inputs = {**self.inputs, settings.alignment.master: False}
         super().__init__(settings, latency_s=settings.gps.latency_s)
         self.layout = Layout(self.blocks())
         self.core = InertialCore(self.layout)
@@ -105,15 +131,17 @@ class InsGps(Navigator):
         self.baro_aid, self.magnetic_aid = BaroAid(settings.baro), MagneticAid(settings.magnetic)
         self.airspeed_aid, self.sideslip_aid = AirspeedAid(settings.airdata), SideslipAid(settings.airdata)
         self.wheel_aid = WheelAid(settings.wheels)
+        self.stations, self.vor_aid = stations, VorAid(settings.vor, stations, self.layout)
         self.aids = [self.position_aid, self.velocity_aid]
         optional = (
             (settings.baro.enabled, [self.baro_aid]),
             (settings.magnetic.enabled, [self.magnetic_aid]),
             (settings.airdata.enabled, [self.airspeed_aid, self.sideslip_aid]),
             (settings.wheels.enabled, [self.wheel_aid]),
+            (settings.vor.enabled, [self.vor_aid]),
         )
         self.aids += [aid for enabled, aids in optional if enabled for aid in aids]
-        self._air_only = self.layout.mask("wind", "airspeed_bias")
+        self._air_only, self._vor_only = self.layout.mask("wind", "airspeed_bias"), self.layout.mask(VOR_BIAS)
         self._all_free = np.ones(self.layout.size)
         self.levelling = Levelling(settings.alignment.still_s)
         self._restart()
@@ -135,13 +163,25 @@ class InsGps(Navigator):
         """States the air data may move: wind and airspeed bias while GPS is good, all in an outage."""
         return self._air_only if self.mode == "gps" else self._all_free
 
+    def bearing_state(self) -> BearingState:
+        """What the VOR aid asks for; while GPS is good a radial moves the error of its station alone."""
+        nav, free = self.core.nav, self._vor_only if self.mode == "gps" else None
+        return BearingState((nav[0], nav[1], nav[2]), float(np.hypot(nav[3], nav[4])), self.layout, self.core.estimate, free)
+
     def wind_sigma(self) -> float:
         """Larger 1-sigma of the two wind components, m/s."""
         rows = self.layout["wind"]
         return float(np.sqrt(np.diag(self.P)[rows].max()))
 
+    def feed(self, measurement: Measurement) -> list[NavSolution]:
+        """Take one measurement in, as every navigator does; what the master of a transfer alignment says is no fix."""
+        if isinstance(measurement, NavSolution) and measurement.source == self.settings.alignment.master:
+            measurement = MasterState(measurement.stamp_ns, measurement.source, measurement)
+        return super().feed(measurement)
+
     def _restart(self) -> None:
         self._aligned = False
+        self._no_compass = ""
         self._fix: GpsPosition | None = None
         self._velocities: list[GpsVelocity] = []
         self._field_b: np.ndarray | None = None
@@ -156,6 +196,8 @@ class InsGps(Navigator):
     def _fuse(self, item: Measurement) -> None:
         if isinstance(item, ImuBlock):
             self._run(item)
+        elif isinstance(item, MasterState):
+            self._transfer(item)
         elif not self._aligned:
             self._prepare(item)
         elif self.core.t_ns != item.stamp_ns:
@@ -208,6 +250,8 @@ class InsGps(Navigator):
         elif isinstance(item, AirVelocity) and settings.airdata.enabled and self._due("air", item.stamp_ns, settings.airdata.period_s):
             self.use_aid(self.airspeed_aid, item)
             self.use_aid(self.sideslip_aid, item)
+        elif isinstance(item, VorBearing) and settings.vor.enabled and self.vor_aid.due(item):
+            self.use_aid(self.vor_aid, item)
 
     def _due(self, what: str, stamp_ns: int, period_s: float) -> bool:
         """Thin a source to one measurement a period: its errors are slow, more would only feign certainty."""
@@ -227,7 +271,9 @@ class InsGps(Navigator):
         else:
             since = 0.0 if last is None else 1e-9 * (now - last)
             why = self.position_aid.status.reason if self.position_aid.status.stamp_ns > now - 3_000_000_000 else "no GPS fix"
+            radials = self.vor_aid.heard(now)
             self.mode, self.reason = "coasting", f"{why or 'no GPS fix'} for {since:.0f} s"
+            self.reason += f"; VOR {', '.join(radials)}" if radials else ""
 
     def _horizontal_sigma(self) -> float:
         return float(np.sqrt(max(self.P[0, 0] + self.P[1, 1], 0.0)))
@@ -271,14 +317,20 @@ class InsGps(Navigator):
             return False, "waiting for two GPS velocities a second apart"
         else:
             force_n = (velocity.vel_n - earlier.vel_n) / span_s + GRAVITY_N
-        heading, sigma = self._first_heading(means[0], force_n, velocity, still)
+        heading, sigma = self._first_heading(*means, force_n, velocity, still)
         if heading is None:
-            return False, "levelled; waiting for a heading (magnetometer, motion or alignment.heading_deg)"
+            return False, f"levelled; waiting for a heading ({self._no_compass}magnetometer, motion or alignment.heading_deg)"
         self._start(means[0], force_n, heading, sigma, velocity, still)
         return True, ""
 
-    def _first_heading(self, f_b, force_n, velocity, still: bool) -> tuple[float | None, float]:
+    def _first_heading(self, f_b, w_b, force_n, velocity, still: bool) -> tuple[float | None, float]:
         choice, fix = self.settings.alignment, self._fix
+        if choice.gyrocompass and still:
+            sigma, limits = gyrocompass_sigma(self.layout, fix.lat, choice.still_s)
+            if sigma <= choice.gyrocompass_limit_deg * DEG:
+                return gyrocompass(f_b, w_b), sigma
+            told = f"would be good to {sigma / DEG:.1f} deg" if sigma < np.pi / 2.0 else "would tell nothing"
+            self._no_compass = f"gyrocompass refused, it {told}, {limits}; "
         if self.settings.magnetic.enabled and self._field_b is not None:
             reference = self.magnetic.at(fix.lat, fix.lon, fix.height)
             if not reference.refusal(self._field_b):
@@ -287,11 +339,27 @@ class InsGps(Navigator):
                     roll, pitch = tilt_from_specific_force(f_b, force_n, heading)
                     heading = magnetic_heading(roll, pitch, self._field_b, reference.declination)
                 return heading, choice.magnetic_sigma_deg * DEG
-        if choice.heading_deg and still:
+        track = float(np.arctan2(velocity.vel_n[1], velocity.vel_n[0]))
+        if choice.heading_deg and (still or agrees_with_track(choice.heading_deg[0] * DEG, track, choice)):
             return choice.heading_deg[0] * DEG, choice.heading_sigma_deg * DEG
-        if still:
-            return None, 0.0
-        return float(np.arctan2(velocity.vel_n[1], velocity.vel_n[0])), choice.track_sigma_deg * DEG
+        return (None, 0.0) if still else (track, choice.track_sigma_deg * DEG)
+
+    def _transfer(self, item: MasterState) -> None:
+        """Start at the state of the master; once aligned it is not listened to."""
+        means = None if self._aligned else self.levelling.mean(0.2)
+        if means is None:
+            return
+        state = transferred(item.solution, self.settings.alignment.master_sigma_deg)
+        wrong = unit_error(*means)
+        if state is None or wrong:
+            self.input_status[item.source].reject(wrong or "no position, velocity or attitude with covariance")
+            return
+        self.set_origin(*(float(x) for x in state[0][:3]))
+        self.core.start(item.stamp_ns, *state)
+        self._emitted = item.stamp_ns // self.output_period_ns
+        self._fused_fix_ns = item.stamp_ns - round(1e9 * self.settings.gps.timeout_s) - 1  # no fix yet: it coasts until there is one
+        self._aligned = True
+        self._judge()
 
     def _start(self, f_b, force_n, heading: float, sigma: float, velocity: GpsVelocity, still: bool) -> None:
         fix, choice = self._fix, self.settings.alignment

@@ -1,9 +1,10 @@
-"""DME stations out of public navaid lists: our own CSV, OurAirports ``navaids.csv``, X-Plane and FlightGear ``earth_nav.dat``/``nav.dat``.
+"""Stations with DME out of public lists: our own CSV, OurAirports ``navaids.csv``, X-Plane and FlightGear ``earth_nav.dat``/``nav.dat``.
 
 A public list is large, world-wide and dirty: a row that cannot be used is left out and counted with its reason, never guessed.  Public
 lists give elevations above mean sea level and no geoid, so the height above the ellipsoid needs ``undulation_m`` for the area; what is
 planned on heights above sea level throughout does not depend on it.
 
+OurAirports gives the declination a VOR was aligned with (``slaved_variation_deg``); X-Plane's DME rows do not, so its stations range only.
 Service volumes are read from the power class (HIGH H, MEDIUM L, anything else T, the smallest), or as the largest standard volume
 within the published range.
 """
@@ -22,8 +23,10 @@ from lowcostnav_ros.earth import geodetic_to_ecef
 from lowcostnav_ros.radionav.channels import channel_of
 from lowcostnav_ros.radionav.coverage import near
 from lowcostnav_ros.radionav.stations import (
+    BEARING,
     COINCIDENT_M,
     COLUMNS,
+    OPTIONAL_COLUMNS,
     Station,
     StationError,
     StationTable,
@@ -69,8 +72,7 @@ def navaids_from_text(text: str, where: str = "stations", undulation_m: float = 
     elif re.match(r"\s*([AI]\s*$|\d{3,4}\s+Version|1[23]\s+-?\d)", first):
         rows = _xplane(text)
     elif {"ident", "lat_deg"} & set(header):
-        table = list(stations_from_text(text, where))
-        return NavaidList(table, [""] * len(table))
+        return _own_table(text, where)
     else:
         raise StationError(
             f"{where}: not a known station list; give a CSV with {', '.join(COLUMNS)}, OurAirports navaids.csv or X-Plane earth_nav.dat."
@@ -118,11 +120,21 @@ def table_as_text(stations: Iterable[Station]) -> str:
     """Write stations in the package's own format, see :mod:`lowcostnav_ros.radionav.stations`."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow(COLUMNS + OPTIONAL_COLUMNS)
     for s in stations:
         place = (f"{math.degrees(s.lat):.6f}", f"{math.degrees(s.lon):.6f}", f"{s.elevation / FOOT:.0f}")
-        writer.writerow((s.ident, s.name, *place, f"{s.height - s.elevation:.1f}", s.channel, s.service_volume))
+        radial = (s.kind, f"{math.degrees(s.declination):.1f}" if s.has_vor else "")
+        writer.writerow((s.ident, s.name, *place, f"{s.height - s.elevation:.1f}", s.channel, s.service_volume, *radial))
     return out.getvalue()
+
+
+def _own_table(text: str, where: str) -> NavaidList:
+    table = list(stations_from_text(text, where))
+    ranging = [station for station in table if station.has_dme]
+    if not ranging:
+        raise StationError(f"{where}: no station with DME, only VOR; add one to plan ranges.")
+    left_out = collections.Counter({"VOR without DME": len(table) - len(ranging)} if len(ranging) < len(table) else {})
+    return NavaidList(ranging, [""] * len(ranging), left_out)
 
 
 def _table_rows(text: str, where: str) -> Iterator[dict[str, str]]:
@@ -148,7 +160,14 @@ def _ourairports(text: str, where: str) -> Iterator[tuple[str, dict[str, str]]]:
             "elevation_ft": row.get("dme_elevation_ft") or row["elevation_ft"] or "",
             "channel": channel or _paired(row["dme_frequency_khz"], 1000.0),
             "service_volume": "T" if terminal else _POWER.get((row["power"] or "").upper(), "T"),
+            **_radials(row),
         }
+
+
+def _radials(row: dict[str, str]) -> dict[str, str]:
+    """Kind and declination of a row; a VOR whose slaved variation is not published is good for ranges only."""
+    kind, declination = (row.get("type") or "").strip().upper(), (row.get("slaved_variation_deg") or "").strip()
+    return {"kind": kind, "declination_deg": declination} if kind in BEARING and declination else {}
 
 
 def _xplane(text: str) -> Iterator[tuple[str, dict[str, str]]]:

@@ -37,7 +37,7 @@ def view(station: Station, lat: float, lon: float, height: float) -> InView:
 
 
 def audible(station: Station, lat: float, lon: float, height: float) -> bool:
-    """Tell whether a station can reply: inside its service volume and above the radio horizon."""
+    """Tell whether a station can be heard: inside its service volume and above the radio horizon."""
     seen = view(station, lat, lon, height)
     ground_m = horizontal_range(seen.range_m, height - station.height)
     altitude = height - (station.height - station.elevation)  # the horizon is that of the sea, not of the ellipsoid
@@ -46,8 +46,8 @@ def audible(station: Station, lat: float, lon: float, height: float) -> bool:
 
 
 def usable(table: StationTable, lat: float, lon: float, height: float) -> list[InView]:
-    """Return the stations that can reply and are not too nearly overhead, nearest first."""
-    seen = [view(s, lat, lon, height) for s in table if audible(s, lat, lon, height)]
+    """Return the DME that can reply and are not too nearly overhead, nearest first."""
+    seen = [view(s, lat, lon, height) for s in table if s.has_dme and audible(s, lat, lon, height)]
     return sorted((v for v in seen if v.elevation <= STEEPEST), key=lambda v: (v.range_m, v.station.ident))
 
 

@@ -1,8 +1,12 @@
-"""DME stations: one value per station, a table that refuses doubtful entries, and the text format it is read from.
+"""DME and VOR stations: one value per station, a table that refuses doubtful entries, and the text format it is read from.
 
 The format is CSV with a header; ``#`` starts a comment line.  Columns: ``ident``, ``name``, ``lat_deg`` (north +), ``lon_deg``
 (east +), ``elevation_ft`` (above mean sea level, as published), ``undulation_m`` (height of mean sea level above the ellipsoid),
-``channel`` (such as 86X) and ``service_volume`` (T terminal, L low, H high).
+``channel`` (such as 86X; a VOR alone has the one its frequency is paired with) and ``service_volume`` (T terminal, L low, H high).
+
+Two more columns may be there.  ``kind`` is DME (taken where the column or the cell is empty), VOR, VOR-DME, VORTAC or TACAN (whose bearings
+only military receivers read: here a DME).  ``declination_deg`` (east +) is the station's own, set when its radials were last aligned, not
+that of the magnetic field today; a VOR cannot do without.
 """
 
 import csv
@@ -15,6 +19,12 @@ from lowcostnav_ros.earth import geodetic_to_ecef
 from lowcostnav_ros.units import FOOT, NAUTICAL_MILE
 
 COLUMNS = ("ident", "name", "lat_deg", "lon_deg", "elevation_ft", "undulation_m", "channel", "service_volume")
+OPTIONAL_COLUMNS = ("kind", "declination_deg")
+RANGING = ("DME", "VOR-DME", "VORTAC", "TACAN")
+"""Kinds of station that answer a DME."""
+BEARING = ("VOR", "VOR-DME", "VORTAC")
+"""Kinds of station whose radials a VOR receiver reads."""
+KINDS = ("DME", "VOR", *RANGING[1:])
 COINCIDENT_M = 100.0
 LOWEST_FT, HIGHEST_FT = -1500.0, 15_000.0
 SERVICE_VOLUMES = ("T", "L", "H")
@@ -26,9 +36,10 @@ class StationError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """One DME station.
+    """One station.
 
-    ``lat``, ``lon`` rad, ``height`` m above the ellipsoid, ``elevation`` m above mean sea level, ``service_volume`` T, L or H.
+    ``lat``, ``lon`` rad, ``height`` m above the ellipsoid, ``elevation`` m above mean sea level, ``service_volume`` T, L or H, ``kind`` of
+    :data:`KINDS`; ``declination`` rad, east positive: true bearing = radial + declination (0 and unused without a VOR).
     """
 
     ident: str
@@ -39,6 +50,18 @@ class Station:
     elevation: float
     channel: str
     service_volume: str
+    kind: str = "DME"
+    declination: float = 0.0
+
+    @property
+    def has_dme(self) -> bool:
+        """Whether it answers a DME."""
+        return self.kind in RANGING
+
+    @property
+    def has_vor(self) -> bool:
+        """Whether a VOR receiver reads its radials."""
+        return self.kind in BEARING
 
     def service_range_m(self, height: float) -> float:
         """Return the range to which service is assured at an aircraft height (m above the ellipsoid).
@@ -84,6 +107,20 @@ class StationTable:
         if ident not in self._by_ident:
             raise StationError(f"Station {ident} is not in the table; it has {', '.join(sorted(self._by_ident))}.")
         return self._by_ident[ident]
+
+    def named(self, idents: str, kinds: tuple[str, ...]) -> list[Station]:
+        """Return the stations of a list of idents separated by commas, in its order.
+
+        Raises
+        ------
+        StationError
+            For one that is not in the table or of none of the ``kinds``.
+        """
+        stations = [self[ident.strip().upper()] for ident in idents.split(",") if ident.strip()]
+        for station in stations:
+            if station.kind not in kinds:
+                raise StationError(f"Station {station.ident} is a {station.kind}; name one of kind {', '.join(kinds)}.")
+        return stations
 
 
 def stations_from_text(text: str, where: str = "stations") -> StationTable:
@@ -136,9 +173,21 @@ def station_from_cells(cells: dict[str, str], where: str) -> Station:
         raise StationError(f"{where}: channel '{cells['channel']}' must be 1 to 126 followed by X or Y.")
     if cells["service_volume"] not in SERVICE_VOLUMES:
         raise StationError(f"{where}: service volume '{cells['service_volume']}' must be T, L or H.")
+    kind, declination = _kind_and_declination(cells, where)
     elevation = elevation_ft * FOOT
-    lat, lon = math.radians(lat_deg), math.radians(lon_deg)
-    return Station(ident, cells["name"], lat, lon, elevation + undulation_m, elevation, cells["channel"], cells["service_volume"])
+    place = math.radians(lat_deg), math.radians(lon_deg), elevation + undulation_m, elevation
+    return Station(ident, cells["name"], *place, cells["channel"], cells["service_volume"], kind, declination)
+
+
+def _kind_and_declination(cells: dict[str, str], where: str) -> tuple[str, float]:
+    kind = cells.get("kind", "").upper() or "DME"
+    if kind not in KINDS:
+        raise StationError(f"{where}: kind '{cells['kind']}' must be one of {', '.join(KINDS)}.")
+    if cells.get("declination_deg", ""):
+        return kind, math.radians(_number(cells, "declination_deg", -180.0, 180.0, where))
+    if kind in BEARING:
+        raise StationError(f"{where}: a {kind} needs declination_deg, the station's own (east +), or its radials point nowhere.")
+    return kind, 0.0
 
 
 def _number(cells: dict[str, str], column: str, low: float, high: float, where: str) -> float:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from lowcostnav_ros import config_files
+from lowcostnav_ros.imu_by_name import with_imu_profile
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.settings import SettingsError, from_mapping, to_mapping
 
@@ -55,16 +56,26 @@ def _build(
 
 
 def make_navigator(settings: Any, navigator_class: Callable[..., Navigator]) -> Navigator:
-    """Make a navigator from its settings, with the station table they name, if any.
+    """Make a navigator from its settings, with the IMU profile and the station table they name, if any.
 
     Raises
     ------
     ValueError
-        (SettingsError, StationError) when the station table is missing or cannot be flown on.
+        (SettingsError, StationError) when the profile or the station table is missing or cannot be flown on.
     """
-    stations_file = to_mapping(settings).get("dme.stations_file")
+    settings = with_imu_profile(settings)
+    stations_file = _stations_file(to_mapping(settings))
     if not stations_file:
         return navigator_class(settings)
     from lowcostnav_ros.simulation.equipment import load_stations
 
     return navigator_class(settings, load_stations(stations_file))
+
+
+def _stations_file(values: dict[str, Any]) -> str:
+    """Return the one station table that DME and VOR settings name, empty for none; a VOR that is off needs none."""
+    names = [values.get("dme.stations_file", ""), values.get("vor.stations_file", "") if values.get("vor.enabled") else ""]
+    names = [name for name in names if name]
+    if len(set(names)) > 1:
+        raise SettingsError(f"'dme.stations_file' is {names[0]} and 'vor.stations_file' {names[1]}; put all stations into one table.")
+    return names[0] if names else ""

@@ -9,6 +9,7 @@ from lowcostnav_ros.measurements import GpsPosition, GpsVelocity
 from lowcostnav_ros.replay.columns import NavColumns, columns_of, concatenate, interpolate
 from lowcostnav_ros.replay.metrics import Errors, ErrorStatistics, error_row, errors_between
 from lowcostnav_ros.replay.outages import GpsGaps
+from lowcostnav_ros.replay.requirements import Coverage, monitors
 from lowcostnav_ros.replay.withhold import NS, Window
 from lowcostnav_ros.truth import TruthBlock
 
@@ -92,13 +93,18 @@ def fix_columns(measurement: GpsPosition | GpsVelocity) -> NavColumns:
 
 @dataclasses.dataclass(slots=True)
 class IntervalRecord:
-    """What happened in one outage or withheld window: worst error, and the error at its end."""
+    """What happened in one outage or withheld window: worst errors, and the error at its end.
+
+    ``satellites`` is the largest number that was seen in an outage of raw observations, None where a receiver's fixes were missing.
+    """
 
     text: str
     start_ns: int
     end_ns: int
     samples: int = 0
     worst_horizontal_m: float | None = None
+    worst_3d_m: float | None = None
+    satellites: int | None = None
     last: dict[str, float] | None = None
 
     def add(self, errors: Errors) -> None:
@@ -110,6 +116,7 @@ class IntervalRecord:
         horizontal = np.hypot(errors.axis("north_m"), errors.axis("east_m"))
         if np.isfinite(horizontal).any():
             self.worst_horizontal_m = max(self.worst_horizontal_m or 0.0, float(np.nanmax(horizontal)))
+            self.worst_3d_m = max(self.worst_3d_m or 0.0, float(np.nanmax(np.hypot(horizontal, errors.axis("down_m")))))
             row = int(np.flatnonzero(np.isfinite(horizontal))[-1])
             self.last = {**self.last, **error_row(errors, row)}
 
@@ -122,6 +129,8 @@ class IntervalRecord:
             "end_s": end_ns / 1e9,
             "samples": self.samples,
             "worst_horizontal_m": self.worst_horizontal_m,
+            "worst_3d_m": self.worst_3d_m,
+            "satellites": self.satellites,
             "error_at_end": self.last,
         }
 
@@ -152,6 +161,8 @@ class Evaluation:
         self.flight = ErrorStatistics()
         self.without_gps = ErrorStatistics()
         self.listeners: list[Callable[[Errors], None]] = []
+        self.services = monitors()
+        self.coverage = Coverage()
         self._estimates = Track()
         self._pending: list[NavColumns] = []
 
@@ -193,6 +204,9 @@ class Evaluation:
         for listener in self.listeners:
             listener(errors)
         self.flight.add(errors)
+        self.coverage.add(errors)
+        for monitor in self.services.values():
+            monitor.add(errors)
         starts = self.gaps.interval_starts(errors.stamps_ns)
         self.without_gps.add(errors[starts >= 0])
         for start in np.unique(starts[starts >= 0]):
@@ -202,7 +216,7 @@ class Evaluation:
             record.add(errors[(errors.stamps_ns >= window.start_ns) & (errors.stamps_ns < window.end_ns)])
 
     def as_dict(self, end_ns: int) -> dict:
-        """Plain values for a result file: statistics, outages, windows.
+        """Plain values for a result file: statistics, alarms, outages, windows.
 
         Parameters
         ----------
@@ -212,12 +226,16 @@ class Evaluation:
         for start, end in self.gaps.intervals:
             if start in self.outages:
                 self.outages[start].end_ns = end
+                self.outages[start].satellites = self.gaps.satellites.get(start)
+        services = {name: found for name, monitor in self.services.items() if (found := monitor.as_dict())}
         reference = "truth" if self.truth is not None else "withheld gps"
         flight = self.flight.as_dict()
         return {
             "reference": reference if flight else None,
             "flight" if self.truth is not None else "withheld_gps": flight,
             "without_gps": self.without_gps.as_dict(),
+            "services": services,
+            "position_present_s": self.coverage.seconds,
             "outages": [r.as_dict(end_ns) for _, r in sorted(self.outages.items())],
             "windows": [r.as_dict(end_ns) for _, r in self.windows],
         }

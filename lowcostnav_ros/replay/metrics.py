@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from lowcostnav_ros.replay.columns import NavColumns, position_difference_n, wrapped
+from lowcostnav_ros.replay.requirements import CategoryShares
 from lowcostnav_ros.replay.sketch import MagnitudeStatistics
 
 AXES = (
@@ -20,6 +21,7 @@ AXES = (
 MAGNITUDES = {
     "horizontal_m": ("north_m", "east_m"),
     "vertical_m": ("down_m",),
+    "position_m": ("north_m", "east_m", "down_m"),
     "velocity_mps": ("vn_mps", "ve_mps", "vd_mps"),
     "roll_deg": ("roll_deg",),
     "pitch_deg": ("pitch_deg",),
@@ -40,18 +42,22 @@ class Errors:
         Error and the navigator's own one-sigma, columns as in :data:`AXES`; NaN where there is none.
     nees_horizontal : ndarray, shape (n,)
         Squared horizontal error weighed by the inverse of its covariance; 2 on average when the sigmas are honest.
+    sigma_horizontal : ndarray, shape (n,)
+        The navigator's own sigma along the longer half-axis of its horizontal error ellipse, m.
     """
 
     stamps_ns: np.ndarray
     values: np.ndarray
     sigmas: np.ndarray
     nees_horizontal: np.ndarray
+    sigma_horizontal: np.ndarray
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
     def __getitem__(self, rows: slice | np.ndarray) -> "Errors":
-        return Errors(self.stamps_ns[rows], self.values[rows], self.sigmas[rows], self.nees_horizontal[rows])
+        columns = (self.stamps_ns, self.values, self.sigmas, self.nees_horizontal, self.sigma_horizontal)
+        return Errors(*(column[rows] for column in columns))
 
     def axis(self, name: str) -> np.ndarray:
         """One component by its name in :data:`AXES`, shape (n,)."""
@@ -67,12 +73,17 @@ def errors_between(estimate: NavColumns, reference: NavColumns) -> Errors:
     angles = np.degrees(wrapped(estimate.euler - reference.euler))
     values = np.hstack([position, estimate.vel_n - reference.vel_n, angles, estimate.wind_n - reference.wind_n])
     sigmas = np.hstack([_sigmas(estimate.cov_pos), _sigmas(estimate.cov_vel), np.degrees(estimate.sigma_euler), _sigmas(estimate.cov_wind)])
-    errors = Errors(estimate.stamps_ns, values, sigmas, _nees(position, estimate.cov_pos))
+    errors = Errors(estimate.stamps_ns, values, sigmas, _nees(position, estimate.cov_pos), _longer_half_axis(estimate.cov_pos))
     return errors[np.isfinite(values).any(axis=1)]
 
 
 def _sigmas(covariance: np.ndarray) -> np.ndarray:
     return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+
+
+def _longer_half_axis(cov_pos: np.ndarray) -> np.ndarray:
+    a, b, c = cov_pos[:, 0, 0], cov_pos[:, 0, 1], cov_pos[:, 1, 1]
+    return np.sqrt(0.5 * (a + c) + np.hypot(0.5 * (a - c), b))
 
 
 def _nees(position: np.ndarray, cov_pos: np.ndarray) -> np.ndarray:
@@ -93,6 +104,8 @@ class ErrorStatistics:
         self._ratio_count = np.zeros(len(AXES), dtype=np.int64)
         self._nees_sum = 0.0
         self._nees_count = 0
+        self._sum, self._squares, self._places = np.zeros(3), np.zeros(3), 0
+        self._categories = CategoryShares()
 
     def add(self, errors: Errors) -> None:
         """Add one chunk of errors."""
@@ -109,6 +122,24 @@ class ErrorStatistics:
         nees = errors.nees_horizontal[np.isfinite(errors.nees_horizontal)]
         self._nees_sum += float(nees.sum())
         self._nees_count += len(nees)
+        self._add_position(errors.values[:, :3])
+
+    def _add_position(self, position: np.ndarray) -> None:
+        position = position[np.isfinite(position).all(axis=1)]
+        self._sum += position.sum(axis=0)
+        self._squares += np.sum(position * position, axis=0)
+        self._places += len(position)
+        self._categories.add(np.hypot(position[:, 0], position[:, 1]), np.abs(position[:, 2]))
+
+    @property
+    def position(self) -> dict | None:
+        """Mean and RMS of the position error north, east and up, RMS in the plane and in space (Solimeno 2007, chapter 7), m."""
+        if not self._places:
+            return None
+        mean, rms = self._sum / self._places, np.sqrt(self._squares / self._places)
+        named = {"mean_m": mean * (1.0, 1.0, -1.0), "rms_m": rms}
+        axes = {name: dict(zip(("north", "east", "up"), values.tolist(), strict=True)) for name, values in named.items()}
+        return {**axes, "rms_2d_m": float(np.hypot(rms[0], rms[1])), "rms_3d_m": float(np.linalg.norm(rms))}
 
     def error_over_sigma(self) -> dict[str, float]:
         """RMS of error over sigma per axis; 1 when the sigmas are honest, above 1 when they are too small."""
@@ -125,7 +156,11 @@ class ErrorStatistics:
         if self.samples == 0:
             return None
         sizes = {name: s.as_dict() for name, s in self.sizes.items() if s.count}
-        return {"samples": self.samples, **sizes, "error_over_sigma": self.error_over_sigma(), "nees_horizontal": self.nees_horizontal}
+        ratios = {"error_over_sigma": self.error_over_sigma(), "nees_horizontal": self.nees_horizontal}
+        if self._places:
+            approach = self._categories.as_dict(*(sizes[size]["p95"] for size in ("horizontal_m", "vertical_m")))
+            ratios |= {"position": self.position, "approach": approach}
+        return {"samples": self.samples, **sizes, **ratios}
 
 
 def error_row(errors: Errors, row: int) -> dict[str, float]:

@@ -1,9 +1,11 @@
-"""When was there no GPS? Read off the fixes that the navigators were given."""
+"""When was there no GPS? Read off the fixes, or the satellites, that the navigators were given."""
 
 import bisect
 
 import numpy as np
 
+FIX_SATELLITES = 4
+"""From so many satellites on an epoch of raw observations is as good as a fix."""
 GAP_NS = 3_000_000_000
 """Without a fix for longer than this is an outage; receivers of 1 Hz keep well inside it."""
 
@@ -13,14 +15,39 @@ class GpsGaps:
 
     An instant is *without GPS* when the last fix before it is more than :data:`GAP_NS` older.  Before the first fix of all a
     navigator is initialising, which is another matter and not counted.
+
+    Attributes
+    ----------
+    intervals : list of (int, int)
+        Outages that are over, stamps in ns.
+    satellites : dict of int to int
+        Start of an outage to the largest number of satellites that was seen in it; only where raw observations tell.
     """
 
     def __init__(self) -> None:
         self.intervals: list[tuple[int, int]] = []
+        self.satellites: dict[int, int] = {}
         self.last_ns: int | None = None
+        self._has_fixes = False
+
+    def add_epoch(self, stamp_ns: int, satellites: int) -> None:
+        """Take an epoch of raw observations in; without effect where a receiver gives fixes, which say it better."""
+        if self._has_fixes:
+            return
+        if satellites >= FIX_SATELLITES:
+            self._fixed(stamp_ns)
+        elif self.last_ns is not None:
+            start = self.last_ns + GAP_NS
+            self.satellites[start] = max(satellites, self.satellites.get(start, 0))
 
     def add(self, stamp_ns: int) -> None:
         """Take the stamp of a fix in."""
+        self._has_fixes = True
+        self._fixed(stamp_ns)
+
+    def _fixed(self, stamp_ns: int) -> None:
+        if self.last_ns is not None and stamp_ns - self.last_ns <= GAP_NS:
+            self.satellites.pop(self.last_ns + GAP_NS, None)  # a dip too short for an outage
         if self.last_ns is not None and stamp_ns - self.last_ns > GAP_NS:
             self.intervals.append((self.last_ns + GAP_NS, stamp_ns))
         if self.last_ns is None or stamp_ns > self.last_ns:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros import __version__
-from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.messages.decode import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
@@ -150,6 +150,8 @@ class Session:
             if isinstance(given, GpsPosition):
                 self.gaps.add(given.stamp_ns)
                 self._write_fix(given, withheld=False)
+            elif isinstance(given, GnssEpoch):
+                self.gaps.add_epoch(given.stamp_ns, int(np.count_nonzero(given.range_valid)))
             for piece in _pieces(given) if self._is_chain else (given,):
                 self._distribute(piece)
         if self._flushed_ns is None or self.newest_ns - self._flushed_ns > FLUSH_NS:
@@ -238,7 +240,7 @@ class Session:
             "duration_s": (self.newest_ns - first_ns) / 1e9,
             "withheld": [w.text for w in self.windows],
             "without_gps": {"intervals_s": outages, "total_s": sum(end - start for start, end in outages)},
-            "stations": [s for run in self.runs.values() for s in _stations(run.navigator)],
+            "stations": list({s["ident"]: s for run in self.runs.values() for s in _stations(run.navigator)}.values()),
             "navigators": {name: run.as_dict(self.newest_ns) for name, run in self.runs.items()},
         }
 

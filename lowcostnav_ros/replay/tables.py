@@ -1,11 +1,12 @@
 """A replay's result as tables that fit 100 columns of a terminal."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.replay.baseline import WORSE, Verdict
 from lowcostnav_ros.replay.words import sentence
 
@@ -34,9 +35,11 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def print_summary(summary: Mapping[str, Any], console: Console) -> None:
-    """Print what was replayed, the errors, the outages, the aids and the speed."""
+    """Print what was replayed, the errors, what they are good for, the outages, the aids and the speed."""
     _print_head(summary, console)
-    for table in (error_table(summary), interval_table(summary), aid_table(summary), integrity_table(summary), run_table(summary)):
+    requirements = (accuracy_table(summary), approach_table(summary), alarm_table(summary))
+    rest = (interval_table(summary), aid_table(summary), integrity_table(summary), run_table(summary))
+    for table in (error_table(summary), *requirements, *rest):
         if table.row_count:
             console.print(table)
             console.print()
@@ -89,9 +92,77 @@ def error_table(summary: Mapping[str, Any]) -> Table:
     return table
 
 
+def _position_rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Navigator, part of the flight in words and errors, where a position was compared."""
+    for name, navigator in summary["navigators"].items():
+        for part, words in _PARTS.items():
+            errors = navigator["errors"].get(part)
+            if errors and "position" in errors:
+                yield name, words, errors
+
+
+def accuracy_table(summary: Mapping[str, Any]) -> Table:
+    """Position accuracy: mean and RMS north, east, up, in the plane and in space, and the largest errors."""
+    heads = ("navigator", "over", "mean N\nm", "\nE", "\nU", "RMS N\nm", "\nE", "\nU", "2D\nRMS m", "3D\nRMS m", "3D\nmax m")
+    table = _table("Position accuracy", heads, left=2)
+    for name, words, errors in _position_rows(summary):
+        position = errors["position"]
+        axes = [number(position[kind][axis]) for kind in ("mean_m", "rms_m") for axis in ("north", "east", "up")]
+        table.add_row(name, words, *axes, number(position["rms_2d_m"]), number(position["rms_3d_m"]), number(errors["position_m"]["max"]))
+    return table
+
+
+def approach_table(summary: Mapping[str, Any]) -> Table:
+    """Precision-approach categories: share of the errors within each, and which one the 95 % errors meet."""
+    limits = [f"cat {name}\n{h:g} m, {v:g} m" for name, (h, v) in reversed(CATEGORIES_M.items())]
+    heads = ("navigator", "over", "there\n%", "95 % H\nm", "V\nm", *limits, "95 %\nmeet")
+    table = _table("Precision approach: share within, horizontal / vertical / both", heads, left=2)
+    for name, words, errors in _position_rows(summary):
+        there = presence(summary, name) if words == _PARTS["flight"] else "-"
+        sizes = (number(errors["horizontal_m"]["p95"]), number(errors["vertical_m"]["p95"]))
+        table.add_row(name, words, there, *sizes, *shares_within(errors), errors["approach"]["met_by_95"] or "none")
+    return table
+
+
+def alarm_table(summary: Mapping[str, Any]) -> Table:
+    """Alert limits of the services: how often and how long passed, and whether the navigator's own sigmas warned in time."""
+    counts = ("warned\nin time", "over before\ndue", "not\nwarned")
+    heads = ("navigator", "service", "limits H V m\nwithin s", "passed", "longest\ns", *counts, "alert on\ns")
+    table = _table("Alert limits (alert: by the navigator's own sigmas)", heads, left=2)
+    for name, navigator in summary["navigators"].items():
+        for service, found in navigator["errors"].get("services", {}).items():
+            limits = f"{found['horizontal_limit_m']:g} {found['vertical_limit_m']:g} in {found['time_to_alert_s']:g}"
+            counts = [str(found[k]) for k in ("warned", "brief", "missed")]
+            table.add_row(name, service, limits, str(found["exceedances"]), number(found["longest_s"]), *counts, number(found["alert_s"]))
+    return table
+
+
+def presence(summary: Mapping[str, Any], name: str) -> str:
+    """Per cent of the flight through which a navigator gave a position."""
+    return percent(min(1.0, summary["navigators"][name]["errors"]["position_present_s"] / max(summary["duration_s"], 1e-9)))
+
+
+def shares_within(errors: Mapping[str, Any], between: str = "/") -> list[str]:
+    """Shares within each approach category, per cent: horizontal, vertical, both."""
+    return [between.join(percent(share) for share in shares.values()) for shares in errors["approach"]["share_within"].values()]
+
+
+def percent(share: float) -> str:
+    """A share in per cent; 100 and 0 only where it is all and nothing."""
+    if 0.0 < share < 1.0:
+        return f"{min(99.9, max(0.1, 100.0 * share)):.3g}"
+    return f"{100.0 * share:.0f}"
+
+
+def interval_kind(what: str, interval: Mapping[str, Any]) -> str:
+    """What an interval was: withheld, without GPS, or the satellites that were left."""
+    left = interval.get("satellites")
+    return what if left is None else f"{left} satellite{'' if left == 1 else 's'}"
+
+
 def interval_table(summary: Mapping[str, Any]) -> Table:
     """Outages and withheld windows: worst error and the error at the end."""
-    heads = ("navigator", "s from start", "what", "worst horiz m", "at end N m", "E m", "D m", "hdg deg")
+    heads = ("navigator", "s from start", "what", "worst horiz m", "3D m", "at end N m", "E m", "D m", "hdg deg")
     table = _table("Outages and withheld windows", heads, left=3)
     for name, navigator in summary["navigators"].items():
         errors = navigator["errors"]
@@ -101,7 +172,8 @@ def interval_table(summary: Mapping[str, Any]) -> Table:
                 start = 0.0 if interval["start_s"] is None else interval["start_s"] - zero
                 end = interval["error_at_end"]
                 cells = [number(end.get(axis)) for axis in ("north_m", "east_m", "down_m", "heading_deg")]
-                table.add_row(name, f"{start:.1f}-{interval['end_s'] - zero:.1f}", what, number(interval["worst_horizontal_m"]), *cells)
+                worst = (number(interval["worst_horizontal_m"]), number(interval["worst_3d_m"]))
+                table.add_row(name, f"{start:.1f}-{interval['end_s'] - zero:.1f}", interval_kind(what, interval), *worst, *cells)
     return table
 
 

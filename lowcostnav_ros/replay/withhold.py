@@ -1,4 +1,4 @@
-"""Withholding: sources taken away from the navigators for a while, written ``gps/fix,gps/vel@290-350``.
+"""Withholding: sources taken away from the navigators for a while, written ``gps/fix,gps/vel@290-350`` or, for good, ``...@290-``.
 
 The numbers are seconds.  One rule tells which: a window that starts before the recording's first stamp is counted from the
 recording's start, any other is read as stamps.  So ``@290-350`` means the same on a bag that starts at zero and on one that carries
@@ -15,7 +15,7 @@ from lowcostnav_ros.measurements import ImuBlock, Measurement
 from lowcostnav_ros.settings import nearest
 
 NS = 1_000_000_000
-_FORM = re.compile(r"^(?P<sources>[^@]+?)(?:@(?P<start>\d+(?:\.\d*)?)-(?P<end>\d+(?:\.\d*)?))?$")
+_FORM = re.compile(r"^(?P<sources>[^@]+?)(?:@(?P<start>\d+(?:\.\d*)?)-(?P<end>\d+(?:\.\d*)?)?)?$")
 
 
 class WithholdError(ValueError):
@@ -24,7 +24,7 @@ class WithholdError(ValueError):
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Withhold:
-    """Sources to withhold and their window in seconds as written (``None`` for the whole flight)."""
+    """Sources to withhold and their window in seconds as written (``None`` for the whole flight, no end for the rest of it)."""
 
     sources: tuple[str, ...]
     start_s: float | None = None
@@ -33,7 +33,7 @@ class Withhold:
     @property
     def text(self) -> str:
         """The option as a user would write it."""
-        window = "" if self.start_s is None else f"@{self.start_s:g}-{self.end_s:g}"
+        window = "" if self.start_s is None else f"@{self.start_s:g}-{'' if self.end_s is None else f'{self.end_s:g}'}"
         return ",".join(self.sources) + window
 
 
@@ -52,7 +52,7 @@ class Window:
 
 
 def parse_withhold(text: str) -> Withhold:
-    """Read ``SOURCE[,SOURCE...][@START-END]``.
+    """Read ``SOURCE[,SOURCE...][@START-[END]]``; without an end the window lasts for the rest of the flight.
 
     Raises
     ------
@@ -65,8 +65,8 @@ def parse_withhold(text: str) -> Withhold:
         raise WithholdError(f"--withhold '{text}' is not understood; write sources and a window in seconds, like gps/fix,gps/vel@290-350.")
     if match["start"] is None:
         return Withhold(sources)
-    start, end = float(match["start"]), float(match["end"])
-    if not start < end:
+    start, end = float(match["start"]), float(match["end"]) if match["end"] else None
+    if end is not None and not start < end:
         raise WithholdError(f"--withhold '{text}': the window must end after it starts; swap or widen {start:g}-{end:g}.")
     return Withhold(sources, start, end)
 
@@ -96,12 +96,13 @@ def resolve(withhold: Withhold, first_stamp_ns: int) -> Window:
     sources = ", ".join(withhold.sources)
     if withhold.start_s is None:
         return Window(frozenset(withhold.sources), -(2**62), 2**62, f"{sources} withheld all flight")
-    start_ns, end_ns = round(withhold.start_s * NS), round(withhold.end_s * NS)
-    reading = "read as stamps"
-    if start_ns < first_stamp_ns:
-        start_ns, end_ns = start_ns + first_stamp_ns, end_ns + first_stamp_ns
-        reading = f"read as seconds from the start: stamps {start_ns / NS:.3f} s to {end_ns / NS:.3f} s"
-    return Window(frozenset(withhold.sources), start_ns, end_ns, f"{sources} withheld {withhold.start_s:g}-{withhold.end_s:g} s, {reading}")
+    offset = first_stamp_ns if round(withhold.start_s * NS) < first_stamp_ns else 0
+    start_ns = round(withhold.start_s * NS) + offset
+    end_ns = 2**62 if withhold.end_s is None else round(withhold.end_s * NS) + offset
+    ends = ("from {0:g} s on", "stamp {0:.3f} s on") if withhold.end_s is None else ("{0:g}-{1:g} s", "stamps {0:.3f} s to {1:.3f} s")
+    written = ends[0].format(withhold.start_s, withhold.end_s)
+    reading = f"read as seconds from the start: {ends[1].format(start_ns / NS, end_ns / NS)}" if offset else "read as stamps"
+    return Window(frozenset(withhold.sources), start_ns, end_ns, f"{sources} withheld {written}, {reading}")
 
 
 def split(measurement: Measurement, windows: Iterable[Window]) -> tuple[Measurement | None, Measurement | None]:

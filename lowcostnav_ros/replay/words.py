@@ -38,6 +38,8 @@ def sentence(name: str, navigator: Mapping[str, Any], without_gps_s: float) -> s
         return f"{name}: nothing to compare with; it ended {navigator['mode_at_end']}{_refused(navigator)}."
     if lost:
         when = f"{without_gps_s:.0f} s without GPS"
+    elif without_gps_s > 0.0 and "flight" in errors:
+        when = f"silent through {without_gps_s:.0f} s without GPS"
     else:
         when = "against withheld fixes" if "withheld_gps" in errors else _availability(navigator)
     return f"{name}: {when}, {_sizes(part)}, {_honesty(part['error_over_sigma'])}{_refused(navigator)}."

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.report.chart import Band, Curve, Dots, TimeAxis, time_chart
 from lowcostnav_ros.report.map_chart import Ellipse, Station, Track, map_chart
 from lowcostnav_ros.report.result_folder import Columns, NavigatorResult, Result
@@ -83,6 +84,28 @@ def error_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> li
             items = [Band(t, sigma, colour), Curve(t, values, colour, "error in 1 and 2 sigma")]
             width = 960 if name in ("north_m", "east_m", "heading_deg") else HALF
             charts.append(time_chart(title, axis, items, width=width))
+    return charts
+
+
+def requirement_figures(result: Result, axis: TimeAxis) -> list[str]:
+    """Horizontal and vertical error of all navigators under the limits of the precision-approach categories."""
+    names, charts = list(result.navigators), []
+    ends = np.array([axis.start_s, axis.end_s])
+    for column, (title, side) in {"north_m": ("Horizontal error [m]", 0), "down_m": ("Vertical error [m]", 1)}.items():
+        curves, largest = [], 0.0
+        for name, navigator in result.navigators.items():
+            errors = navigator.errors
+            if _known(errors, column):
+                size = np.abs(errors["down_m"]) if side else np.hypot(errors["north_m"], errors["east_m"])
+                rows = np.isfinite(size)
+                t, values, _ = _broken(errors["t_s"][rows], size[rows], size[rows])
+                curves.append(Curve(t, values, colour_of(name, names), name, 1.3, DASHES.get(name)))
+                largest = max(largest, float(size[rows].max()))
+        highest = CATEGORIES_M["I"][side]
+        lines = [Curve(ends, np.full(2, limits[side]), "#c0392b", f"cat {name}", 1.1, dash)
+                 for (name, limits), dash in zip(CATEGORIES_M.items(), ("2 3", "5 4", None), strict=True)]  # fmt: skip
+        top = 1.05 * min(max(largest, highest), 3.0 * highest)
+        charts.append(time_chart(title, axis, [*lines, *curves], limits=(0.0, top)) if curves else "")
     return charts
 
 

@@ -1,14 +1,16 @@
 """The tables of a report."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.replay.metrics import MAGNITUDES
-from lowcostnav_ros.replay.tables import number
+from lowcostnav_ros.replay.tables import interval_kind, number, presence, shares_within
 from lowcostnav_ros.replay.words import error_over_sigma
 from lowcostnav_ros.report.svg import escape
 
 _PARTS = {"flight": "whole flight", "withheld_gps": "withheld fixes", "without_gps": "without GPS"}
+_VERDICTS = {"warned": "warned in time", "brief": "over before an alarm was due", "missed": "not warned"}
 _SIZES = {
     "horizontal_m": "horizontal [m]",
     "vertical_m": "vertical [m]",
@@ -72,10 +74,71 @@ def intervals(summary: dict[str, Any]) -> str:
                 start = summary["first_stamp_s"] if i["start_s"] is None else i["start_s"]
                 end = [number(i["error_at_end"].get(axis)) for axis in ("north_m", "east_m", "down_m", "heading_deg")]
                 times = (f"{start:.1f}", f"{i['end_s']:.1f}", f"{i['end_s'] - start:.0f}")
-                rows.append((name, what, *times, number(i["worst_horizontal_m"]), *end))
+                rows.append((name, interval_kind(what, i), *times, number(i["worst_horizontal_m"]), number(i["worst_3d_m"]), *end))
     times = ("from t [s]", "to t [s]", "length [s]")
-    heads = ("navigator", "what", *times, "worst horizontal [m]", "at end N [m]", "E [m]", "D [m]", "heading [deg]")
+    heads = ("navigator", "what", *times, "worst horizontal [m]", "worst 3D [m]", "at end N [m]", "E [m]", "D [m]", "heading [deg]")
     return table("Outages and withheld windows", heads, rows, left=2)
+
+
+def accuracy(summary: dict[str, Any]) -> str:
+    """Position accuracy: mean and RMS north, east, up, in the plane and in space, and the largest errors."""
+    rows = []
+    for name, words, found in _positions(summary):
+        position = found["position"]
+        axes = [number(position[kind][axis]) for kind in ("mean_m", "rms_m") for axis in ("north", "east", "up")]
+        largest = [number(found[size]["max"]) for size in ("horizontal_m", "vertical_m", "position_m")]
+        rows.append((name, words, *axes, number(position["rms_2d_m"]), number(position["rms_3d_m"]), *largest))
+    heads = ("navigator", "over", "mean N", "E", "U", "RMS N", "E", "U", "2D RMS", "3D RMS", "max horizontal", "max vertical", "max 3D")
+    return table("Position accuracy [m]", heads, rows, left=2)
+
+
+def approaches(summary: dict[str, Any]) -> str:
+    """Precision-approach categories: share of the errors within each, and which one the 95 % errors meet."""
+    rows = []
+    for name, words, found in _positions(summary):
+        there = presence(summary, name) if words == _PARTS["flight"] else "-"
+        sizes = (number(found["horizontal_m"]["p95"]), number(found["vertical_m"]["p95"]))
+        rows.append((name, words, there, *sizes, *shares_within(found, " / "), found["approach"]["met_by_95"] or "none"))
+    limits = [f"category {name}: {h:g} m, {v:g} m" for name, (h, v) in reversed(CATEGORIES_M.items())]
+    heads = ("navigator", "over", "position there [%]", "95 % horizontal [m]", "95 % vertical [m]", *limits, "95 % meet")
+    return table("Precision approach: share of the errors within, horizontal / vertical / both [%]", heads, rows, left=2)
+
+
+def alarms(summary: dict[str, Any]) -> str:
+    """Alert limits of the services: passed how often, for how long, and whether the navigator's own sigmas warned in time."""
+    rows = []
+    for name, navigator in summary["navigators"].items():
+        for service, found in navigator["errors"].get("services", {}).items():
+            limits = f"{found['horizontal_limit_m']:g} m, {found['vertical_limit_m']:g} m, {found['time_to_alert_s']:g} s"
+            counts = [str(found[k]) for k in ("exceedances", "warned", "brief", "missed")]
+            times = [number(found[k]) for k in ("longest_s", "beyond_limit_s", "beyond_without_alert_s", "alert_s")]
+            rows.append((name, service, limits, *counts, *times))
+    counts = ("times passed", "warned in time", "over before an alarm was due", "not warned")
+    times = ("longest [s]", "beyond [s]", "of it without alert [s]", "alert on [s]")
+    heads = ("navigator", "service", "limits H, V, time to alert", *counts, *times)
+    return table("Alert limits; the alert is the navigator's own, from its sigmas", heads, rows, left=3)
+
+
+def exceedances(summary: dict[str, Any]) -> str:
+    """Every stretch beyond an alert limit with the time its alarm was due and the time it came."""
+    rows = []
+    for name, navigator in summary["navigators"].items():
+        for service, found in navigator["errors"].get("services", {}).items():
+            for e in found["listed"]:
+                alarm = "never" if e["alarm_s"] is None else f"{e['alarm_s']:.1f}"
+                times = (f"{e['start_s']:.1f}", f"{e['end_s']:.1f}", f"{e['alarm_due_s']:.1f}", alarm)
+                rows.append((name, service, *times, _VERDICTS[e["verdict"]]))
+    heads = ("navigator", "service", "from t [s]", "to t [s]", "alarm due by t [s]", "alert since t [s]", "")
+    return table("Times beyond an alert limit", heads, rows, left=2)
+
+
+def _positions(summary: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Navigator, part of the flight in words and errors, where a position was compared."""
+    for name, navigator in summary["navigators"].items():
+        for part, words in _PARTS.items():
+            found = navigator["errors"].get(part)
+            if found and "position" in found:
+                yield name, words, found
 
 
 def inputs(summary: dict[str, Any]) -> str:

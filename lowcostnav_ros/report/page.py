@@ -8,15 +8,24 @@ from typing import Any
 from lowcostnav_ros.replay.words import sentence
 from lowcostnav_ros.report import figures, html_tables
 from lowcostnav_ros.report.chart import TimeAxis
+from lowcostnav_ros.report.document import details, document, section
 from lowcostnav_ros.report.result_folder import Result, read_result
-from lowcostnav_ros.report.style import SCRIPT, STYLE
 from lowcostnav_ros.report.svg import escape
 from lowcostnav_ros.report.timeline import timeline
 
 WALL_CLOCK_S = 1.0e8
 """Stamps from here on are seconds since 1970 and are shown as a date too."""
 
-_NOTE = '<p class="note">Shaded: no GPS fix for more than 3 s. Red ticks: a measurement was refused, or its innovation limited.</p>'
+_NOTE = (
+    '<p class="note">Shaded: no GPS fix, or fewer than four satellites, for more than 3 s. '
+    "Red ticks: a measurement was refused, or its innovation limited.</p>"
+)
+
+_REQUIREMENTS = (
+    '<p class="note">Red lines: what precision approaches of category III, II and I ask for. Alert limits: safety-of-life (SOL) and public '
+    "regulated (PRS) service. An alert is on while the navigator's own sigma, times what its error may pass with half the service's "
+    "integrity risk each way, is beyond a limit.</p>"
+)
 
 
 def write_page(folder: Path, output: Path, title: str | None = None) -> int:
@@ -48,29 +57,19 @@ def page_of(result: Result, title: str | None = None) -> str:
     name = title or (summary.get("bag") or {}).get("name") or "simulated flight"
     sections = [
         _header(summary, name),
-        _section("In a sentence", _sentences(summary)),
-        _section("Map", figures.ground_map(result)),
-        _section("Modes and refused measurements", timeline(list(result.navigators.values()), axis), _NOTE),
-        _section("Errors", *_error_tables(summary)),
+        section("In a sentence", _sentences(summary)),
+        section("Map", figures.ground_map(result)),
+        section("Modes and refused measurements", timeline(list(result.navigators.values()), axis), _NOTE),
+        section("Errors", *_error_tables(summary)),
+        section("Accuracy and requirements", *_requirements(result, axis)),
         *_per_navigator(result, axis),
-        _section("Attitude", *figures.attitude_figures(result, axis)),
-        _section("Height and speed", *figures.motion_figures(result, axis)),
-        _section("Wind (velocity of the air mass)", *figures.wind_figures(result, axis)),
-        _section("Inputs, aids, speed", html_tables.inputs(summary), html_tables.aids(summary), html_tables.runs(summary)),
-        _details("Settings", f"<pre>{escape(json.dumps(summary.get('settings', {}), indent=1))}</pre>"),
+        section("Attitude", *figures.attitude_figures(result, axis)),
+        section("Height and speed", *figures.motion_figures(result, axis)),
+        section("Wind (velocity of the air mass)", *figures.wind_figures(result, axis)),
+        section("Inputs, aids, speed", html_tables.inputs(summary), html_tables.aids(summary), html_tables.runs(summary)),
+        details("Settings", f"<pre>{escape(json.dumps(summary.get('settings', {}), indent=1))}</pre>"),
     ]
-    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(name)}</title><style>{STYLE}</style>'
-    body = f'<main>{"".join(sections)}</main><div id="when"></div><script>{SCRIPT}</script>'
-    return f'<!doctype html><html lang="en"><head>{head}</head><body>{body}</body></html>\n'
-
-
-def _section(title: str, *parts: str) -> str:
-    content = "".join(p for p in parts if p)
-    return f"<section><h2>{escape(title)}</h2>{content}</section>" if content else ""
-
-
-def _details(title: str, content: str) -> str:
-    return f"<details><summary>{escape(title)}</summary>{content}</details>" if content else ""
+    return document(name, sections)
 
 
 def _header(summary: dict[str, Any], name: str) -> str:
@@ -114,8 +113,16 @@ def _sentences(summary: dict[str, Any]) -> str:
 
 
 def _error_tables(summary: dict[str, Any]) -> list[str]:
-    everything = _details("All error statistics", html_tables.errors(summary))
+    everything = details("All error statistics", html_tables.errors(summary))
     return [html_tables.overview(summary), html_tables.intervals(summary), everything]
+
+
+def _requirements(result: Result, axis: TimeAxis) -> list[str]:
+    tables = [html_tables.accuracy(result.summary), html_tables.approaches(result.summary), html_tables.alarms(result.summary)]
+    if not any(tables):
+        return []
+    each = details("Every time beyond an alert limit", html_tables.exceedances(result.summary))
+    return [*figures.requirement_figures(result, axis), *tables, each, _REQUIREMENTS]
 
 
 def _per_navigator(result: Result, axis: TimeAxis) -> list[str]:
@@ -123,11 +130,11 @@ def _per_navigator(result: Result, axis: TimeAxis) -> list[str]:
     sections = []
     for name, navigator in result.navigators.items():
         colour = figures.colour_of(name, names)
-        states = _details("Biases and other states, with 1 and 2 sigma", "".join(figures.state_figures(navigator, axis, colour)))
+        states = details("Biases and other states, with 1 and 2 sigma", "".join(figures.state_figures(navigator, axis, colour)))
         innovations = "".join(figures.aid_figures(navigator, axis, colour))
-        aids = _details("Innovations per aid, in their own 1 and 2 sigma", innovations)
+        aids = details("Innovations per aid, in their own 1 and 2 sigma", innovations)
         errors = figures.error_figures(navigator, axis, colour)
         integrity = figures.integrity_figure(navigator, axis, colour)
         content = [*errors, integrity, figures.ratio_figure(navigator, axis), aids, states]
-        sections.append(_section(f"{name}: errors in their sigmas" if errors else name, *content))
+        sections.append(section(f"{name}: errors in their sigmas" if errors else name, *content))
     return sections

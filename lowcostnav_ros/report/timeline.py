@@ -19,6 +19,7 @@ MODE_COLOURS = {
     "sparse": "#b8b042",
     "suspect": "#d95f02",
     "dme_aided": "#7570b3",
+    "vor_aided": "#a17fa6",
     "re_acquiring": "#66a6d9",
     "aligning": "#a6b4c0",
     "initialising": "#c9d1d8",

@@ -18,7 +18,7 @@ from lowcostnav_ros.radionav.geometry import range_and_direction
 from lowcostnav_ros.radionav.stations import Station, StationTable
 from lowcostnav_ros.reproduce.gebre_update_methods import Case
 from lowcostnav_ros.rotation import euler_to_quat, wrap
-from lowcostnav_ros.sensors.dme import DmeSimulatorSettings, RangeError
+from lowcostnav_ros.sensors.dme import DmeSimulatorSettings, range_error
 from lowcostnav_ros.sensors.seeds import stream
 from lowcostnav_ros.stochastic import GaussMarkov, initial_state, simulate
 from lowcostnav_ros.units import DEGREE, NAUTICAL_MILE
@@ -143,7 +143,7 @@ def ranges(flight: Flight, case: Case, table: StationTable) -> list[SlantRange]:
     """
     settings = DmeSimulatorSettings(seed=flight.seed % 2**31)
     variance = settings.drift_m**2 + settings.noise_m**2
-    errors = {station.ident: RangeError(settings, station.ident) for station in table}
+    errors = {station.ident: range_error(settings, station.ident) for station in table}
     listed, out = list(table), []
     for second in range(1, FLIGHT_S + 1):
         error_m = {ident: error.draw(flight.flown_m[second]) for ident, error in errors.items()}

@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from lowcostnav_ros.gnss.accuracy import category
 from lowcostnav_ros.ros import qos
 from lowcostnav_ros.ros.input_monitor import Status
 
@@ -77,9 +78,13 @@ def _status(row: Status, hardware_id: str) -> DiagnosticStatus:
 def navigator_rows(prefix: str, status: NavigatorStatus) -> list[Status]:
     """Return the rows of a navigator: itself (mode, reason, sigmas), its integrity tests where it has any, then one per aid.
 
-    Sigma names and aid labels carry their units; the age of an aid is judged at the navigator's own time.
+    Sigma names and aid labels carry their units; the age of an aid is judged at the navigator's own time.  ``approach_category`` is the
+    strictest precision approach that two of its own sigmas (95 % or more, both ways) allow.
     """
     values = {"mode": status.mode, "reason": status.reason} | {k: f"{v:.4g}" for k, v in status.sigmas.items()}
+    if {"position_horizontal_m", "position_down_m"} <= status.sigmas.keys():
+        horizontal, vertical = 2.0 * status.sigmas["position_horizontal_m"], 2.0 * status.sigmas["position_down_m"]
+        values["approach_category"] = category(horizontal, vertical) or "none"
     for record in status.inputs:
         values |= {f"rejected[{record.source}: {reason}]": str(n) for reason, n in record.rejected.items()}
     message = f"{status.mode}: {status.reason}" if status.reason else status.mode

@@ -7,6 +7,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from lowcostnav_ros.imu_by_name import with_imu_profile
 from lowcostnav_ros.settings import Declared, SettingsError, checked, declared, from_mapping, nearest, to_mapping
 
 BUILT_IN = ("use_sim_time", "start_type_description_service", "qos_overrides")
@@ -46,7 +47,9 @@ class Parameters:
             if name not in self._known:
                 raise SettingsError(f"{self._where}: unknown parameter '{name}'{nearest(name, self._known)}.")
         self._values = {**defaults, **{n: checked(self._known[n], v, self._where) for n, v in given.items()}}
-        self.settings = self._build(self._values)
+        self.settings = [with_imu_profile(settings) for settings in self._build(self._values)]
+        for settings in self.settings:  # who asks a node for a number gets the one it flies with
+            self._values |= to_mapping(settings)
         for name, entry in self._known.items():
             if node.has_parameter(name):
                 node.undeclare_parameter(name)

@@ -42,6 +42,8 @@ class SimulatorNode(NodeBase):
         super().__init__(name, partial(sensor_bases, sensor), **kwargs)
         self._make = partial(build, sensor)
         self._simulator: Simulator = self._make(self.parameters.settings[0])
+        for note in getattr(self._simulator, "notes", ()):
+            self.get_logger().info(note)
         for topic in outputs:
             self.output(topic)
         self._wind: dict[int, np.ndarray] = {}

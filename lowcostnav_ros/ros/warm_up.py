@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 FLIGHT_S, STEP_S, SAMPLES = 30, 0.2, 20
 SPEED = 50.0
+LYING_S, LIE_M = 5.0, 1000.0
 PLACE = (0.6578, -2.1262, 500.0)
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 EYE = np.eye(3)
@@ -77,17 +78,19 @@ def _measurement(source: str, stamp_ns: int, lat: float, lon: float, height: flo
         "air/temperature": lambda: m.AirTemperature(stamp_ns, source, 285.0, 1.0),
         "gnss/raw": lambda: _epoch(stamp_ns, source, lat, lon, height, velocity),
         "dme/range": lambda: m.SlantRange(stamp_ns, source, "OAK", 40_000.0, 1.0e5),
+        "vor/bearing": lambda: m.VorBearing(stamp_ns, source, "OAK", 1.0, 3.0e-4),
     }
     return simple[source]() if source in simple else None
 
 
 def _epoch(stamp_ns: int, source: str, lat: float, lon: float, height: float, vel_n: np.ndarray) -> m.GnssEpoch:
-    """Noise-free observations of the simulated satellites in view."""
+    """Noise-free observations of the simulated satellites in view; the first one lies in the last seconds, to be found and left out."""
     place_e, velocity_e = geodetic_to_ecef(lat, lon, height), dcm_ne(lat, lon).T @ vel_n
     constellation = gps_24()
     sat_pos, sat_vel = constellation.states(1e-9 * (stamp_ns - 10**18))
     ranges, rates, los = range_and_rate(place_e, velocity_e, sat_pos, sat_vel)
     seen = los @ place_e > 0.1 * np.linalg.norm(place_e)
+    ranges[np.flatnonzero(seen)[0]] += LIE_M if stamp_ns - 10**18 > 1e9 * (FLIGHT_S - LYING_S) else 0.0
     n = int(np.count_nonzero(seen))
     columns = ranges[seen], rates[seen], np.full(n, 5.0), np.full(n, 0.2), np.zeros(n), sat_pos[seen], sat_vel[seen]
     return m.GnssEpoch(

@@ -4,7 +4,6 @@
 with a correlation distance of 0.5 NM, independent per station; white noise 0.004 NM (Gebre-Egziabher 2004, eq. 3.38-3.39).
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +11,9 @@ import numpy as np
 from lowcostnav_ros.measurements import SlantRange
 from lowcostnav_ros.radionav.interrogation import SCHEMES, InterrogationSchedule, Slot
 from lowcostnav_ros.radionav.selection import audible, best_pair, view
-from lowcostnav_ros.radionav.stations import Station, StationTable
+from lowcostnav_ros.radionav.stations import RANGING, Station, StationTable
 from lowcostnav_ros.sensors.seeds import stream
+from lowcostnav_ros.sensors.station_drift import DistanceFlown, StationDrift
 from lowcostnav_ros.settings import setting
 from lowcostnav_ros.truth import TruthBlock
 
@@ -36,26 +36,10 @@ class DmeSimulatorSettings:
     noise_m: float = setting(7.4, "White noise, 1 sigma (0.004 NM).", unit="m", minimum=0.1)
 
 
-class RangeError:
-    """Error of the ranges to one station, a function of the distance flown since power-up."""
-
-    def __init__(self, settings: DmeSimulatorSettings, ident: str) -> None:
-        self._settings = settings
-        self._rng = stream(settings.seed, f"dme.{ident}")
-        self._bias = settings.bias_m * float(self._rng.standard_normal())
-        self._drift = settings.drift_m * float(self._rng.standard_normal())
-        self._distance_m: float | None = None
-
-    def draw(self, distance_m: float) -> float:
-        """Return the error of one range, m, taken after ``distance_m`` flown; calls must not go back."""
-        settings = self._settings
-        flown = 0.0 if self._distance_m is None else distance_m - self._distance_m
-        self._distance_m = distance_m
-        decay = math.exp(-flown / settings.correlation_distance_m)
-        kick = settings.drift_m * math.sqrt(1.0 - decay * decay)
-        normals = self._rng.standard_normal(2).tolist()
-        self._drift = decay * self._drift + kick * normals[0]
-        return self._bias + self._drift + settings.noise_m * normals[1]
+def range_error(settings: DmeSimulatorSettings, ident: str) -> StationDrift:
+    """Return the error of the ranges to one station, m."""
+    rng = stream(settings.seed, f"dme.{ident}")
+    return StationDrift(rng, settings.bias_m, settings.drift_m, settings.correlation_distance_m, settings.noise_m)
 
 
 class DmeSimulator:
@@ -74,21 +58,21 @@ class DmeSimulator:
     ScheduleError
         When the interval is over the pulse budget.
     StationError
-        When a station asked for is not in the table.
+        When a station asked for is not in the table or has no DME.
     """
 
     def __init__(self, settings: DmeSimulatorSettings, table: StationTable, source: str = "dme/range") -> None:
         self.settings, self.source, self._table = settings, source, table
-        self._fixed = [table[ident.strip().upper()] for ident in settings.stations.split(",") if ident.strip()]
+        self._fixed = table.named(settings.stations, RANGING)
         self.schedule = InterrogationSchedule(settings.scheme, len(self._fixed) or 2, settings.interval_s)
         self._channels: list[Station | None] = [*self._fixed] or [None, None]
         self._pair: tuple[Station, Station] | None = None
-        self._errors: dict[str, RangeError] = {}
+        self._errors: dict[str, StationDrift] = {}
         self._choose_at_s = 0.0
         self._open: list[tuple[Slot, Station]] = []
         self._turn = 0
         self._start_ns: int | None = None
-        self._flown_m, self._last_ns = 0.0, 0
+        self._flown = DistanceFlown()
         self._variance = settings.bias_m**2 + settings.drift_m**2 + settings.noise_m**2
 
     def simulate(self, truth: TruthBlock) -> list[SlantRange]:
@@ -100,8 +84,8 @@ class DmeSimulator:
         if len(truth) == 0:
             return []
         if self._start_ns is None:
-            self._start_ns = self._last_ns = int(truth.stamps_ns[0])
-        flown_m = self._distance(truth)
+            self._start_ns = int(truth.stamps_ns[0])
+        flown_m = self._flown.at(truth)
         replies = []
         while True:
             due_ns, reply = self._next_event()
@@ -141,15 +125,6 @@ class DmeSimulator:
         if not audible(station, *place):
             return []
         if station.ident not in self._errors:
-            self._errors[station.ident] = RangeError(self.settings, station.ident)
+            self._errors[station.ident] = range_error(self.settings, station.ident)
         measured = view(station, *place).range_m + self._errors[station.ident].draw(flown_m)
         return [SlantRange(int(truth.stamps_ns[row]), self.source, station.ident, max(measured, 0.0), self._variance)]
-
-    def _distance(self, truth: TruthBlock) -> np.ndarray:
-        """Distance flown over ground up to each row; the running sum makes it independent of the cutting."""
-        steps_s = np.diff(truth.stamps_ns, prepend=self._last_ns) * 1e-9
-        north, east = truth.vel_n[:, 0], truth.vel_n[:, 1]
-        steps_m = np.sqrt(north * north + east * east) * steps_s
-        flown_m = np.cumsum(np.concatenate(([self._flown_m], steps_m)))[1:]
-        self._flown_m, self._last_ns = float(flown_m[-1]), int(truth.stamps_ns[-1])
-        return flown_m

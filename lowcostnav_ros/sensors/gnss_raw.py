@@ -13,8 +13,11 @@ import numpy as np
 
 from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.gnss.constellation import Constellation, galileo_27, gps_24
+from lowcostnav_ros.gnss.almanac_constellation import Almanac
+from lowcostnav_ros.gnss.canyon import CanyonSettings
+from lowcostnav_ros.gnss.constellation import Satellites, constellation_named, together
 from lowcostnav_ros.gnss.error_budget import COMMON_SHARE, obliquity, range_noise
+from lowcostnav_ros.gnss.gps_time import gps_ns
 from lowcostnav_ros.gnss.observables import azimuth_elevation, range_and_rate, states_at_reception
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.gnss.receiver_clock import simulate as simulate_clock
@@ -24,7 +27,7 @@ from lowcostnav_ros.measurements import GnssEpoch
 from lowcostnav_ros.sensors.drift import DriftBank
 from lowcostnav_ros.sensors.sampling import SampleClock
 from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import SettingsError, setting
+from lowcostnav_ros.settings import SettingsError, group, setting
 from lowcostnav_ros.stochastic import GaussMarkov
 from lowcostnav_ros.truth import TruthBlock
 
@@ -39,8 +42,10 @@ class GnssRawSimulatorSettings:
     rate_hz: float = setting(10.0, "Output rate.", unit="Hz", minimum=0.1, maximum=50.0)
     constellation: str = setting("gps", "Satellites to simulate.", choices=("gps", "galileo", "gps_galileo"))
     constellation_time_s: float = setting(10800.0, "Age of the constellation at the first truth stamp.", unit="s", minimum=0.0)
+    almanac_file: str = setting("", "YUMA almanac to take the GPS satellites from; stamps then count as dates. Empty: Table 6.1.")
     light_time: bool = setting(False, "Take satellites where they were at transmission and turn with the earth.")
     mask_deg: float = setting(5.0, "Lowest elevation.", unit="deg", minimum=0.0, maximum=90.0)
+    canyon: CanyonSettings = group(CanyonSettings)
     max_satellites: int = setting(0, "Channels; satellites of smallest GDOP are used.  0 uses all in view.", minimum=0)
     schedule: list = setting([], "Number of satellites as start (s), number, start, number, ... from the first stamp.", minimum=0.0)
     select_every_s: float = setting(30.0, "Time between selections.", unit="s", minimum=0.1)
@@ -69,16 +74,34 @@ class GnssRawSimulatorSettings:
             raise SettingsError("GNSS: 'max_satellites' must be 0 or at least 4; use 'schedule' for fewer.")
         if 0.0 < self.clock_reset_ms < 0.5:
             raise SettingsError("GNSS: 'clock_reset_ms' must be 0 or at least 0.5, or every reset causes the next.")
+        if self.almanac_file and "gps" not in self.constellation:
+            raise SettingsError("GNSS: 'almanac_file' gives GPS satellites; set 'constellation' to gps or gps_galileo.")
         try:
             Schedule.of(self.schedule)
         except GnssError as error:
             raise SettingsError(f"GNSS: 'schedule': {error}") from error
 
 
-def constellation_of(settings: GnssRawSimulatorSettings) -> Constellation:
-    """The satellites that exist in a simulation."""
-    made = {"gps": gps_24, "galileo": galileo_27, "gps_galileo": lambda: gps_24() + galileo_27()}
-    return made[settings.constellation]()
+def constellation_of(settings: GnssRawSimulatorSettings, almanac: Almanac | None = None, start_gps: int | None = None) -> Satellites:
+    """The satellites that exist in a simulation.
+
+    Parameters
+    ----------
+    settings : GnssRawSimulatorSettings
+    almanac : Almanac, optional
+        Of the GPS satellites.
+    start_gps : int, optional
+        GPS time, ns, of the first stamp; that of the almanac where None.
+
+    Raises
+    ------
+    GnssError
+        For an almanac too far from the start.
+    """
+    if almanac is None:
+        return constellation_named(settings.constellation)
+    gps = almanac.constellation(almanac.reference_gps if start_gps is None else start_gps, settings.constellation_time_s)
+    return gps if settings.constellation == "gps" else together(gps, constellation_named("galileo"))
 
 
 class GnssRawSimulator:
@@ -92,11 +115,20 @@ class GnssRawSimulator:
     settings : GnssRawSimulatorSettings
     source : str
         Source name of the epochs.
+    almanac : Almanac, optional
+        What ``settings.almanac_file`` names, read.
+
+    Attributes
+    ----------
+    notes : list of str
+        What there is to say about the satellites, one sentence each.
     """
 
-    def __init__(self, settings: GnssRawSimulatorSettings, source: str = "gnss/raw") -> None:
+    def __init__(self, settings: GnssRawSimulatorSettings, source: str = "gnss/raw", almanac: Almanac | None = None) -> None:
         self.settings, self.source = settings, source
-        self.constellation = constellation_of(settings)
+        self.constellation, self._almanac = constellation_of(settings, almanac), almanac
+        self.notes = [] if almanac is None else almanac.notes()
+        self._canyon = settings.canyon.canyon()
         self._clock = SampleClock(settings.rate_hz)
         self._schedule = Schedule.of(settings.schedule)
         self._sigma_m = np.where(self.constellation.system == GALILEO, settings.galileo_sigma_m, settings.gps_sigma_m)
@@ -117,12 +149,24 @@ class GnssRawSimulator:
             return []
         if self._start_ns is None:
             self._start_ns = int(truth.stamps_ns[0])
+            self._date()
         rows, n = self._clock.rows(truth.stamps_ns), len(self.constellation)
         normals = self._noise_rng.standard_normal((len(rows), 2 * n + 1))
         slow = self._slow.draw(len(rows))
         clock = simulate_clock(CLOCKS[self.settings.clock], 1.0 / self.settings.rate_hz, len(rows), self._clock_rng, self.clock_state)
         epochs = [self._epoch(truth, int(row), z, s, c) for row, z, s, c in zip(rows, normals, slow, clock, strict=True)]
         return [epoch for epoch in epochs if epoch is not None]
+
+    def _date(self) -> None:
+        """Put the satellites of an almanac where they are at the first stamp."""
+        if self._almanac is None:
+            return
+        try:
+            start_gps = gps_ns(self._start_ns)
+            self.constellation = constellation_of(self.settings, self._almanac, start_gps)
+        except GnssError as error:
+            raise SettingsError(f"GNSS: {error}") from error
+        self.notes.append(self._almanac.dated(start_gps))
 
     def _epoch(self, truth: TruthBlock, row: int, normals: np.ndarray, slow: np.ndarray, clock: np.ndarray) -> GnssEpoch | None:
         settings, n = self.settings, len(self.constellation)
@@ -134,8 +178,8 @@ class GnssRawSimulator:
         at_s = settings.constellation_time_s + elapsed_s
         sat_pos, sat_vel = states_at_reception(self.constellation.states, at_s, position_e, light_time=settings.light_time)
         ranges, rates, los = range_and_rate(position_e, velocity_e, sat_pos, sat_vel)
-        _, elevation = azimuth_elevation(lat, lon, los)
-        used = self._used(los, elevation, elapsed_s)
+        azimuth, elevation = azimuth_elevation(lat, lon, los)
+        used = self._used(los, elevation, self._lowest(azimuth, float(truth.height[row])), elapsed_s)
         clock_m = clock[0] + self._set_clock(float(clock[0]))
         if not used.size:
             return None
@@ -153,9 +197,14 @@ class GnssRawSimulator:
         valid = np.ones(used.size, dtype=bool)
         return GnssEpoch(stamp_ns, self.source, *names, pseudorange, doppler, *sigmas, np.zeros(used.size), *states, valid, valid)
 
-    def _used(self, los: np.ndarray, elevation: np.ndarray, elapsed_s: float) -> np.ndarray:
+    def _lowest(self, azimuth: np.ndarray, height: float) -> np.ndarray:
+        """Lowest visible elevation (n,), rad: the mask, or the cliffs where they are higher."""
+        mask = np.full(azimuth.size, math.radians(self.settings.mask_deg))
+        return mask if self._canyon is None else np.maximum(mask, self._canyon.lowest(height - self.settings.canyon.floor_m, azimuth))
+
+    def _used(self, los: np.ndarray, elevation: np.ndarray, lowest: np.ndarray, elapsed_s: float) -> np.ndarray:
         """Satellites in use: chosen anew at times, and whenever those in view or the wanted number change."""
-        visible = np.flatnonzero(elevation >= math.radians(self.settings.mask_deg))
+        visible = np.flatnonzero(elevation >= lowest)
         limits = [c for c in (self.settings.max_satellites or None, self._schedule.at(elapsed_s)) if c is not None]
         count = min(limits) if limits else None
         due = math.floor(elapsed_s / self.settings.select_every_s + 1e-6)

@@ -2,7 +2,8 @@
 
 Per axis (Solimeno 2007, eq. 5-18..5-23; Gebre-Egziabher 2004, eq. 3.2-3.3):
 ``measured = true + turn-on bias + bias drift + scale factor * true + white noise``, then, where the profile has them,
-misalignment, g-sensitivity, warm-up transient, clipping and quantisation.
+bandwidth, misalignment, g-sensitivity, warm-up transient, clipping and quantisation.  Noise densities of a data sheet are those of the
+output, so the low-pass acts on the motion alone.
 """
 
 import math
@@ -12,11 +13,12 @@ import numpy as np
 
 from lowcostnav_ros.earth import STANDARD_GRAVITY
 from lowcostnav_ros.measurements import ImuBlock
+from lowcostnav_ros.sensors.bandwidth import LowPass
 from lowcostnav_ros.sensors.drift import DriftBank, slow_error
 from lowcostnav_ros.sensors.imu_profile import ImuProfile, TriadNoise
 from lowcostnav_ros.sensors.sampling import SampleClock, means_between
 from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import setting
+from lowcostnav_ros.settings import SettingsError, setting
 from lowcostnav_ros.truth import TruthBlock
 from lowcostnav_ros.units import MILLI_G
 
@@ -28,8 +30,12 @@ class ImuSimulatorSettings:
     seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     profile: str = setting("automotive", "Name of the IMU profile (config/profiles) or path of a profile file.")
     rate_hz: float = setting(100.0, "Output rate; a divisor of the rate of the truth.", unit="Hz", minimum=1.0, maximum=2000.0)
+    turn_on_bias: bool = setting(True, "Simulate the turn-on biases; off: a unit calibrated before the flight.")
     clipping: bool = setting(True, "Clip at the full scale of the profile.")
     quantisation: bool = setting(True, "Round to the resolution of the profile.")
+    gyro_range_deg_per_s: float = setting(0.0, "Full scale of the gyros, 0 for the profile's usual one.", unit="deg/s", minimum=0.0)
+    accel_range_g: float = setting(0.0, "Full scale of the accelerometers, 0 for the profile's usual one.", unit="g", minimum=0.0)
+    bandwidth: bool = setting(False, "Simulate the bandwidth of the profile.")
     misalignment: bool = setting(False, "Simulate the misalignment of the profile.")
     g_sensitivity: bool = setting(False, "Simulate the g-sensitivity of the gyros.")
     warm_up: bool = setting(False, "Simulate the bias transient after power-up.")
@@ -41,7 +47,7 @@ class _Triad:
     def __init__(self, noise: TriadNoise, settings: ImuSimulatorSettings, name: str, misalignment_rad: float) -> None:
         dt_s = 1.0 / settings.rate_hz
         seed = settings.seed
-        sigma = np.concatenate((noise.turn_on_sigma, noise.bias_sigma, noise.scale_sigma))
+        sigma = np.concatenate((noise.turn_on_sigma * settings.turn_on_bias, noise.bias_sigma, noise.scale_sigma))
         tau_s = np.concatenate((np.full(3, np.inf), noise.bias_tau_s, noise.scale_tau_s))
         self._drift = DriftBank([slow_error(s, t) for s, t in zip(sigma, tau_s, strict=True)], dt_s, stream(seed, f"{name}.drift"))
         self._sample_sigma = noise.noise_density / np.sqrt(dt_s)
@@ -79,6 +85,10 @@ class ImuSimulator:
         g_sensitivity = np.radians(gyro.g_sensitivity_deg_per_s_per_g) / STANDARD_GRAVITY
         self._g_sensitivity = g_sensitivity * stream(settings.seed, "imu.gyro.g_sensitivity").standard_normal(3) * settings.g_sensitivity
         self._start_ns: int | None = None
+        self._gyro_range = _full_scale("gyro", settings.gyro_range_deg_per_s, gyro.range_deg_per_s, gyro.range_options_deg_per_s, "deg/s")
+        self._accel_range = _full_scale("accelerometer", settings.accel_range_g, accel.range_g, accel.range_options_g, "g")
+        limits = ((accel.bandwidth_hz, 1), (gyro.bandwidth_hz, 2))  # an RC section and a second-order filter (Solimeno 2007, appendix C)
+        self._low_passes = [LowPass(hz, order) if settings.bandwidth and hz > 0.0 else None for hz, order in limits]
 
     def simulate(self, truth: TruthBlock) -> list[ImuBlock]:
         """Return one block with the samples that fall into ``truth``, or nothing when none does.
@@ -88,7 +98,8 @@ class ImuSimulator:
         rows = self._clock.rows(truth.stamps_ns)
         if len(truth) and self._start_ns is None:
             self._start_ns = int(truth.stamps_ns[0])
-        both = np.hstack((truth.specific_force_b, truth.angular_rate_b))
+        motion = zip(self._low_passes, (truth.specific_force_b, truth.angular_rate_b), strict=True)
+        both = np.hstack([true if low is None else low.mean_output(truth.stamps_ns, true) for low, true in motion])
         means, self._count = means_between(both, rows, self._total, self._count)
         if len(rows) == 0:
             return []
@@ -107,11 +118,11 @@ class ImuSimulator:
 
     def _limit_rate(self, rate: np.ndarray) -> np.ndarray:
         gyro = self.profile.gyro
-        return self._convert(rate, np.radians(gyro.range_deg_per_s), np.radians(gyro.resolution_deg_per_s))
+        return self._convert(rate, np.radians(self._gyro_range), np.radians(gyro.resolution_deg_per_s))
 
     def _limit_force(self, force: np.ndarray) -> np.ndarray:
         accel = self.profile.accelerometer
-        return self._convert(force, accel.range_g * STANDARD_GRAVITY, accel.resolution_mg * MILLI_G)
+        return self._convert(force, self._accel_range * STANDARD_GRAVITY, accel.resolution_mg * MILLI_G)
 
     def _convert(self, values: np.ndarray, full_scale: float, step: float) -> np.ndarray:
         """Clip and round as the converter of the unit does; 0 switches either off."""
@@ -120,3 +131,13 @@ class ImuSimulator:
         if self.settings.quantisation and step > 0.0:
             values = np.round(values / step) * step
         return values
+
+
+def _full_scale(sensor: str, wanted: float, usual: float, options: list, unit: str) -> float:
+    """Full scale to fly with; one that the data sheet does not offer is refused."""
+    if wanted == 0.0 or wanted == usual:
+        return usual
+    if wanted not in options:
+        offered = ", ".join(f"{value:g}" for value in sorted({usual, *options} - {0.0})) or "none"
+        raise SettingsError(f"A full scale of {wanted:g} {unit} is not on the {sensor}'s data sheet; it offers {offered} {unit}.")
+    return wanted

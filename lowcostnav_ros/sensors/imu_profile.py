@@ -30,6 +30,8 @@ class GyroProfile:
     scale_factor_ppm: list = _triple("Scale factor error, 1 sigma.", "ppm", 200_000.0)
     scale_factor_tau_s: list = _triple("Correlation time of the scale factor, 0 for constant.", "s")
     range_deg_per_s: float = setting(0.0, "Full scale, 0 for unlimited.", unit="deg/s", minimum=0.0)
+    range_options_deg_per_s: list = setting([], "Other full scales it can be had with.", unit="deg/s", minimum=0.0)
+    bandwidth_hz: float = setting(0.0, "Bandwidth (-3 dB, second order), 0 for unlimited.", unit="Hz", minimum=0.0, maximum=10_000.0)
     resolution_deg_per_s: float = setting(0.0, "Smallest step, 0 for none.", unit="deg/s", minimum=0.0)
     g_sensitivity_deg_per_s_per_g: float = setting(0.0, "Rate error per specific force, 1 sigma.", unit="deg/s/g", minimum=0.0)
     misalignment_deg: float = setting(0.0, "Misalignment of the triad about each axis, 1 sigma.", unit="deg", minimum=0.0, maximum=10.0)
@@ -49,6 +51,8 @@ class AccelerometerProfile:
     scale_factor_ppm: list = _triple("Scale factor error, 1 sigma.", "ppm", 200_000.0)
     scale_factor_tau_s: list = _triple("Correlation time of the scale factor, 0 for constant.", "s")
     range_g: float = setting(0.0, "Full scale, 0 for unlimited.", unit="g", minimum=0.0)
+    range_options_g: list = setting([], "Other full scales it can be had with.", unit="g", minimum=0.0)
+    bandwidth_hz: float = setting(0.0, "Bandwidth (-3 dB, RC section), 0 for unlimited.", unit="Hz", minimum=0.0, maximum=10_000.0)
     resolution_mg: float = setting(0.0, "Smallest step, 0 for none.", unit="mg", minimum=0.0)
     misalignment_deg: float = setting(0.0, "Misalignment of the triad about each axis, 1 sigma.", unit="deg", minimum=0.0, maximum=10.0)
 
@@ -113,13 +117,18 @@ class ImuProfile:
     def __post_init__(self) -> None:
         for sensor, part in (("gyro", self.gyro), ("accelerometer", self.accelerometer)):
             for field, value in vars(part).items():
-                if isinstance(value, list) and len(value) != 3:
+                if isinstance(value, list) and not field.startswith("range_options") and len(value) != 3:
                     raise SettingsError(f"Profile '{self.name}': '{sensor}.{field}' needs three numbers, x y z, got {len(value)}.")
         gyro, accel = self.gyro, self.accelerometer
         _one_convention(self.name, "gyro", gyro.noise_density_deg_per_h_per_rt_hz, gyro.noise_per_sample_deg_per_s)
         _one_convention(self.name, "accelerometer", accel.noise_density_mg_per_rt_hz, accel.noise_per_sample_mg)
         _drift_has_tau(self.name, "gyro", gyro.bias_drift_deg_per_h, gyro.bias_drift_tau_s)
         _drift_has_tau(self.name, "accelerometer", accel.bias_drift_mps2, accel.bias_drift_tau_s)
+
+    @property
+    def has_noise(self) -> bool:
+        """Whether every sensor has white noise, without which no filter can fly on the numbers."""
+        return bool(self.gyro_noise().noise_density.all() and self.accel_noise().noise_density.all())
 
     def gyro_noise(self, per_sample_as_density: bool = False) -> TriadNoise:
         """Error model of the gyros, rad/s; see :meth:`filter_noise` for the argument."""

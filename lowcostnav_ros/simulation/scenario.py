@@ -14,6 +14,7 @@ from lowcostnav_ros.sensors.gps import GpsSimulatorSettings
 from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulatorSettings
 from lowcostnav_ros.sensors.imu import ImuSimulatorSettings
 from lowcostnav_ros.sensors.magnetometer import MagnetometerSimulatorSettings
+from lowcostnav_ros.sensors.vor import VorSimulatorSettings
 from lowcostnav_ros.settings import SettingsError, from_mapping, group, nearest, setting
 from lowcostnav_ros.simulation.equipment import SENSORS, USUAL
 from lowcostnav_ros.trajectory import TruthSettings
@@ -38,6 +39,7 @@ class Scenario:
     dme: DmeSimulatorSettings = group(DmeSimulatorSettings)
     gps_attitude: GpsAttitudeSimulatorSettings = group(GpsAttitudeSimulatorSettings)
     gnss: GnssRawSimulatorSettings = group(GnssRawSimulatorSettings)
+    vor: VorSimulatorSettings = group(VorSimulatorSettings)
 
     def __post_init__(self) -> None:
         if len(set(self.sensors)) < len(self.sensors):
@@ -47,7 +49,7 @@ class Scenario:
             raise SettingsError(
                 f"Scenario '{self.name}': imu.rate_hz of {self.imu.rate_hz:g} must divide truth.rate_hz of {self.truth.rate_hz:g}."
             )
-        for name in ("magnetometer", "air_data", "gps", "gps_attitude", "gnss"):
+        for name in ("magnetometer", "air_data", "gps", "gps_attitude", "gnss", "vor"):
             rate_hz = getattr(self, name).rate_hz
             if name in self.sensors and rate_hz > self.truth.rate_hz:
                 raise SettingsError(
@@ -91,7 +93,7 @@ def _completed(values: dict[str, Any], where: str) -> dict[str, Any]:
         values[name] = {"seed": values.get("seed", 1), **_section(values, name, where)}
     if isinstance(stamp_s, int | float):
         values["magnetometer"] = {"decimal_year": decimal_year(stamp_s), **values["magnetometer"]}
-    for name in ("gps", "gps_attitude"):
+    for name in ("gps", "gps_attitude", "vor"):
         outages = values[name].get("outages_s")
         if isinstance(outages, list):
             pairs = [pair if isinstance(pair, list) else [pair] for pair in outages]

@@ -12,12 +12,14 @@ from lowcostnav_ros.truth import TruthBlock
 class Simulation:
     """One simulated flight of a scenario.
 
-    The flight is a function of the scenario alone; the length of the blocks only decides how it is handed over.
+    The flight is a function of the scenario alone; the length of the blocks only decides how it is handed over.  ``notes`` are sentences
+    about the equipment, complete once the flight has begun.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         self.trajectory = trajectory.build(scenario.truth, scenario.seed)
+        self.notes: list[str] = []
 
     def blocks(self, block_s: float = 1.0) -> Iterator[tuple[TruthBlock, list[Measurement]]]:
         """Fly from the start, yielding each block of truth with what the sensors delivered during it.
@@ -27,4 +29,5 @@ class Simulation:
         sensors = [build(name, getattr(self.scenario, name)) for name in self.scenario.sensors]
         for truth in self.trajectory.blocks(block_s):
             measurements = [m for sensor in sensors for m in sensor.simulate(truth)]
+            self.notes = [note for sensor in sensors for note in getattr(sensor, "notes", ())]
             yield truth, sorted(measurements, key=lambda m: (m.stamp_ns, m.source))

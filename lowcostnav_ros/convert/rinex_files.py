@@ -1,0 +1,57 @@
+"""RINEX files on disk, plain or gzip, as observations and ephemerides; what is wrong with a file is said with its name."""
+
+import gzip
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from lowcostnav_ros.gnss import GnssError
+from lowcostnav_ros.gnss.rinex_nav import Navigation, joined, parse_navigation
+from lowcostnav_ros.gnss.rinex_obs import Observations, parse_observations
+
+T = TypeVar("T")
+
+
+def read_observations(path: str | Path) -> Observations:
+    """Read an observation file.
+
+    Raises
+    ------
+    GnssError
+        For a file that cannot be used; the sentence begins with its name.
+    OSError
+        For one that cannot be read.
+    """
+    return _parsed(path, parse_observations)
+
+
+def read_navigation(paths: Sequence[str | Path]) -> Navigation:
+    """Read one navigation file or more, such as one for each system; raises as :func:`read_observations` does."""
+    return joined([_parsed(path, parse_navigation) for path in paths])
+
+
+def is_rinex(path: str | Path) -> bool:
+    """Whether a file begins as a RINEX file does."""
+    try:
+        return Path(path).is_file() and "RINEX VERSION" in _text(Path(path)).partition("\n")[0]
+    except GnssError:
+        return False
+
+
+def _parsed(path: str | Path, parse: Callable[[str], T]) -> T:
+    text = _text(Path(path))
+    try:
+        return parse(text)
+    except GnssError as error:
+        raise GnssError(f"{path}: {error}") from error
+
+
+def _text(path: Path) -> str:
+    raw = path.read_bytes()
+    if raw[:2] == b"\x1f\x8b":
+        try:
+            raw = gzip.decompress(raw)
+        except (OSError, EOFError, zlib.error) as error:
+            raise GnssError(f"{path}: the compressed file is damaged ({error}); get it again.") from error
+    return raw.decode("ascii", errors="replace")

@@ -1,0 +1,169 @@
+"""A flight held against what is asked of a position: precision approaches by category, integrity by alert limits.
+
+The errors are those against the reference; whether a user was *warned* is judged by what the navigator itself stated at the time,
+its own sigmas.  So an alert here is one a pilot would have had, not one that takes the truth to raise.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, SERVICES, Service, category
+
+HOLE_NS = 3_000_000_000
+"""Errors farther apart than this do not belong to one exceedance."""
+PRESENT_NS = 1_100_000_000
+"""Positions no farther apart than this, one a second, are a solution without a hole."""
+LISTED = 20
+"""Exceedances that are listed one by one; all are counted."""
+
+
+class Coverage:
+    """How long there was a position, in s: time between errors that are no farther apart than :data:`PRESENT_NS`."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._last_ns: int | None = None
+
+    def add(self, errors) -> None:
+        """Take errors (:class:`.metrics.Errors`) in, in order of stamps."""
+        stamps = errors.stamps_ns[np.isfinite(errors.values[:, :3]).all(axis=1)]
+        if len(stamps) == 0:
+            return
+        steps = np.diff(stamps, prepend=stamps[0] if self._last_ns is None else self._last_ns)
+        self.seconds += float(steps[steps <= PRESENT_NS].sum()) / 1e9
+        self._last_ns = int(stamps[-1])
+
+
+class CategoryShares:
+    """Share of the errors that lie within each precision-approach category (Solimeno 2007, Table 7.4)."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._within = {name: np.zeros(3, dtype=np.int64) for name in CATEGORIES_M}
+
+    def add(self, horizontal_m: np.ndarray, vertical_m: np.ndarray) -> None:
+        """Count absolute errors, shape (n,), finite."""
+        self._count += len(horizontal_m)
+        for name, (horizontal, vertical) in CATEGORIES_M.items():
+            h, v = horizontal_m <= horizontal, vertical_m <= vertical
+            self._within[name] += [h.sum(), v.sum(), (h & v).sum()]
+
+    def as_dict(self, horizontal_95_m: float, vertical_95_m: float) -> dict:
+        """Shares by category, and the strictest category that the 95 % errors meet (empty for none)."""
+        shares = {
+            name: dict(zip(("horizontal", "vertical", "both"), (within / self._count).tolist(), strict=True))
+            for name, within in reversed(self._within.items())
+        }
+        return {"met_by_95": category(horizontal_95_m, vertical_95_m), "share_within": shares}
+
+
+@dataclasses.dataclass(slots=True)
+class Exceedance:
+    """One stretch of errors beyond an alert limit, stamps in ns; ``alert_ns`` is when the navigator's own alert began, None for never."""
+
+    start_ns: int
+    end_ns: int
+    alert_ns: int | None
+
+    def verdict(self, time_to_alert_ns: int) -> str:
+        """``warned`` in time, ``brief`` (over before a warning was due), or ``missed``."""
+        due_ns = self.start_ns + time_to_alert_ns
+        if self.alert_ns is not None and self.alert_ns <= due_ns:
+            return "warned"
+        return "brief" if self.end_ns < due_ns else "missed"
+
+
+class IntegrityMonitor:
+    """Alarms of one service along a flight, in fixed memory.
+
+    The navigator raises its alert while a protection level (its own sigma times :meth:`Service.protection_factors`) is beyond the alert
+    limit.  A navigator that states no sigma never does.
+
+    Parameters
+    ----------
+    service : Service
+    """
+
+    def __init__(self, service: Service) -> None:
+        self.service = service
+        self.listed: list[Exceedance] = []
+        self._to_alert_ns = round(1e9 * service.time_to_alert_s)
+        self._factors = service.protection_factors()
+        self._counts = {"warned": 0, "brief": 0, "missed": 0}
+        self._beyond_ns = self._alert_total_ns = self._misled_ns = self._longest_ns = 0
+        self._open: Exceedance | None = None
+        self._alert_since_ns: int | None = None
+        self._last: tuple[int, bool, bool] | None = None
+
+    def add(self, errors) -> None:
+        """Take errors (:class:`.metrics.Errors`) in, in order of stamps; rows without a position are left out."""
+        position = errors.values[:, :3]
+        known = np.isfinite(position).all(axis=1)
+        horizontal, vertical = np.hypot(position[:, 0], position[:, 1]), np.abs(position[:, 2])
+        beyond = (horizontal > self.service.horizontal_m) | (vertical > self.service.vertical_m)
+        levels = self._factors[0] * errors.sigma_horizontal, self._factors[1] * errors.sigmas[:, 2]
+        alert = (levels[0] > self.service.horizontal_m) | (levels[1] > self.service.vertical_m)
+        for stamp, is_beyond, is_alert in zip(errors.stamps_ns[known].tolist(), beyond[known].tolist(), alert[known].tolist(), strict=True):
+            self._step(stamp, is_beyond, is_alert)
+
+    def _step(self, stamp: int, beyond: bool, alert: bool) -> None:
+        if self._last is not None:
+            before, was_beyond, was_alert = self._last
+            if stamp - before > HOLE_NS:
+                self._close()
+                self._alert_since_ns = None
+            else:
+                self._beyond_ns += was_beyond * (stamp - before)
+                self._alert_total_ns += was_alert * (stamp - before)
+                self._misled_ns += (was_beyond and not was_alert) * (stamp - before)
+        self._last = (stamp, beyond, alert)
+        self._alert_since_ns = None if not alert else self._alert_since_ns or stamp
+        if not beyond:
+            self._close()
+            return
+        if self._open is None:
+            self._open = Exceedance(stamp, stamp, None)
+        self._open.end_ns = stamp
+        if self._open.alert_ns is None:
+            self._open.alert_ns = self._alert_since_ns
+
+    def _close(self) -> None:
+        if self._open is not None:
+            self._counts[self._open.verdict(self._to_alert_ns)] += 1
+            self._longest_ns = max(self._longest_ns, self._open.end_ns - self._open.start_ns)
+            if len(self.listed) < LISTED:
+                self.listed.append(self._open)
+        self._open = None
+
+    def as_dict(self) -> dict | None:
+        """Plain values for a result file, None when no position ever came; an exceedance still open ends here."""
+        self._close()
+        if self._last is None:
+            return None
+        return {
+            "horizontal_limit_m": self.service.horizontal_m,
+            "vertical_limit_m": self.service.vertical_m,
+            "time_to_alert_s": self.service.time_to_alert_s,
+            "exceedances": sum(self._counts.values()),
+            **self._counts,
+            "longest_s": self._longest_ns / 1e9,
+            "beyond_limit_s": self._beyond_ns / 1e9,
+            "alert_s": self._alert_total_ns / 1e9,
+            "beyond_without_alert_s": self._misled_ns / 1e9,
+            "listed": [
+                {
+                    "start_s": e.start_ns / 1e9,
+                    "end_s": e.end_ns / 1e9,
+                    "alarm_due_s": (e.start_ns + self._to_alert_ns) / 1e9,
+                    "alarm_s": None if e.alert_ns is None else e.alert_ns / 1e9,
+                    "verdict": e.verdict(self._to_alert_ns),
+                }
+                for e in self.listed
+            ],
+        }
+
+
+def monitors() -> dict[str, IntegrityMonitor]:
+    """A monitor for each service that promises integrity."""
+    return {name: IntegrityMonitor(service) for name, service in SERVICES.items()}
