@@ -216,7 +216,7 @@ def draw_gaps(flights: dict[str, Flight], figure: "Figure") -> None:
         axes.semilogy(flight.t_s, np.linalg.norm(flight.error[:, :3], axis=1), lw=0.8, label=name)
     for count, (begin, end) in GAPS_S.items():
         axes.axvspan(begin, end, color="grey", alpha=0.2)
-        axes.text(begin + 8.0, 1.2e2, str(count))
+        axes.text(0.5 * (begin + end), 0.92, str(count), transform=axes.get_xaxis_transform(), ha="center")
     axes.set(xlabel="time [s]", ylabel="position error [m]", title="Gaps with 3, 2, 1 and 0 satellites")
     axes.grid(alpha=0.3)
     axes.legend()
