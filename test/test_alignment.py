@@ -16,7 +16,7 @@ from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.alignment import agrees_with_track, gyrocompass, gyrocompass_sigma
-from lowcostnav_ros.navigators.inertial import ImuSettings
+from lowcostnav_ros.navigators.inertial import ImuSettings, of_axes
 from lowcostnav_ros.navigators.ins_gnss import InsGnss, InsGnssSettings
 from lowcostnav_ros.navigators.ins_gps import InsGps
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
@@ -45,8 +45,10 @@ def standing(imu, seconds, heading, seed=0, roll=0.02, pitch=-0.03):
     rng, n = np.random.default_rng(seed), 100 * seconds
     force, rate = at_rest(roll, pitch, heading)
     drift, mg = rng.standard_normal((2, 3)), 9.80665e-3
-    rates = rate + drift[0] * imu.gyro_turn_on_dps * DEG + imu.gyro_noise_dps_rthz * DEG * 10.0 * rng.standard_normal((n, 3))
-    forces = force + drift[1] * imu.accel_turn_on_mg * mg + imu.accel_noise_mg_rthz * mg * 10.0 * rng.standard_normal((n, 3))
+    gyro_turn_on, gyro_noise = of_axes(imu.gyro_turn_on_dps) * DEG, of_axes(imu.gyro_noise_dps_rthz) * DEG
+    accel_turn_on, accel_noise = of_axes(imu.accel_turn_on_mg) * mg, of_axes(imu.accel_noise_mg_rthz) * mg
+    rates = rate + drift[0] * gyro_turn_on + gyro_noise * 10.0 * rng.standard_normal((n, 3))
+    forces = force + drift[1] * accel_turn_on + accel_noise * 10.0 * rng.standard_normal((n, 3))
     fixes = []
     for t in range(1, seconds):
         fixes.append(GpsPosition(t * NS, "gps/fix", LAT, 0.1, 0.0, np.eye(3) * 4.0))

@@ -155,11 +155,11 @@ def straight(context: Context) -> Outcome:
     """Low-cost IMU on STR; the thesis's flights start at the true attitude, and the filter is told one degree."""
     flights = runs(context, Case("tight", "STR"))
     at_30 = np.abs(np.degrees([f.error[np.searchsorted(f.t_s, 30.0), 8] for f in flights]))
-    sigma_30 = np.degrees(np.mean([f.sigma[np.searchsorted(f.t_s, 30.0), 8] for f in flights]))
+    sigma_30, sigma_end = (np.degrees(np.mean([f.sigma[k, 8] for f in flights])) for k in (np.searchsorted(flights[0].t_s, 30.0), -1))
     rms = attitude_deg(flights)
     text = f"yaw {np.sqrt(np.mean(at_30**2)):.0f} deg at 30 s ({at_30.min():.0f} to {at_30.max():.0f} over "
     text += f"{len(flights)} seeds, its sigma {sigma_30:.0f} deg), "
-    text += f"RMS {rms[2]:.0f} deg; roll and pitch RMS {rms[0]:.2f} and {rms[1]:.2f} deg"
+    text += f"RMS {rms[2]:.0f} deg (its sigma at the end {sigma_end:.0f} deg); roll and pitch RMS {rms[0]:.2f} and {rms[1]:.2f} deg"
     why = "in uniform flight a tilt looks like an accelerometer bias: roll and pitch stay as good as the start they were given"
     good = bool(np.sqrt(np.mean(at_30**2)) > 10.0 and rms[:2].max() < 1.0)
     return judged(text, good, why, partial(draw_heading, flights[0]))

@@ -161,7 +161,7 @@ def scale(context: Context) -> Outcome:
             excited = sigma[sensor] <= EXCITED
             found[dataset, sensor] = root_mean_square(error[sensor][excited]) if excited.any() else np.inf
             axes = " ".join(np.array(list("xyz"))[excited])
-            parts.append(f"{dataset} {name} {found[dataset, sensor]:.2f} on {axes or 'no axis'} (x y z {by_axis(error[sensor])})")
+            parts.append(f"{dataset} {name} {found[dataset, sensor]:.3f} on {axes or 'no axis'} (x y z {by_axis(error[sensor])})")
     gyros, accels = found["LD", "gyro"], found["LD", "accel"]
     why = "our flights turn seldom or steadily: a gyro's scale factor shows in the few changes of rate, against a bias drift of 0.05 deg/s"
     return judged("; ".join(parts) + f" ({SEEDS} seeds)", max(gyros, accels) < 0.75 and 0.5 < gyros / accels < 2.0, why)

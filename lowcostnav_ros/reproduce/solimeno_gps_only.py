@@ -21,7 +21,7 @@ LAGGING = {"pv": 8e-4, "pva": 1e-4}
 """Driving density of the velocity (m^2/s^3) or acceleration (m^2/s^5) that gives the accuracies of Table 7.2."""
 FOLLOWING = 0.03
 """The same of the acceleration for the velocities of Figure 7.10, m^2/s^5."""
-QV_TRIED = (0.003, 0.01, 0.03)
+QV_TRIED = (0.01, 0.03, 0.1, 0.3)
 """Driving densities of the velocity tried for Figure 7.10, m^2/s^3."""
 VELOCITY = slice(3, 6)
 SEEDS = 10

@@ -47,7 +47,9 @@ def standard_error(values: np.ndarray) -> np.ndarray:
 
 
 def with_errors(values: np.ndarray, digits: int = 1) -> str:
-    """Means of the columns with their standard errors."""
+    """Means of the columns with their standard errors, where there is more than one row."""
+    if len(values) == 1:
+        return " / ".join(f"{value:.{digits}f}" for value in values[0])
     pairs = zip(values.mean(axis=0), standard_error(values), strict=True)
     return " / ".join(f"{mean:.{digits}f} ± {error:.{digits}f}" for mean, error in pairs)
 
@@ -101,8 +103,8 @@ def _out_of_order(each: dict[str, np.ndarray]) -> list[str]:
 
 
 WHY = {
-    "crista": "the errors are those the filter expects of two satellites, a low-cost IMU and a compensated crystal, and no tuning makes "
-    "them smaller; a better receiver clock does, and the thesis does not print its own",
+    "crista": "the errors are those the filter expects of two satellites, a low-cost IMU and a compensated crystal, so that tuning has "
+    "nothing to gain; a better receiver clock makes them smaller, and the thesis does not print its own",
     "mems": "the filter is converged before the first gap and no gap costs more than a few metres, so that their order is chance",
     "fog": "the filter is converged before the first gap and no gap costs more than a few metres, so that their order is chance",
 }
@@ -214,7 +216,7 @@ def draw_gaps(flights: dict[str, Flight], figure: "Figure") -> None:
         axes.semilogy(flight.t_s, np.linalg.norm(flight.error[:, :3], axis=1), lw=0.8, label=name)
     for count, (begin, end) in GAPS_S.items():
         axes.axvspan(begin, end, color="grey", alpha=0.2)
-        axes.text(begin + 8.0, 1.2e2, str(count))
+        axes.text(0.5 * (begin + end), 0.92, str(count), transform=axes.get_xaxis_transform(), ha="center")
     axes.set(xlabel="time [s]", ylabel="position error [m]", title="Gaps with 3, 2, 1 and 0 satellites")
     axes.grid(alpha=0.3)
     axes.legend()
