@@ -118,7 +118,7 @@ def test_rinex_files_become_a_bag_that_satellites_alone_fly_on(station, tmp_path
     bag = tmp_path / "bag"
     status, out, _ = run(capsys, "convert", station / "s.obs", "--navigation", station / "s.nav", "--at-rest", "-o", bag)
     assert status == 0 and "10  gnss/raw" in out and "10 epochs: 10 healthy" in out
-    assert "settings of gnss_only for this receiver: timeout_s 10.0, horizon.jump_s 50.0" in out
+    assert "settings of gnss_only for this receiver: timeout_s 10.0\n" in out
     with BagReader(bag) as reader:
         epochs = list(reader.measurements(["gnss/raw"]))
     clock = np.array([3.0e4 + 100.0 * 5.0 * k for k in range(12) if k not in (5, 6)])
