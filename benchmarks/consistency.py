@@ -3,6 +3,7 @@
 ins_gps         automotive IMU, GPS at 1 Hz, the 15-state filter without other aids; then the same flights with 10 s outages.
 dead_reckoning  30 minutes, GPS lost after ten, one DME receiver that alternates stations every 15 s, heading from the AHRS.
 ahrs            20 minutes of repeated turns, DMU-6X grade, calibrated magnetometer; with GPS velocity, then with GPS withheld.
+gnss_only, ins_gnss  the satellite filters; see satellite_consistency.py.
 
 The simulated receiver and IMU have the errors the filters are told of; nothing here is tuned to these flights.
 """
@@ -10,6 +11,7 @@ The simulated receiver and IMU have the errors the filters are told of; nothing 
 
 import ahrs_accuracy
 import numpy as np
+import satellite_consistency
 from common import compare, fly, joined, rms, run, scenario
 
 from lowcostnav_ros import config_files
@@ -177,9 +179,12 @@ def measure(options) -> dict:
         "ins_gps": lambda: ins_gps(4 if quick else 20, 300.0 if quick else 600.0),
         "dead_reckoning": lambda: dead_reckoning(3 if quick else 10, 900.0 if quick else 1800.0),
         "ahrs": lambda: ahrs_accuracy.measure(options),
+        "gnss_only": lambda: satellite_consistency.gnss_only(5 if quick else 50, 100.0 if quick else 240.0),
+        "ins_gnss": lambda: satellite_consistency.ins_gnss(5 if quick else 50, 120.0 if quick else 240.0),
     }
     return {name: parts[name]() for name in options.only.split(",")}
 
 
 if __name__ == "__main__":
-    run(__doc__, measure, only={"default": "ins_gps,dead_reckoning,ahrs", "metavar": "A,B", "help": "navigators to measure"})
+    everything = "ins_gps,dead_reckoning,ahrs,gnss_only,ins_gnss"
+    run(__doc__, measure, only={"default": everything, "metavar": "A,B", "help": "navigators to measure"})
