@@ -8,7 +8,6 @@ gnss_only, ins_gnss  the satellite filters; see satellite_consistency.py.
 The simulated receiver and IMU have the errors the filters are told of; nothing here is tuned to these flights.
 """
 
-
 import ahrs_accuracy
 import numpy as np
 import satellite_consistency
@@ -58,14 +57,16 @@ def nees_of(truth: TruthBlock, estimate: NavColumns) -> np.ndarray:
     rows = np.searchsorted(truth.stamps_ns, estimate.stamps_ns)
     true_position = np.column_stack((truth.lat, truth.lon, truth.height))[rows]
     position = -position_difference_n(estimate.position, true_position)
-    attitude = np.array([
-        rotvec_from_quat(quat_multiply(true, quat_conjugate(est))) for true, est in zip(truth.q_nb[rows], estimate.q_nb, strict=True)
-    ])
-    return np.column_stack((
-        nees(position, estimate.cov_pos),
-        nees(truth.vel_n[rows] - estimate.vel_n, estimate.cov_vel),
-        nees(attitude, estimate.cov_att),
-    ))
+    attitude = np.array(
+        [rotvec_from_quat(quat_multiply(true, quat_conjugate(est))) for true, est in zip(truth.q_nb[rows], estimate.q_nb, strict=True)]
+    )
+    return np.column_stack(
+        (
+            nees(position, estimate.cov_pos),
+            nees(truth.vel_n[rows] - estimate.vel_n, estimate.cov_vel),
+            nees(attitude, estimate.cov_att),
+        )
+    )
 
 
 def ins_gps_flight(case: tuple[int, float]) -> dict:

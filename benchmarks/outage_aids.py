@@ -1,7 +1,7 @@
 """What each aid of ins_gps buys in a GPS outage of one, two and five minutes: the same flights with and without it; prints JSON.
 
-    python benchmarks/outage_aids.py             # 40 flights of each kind
-    python benchmarks/outage_aids.py --table     # and the table of docs/ins_gps.md
+python benchmarks/outage_aids.py             # 40 flights of each kind
+python benchmarks/outage_aids.py --table     # and the table of docs/ins_gps.md
 """
 
 from argparse import Namespace

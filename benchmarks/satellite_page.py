@@ -1,7 +1,7 @@
 """Write the consistency tables and the figure of the satellite filters into docs/gnss_only.md and docs/ins_gnss.md.
 
-    python benchmarks/consistency.py --only gnss_only,ins_gnss --json satellites.json
-    python benchmarks/satellite_page.py --results satellites.json
+python benchmarks/consistency.py --only gnss_only,ins_gnss --json satellites.json
+python benchmarks/satellite_page.py --results satellites.json
 """
 
 import json

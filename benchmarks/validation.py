@@ -1,7 +1,7 @@
 """Write docs/validation.md: the recordings of a real flight and a real drive, and the Monte Carlo of consistency.py if its JSON is given.
 
-    python benchmarks/consistency.py --json consistency.json
-    python benchmarks/validation.py --consistency consistency.json
+python benchmarks/consistency.py --json consistency.json
+python benchmarks/validation.py --consistency consistency.json
 """
 
 import json
