@@ -25,7 +25,7 @@ from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.gnss.signals import name
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.measurements import GnssEpoch
-from lowcostnav_ros.navigators.gnss_integrity import LEFT_OUT, RANGE, RATE, IntegritySettings
+from lowcostnav_ros.navigators.gnss_integrity import LEFT_OUT, RANGE, RATE, IntegritySettings, Satellites, slots_of
 from lowcostnav_ros.navigators.inertial import DEG, VEL
 from lowcostnav_ros.rotation import quat_to_dcm, skew
 from lowcostnav_ros.settings import group, setting
@@ -138,6 +138,23 @@ def noise_covariance(r, common):
     return R
 
 
+@kernel
+def mean_innovation(P, y, H, r, common, shown):
+    """Number, mean innovation and its variance of the satellites to be shown."""
+    n, count, mean = H.shape[1], 0.0, 0.0
+    h, own, shared = np.zeros((1, n)), 0.0, 0.0
+    for k in range(y.shape[0]):
+        if shown[k]:
+            count += 1.0
+            mean += y[k]
+            own += r[k] - common[k] * common[k]
+            shared += common[k]
+            for j in range(n):
+                h[0, j] += H[k, j]
+    noise = np.array([(own + shared * shared) / (count * count)])
+    return count, mean / count, scalar_variances(P, h / count, noise)[0]
+
+
 @dataclass(slots=True)
 class Observations:
     """Usable observations of one kind at one epoch: satellite rows, innovations (m,), Jacobian (m, n), variances (m,).
@@ -197,7 +214,8 @@ class SatelliteAid(Aid):
         if not (np.isfinite(obs.y).all() and np.isfinite(S).all()):
             return self._refused("innovation not finite")
         ratios = obs.y**2 / (S * self.threshold) if self.settings.screening else np.zeros(len(S))
-        shut = host.integrity.is_excluded(measurement, obs.rows)
+        slots = slots_of(measurement, obs.rows)
+        shut = host.integrity.is_excluded(slots)
         if host.integrity.distrusted or shut.all():
             return self._refused("satellites not trusted since the alarm" if host.integrity.distrusted else LEFT_OUT)
         self._report(obs, ratios, ~shut, host)
@@ -214,24 +232,26 @@ class SatelliteAid(Aid):
             host.integrity.contradicted(measurement.stamp_ns, self.gate.recovery_s)
         else:
             passed = (ratios <= 1.0) & ~shut
-            good = self._tested(measurement, obs, passed, host)
+            good = self._tested(measurement, obs, slots, passed, host)
             if not good.any():
                 return self._refused("satellites contradict each other")
-            self._name_rejected(measurement, obs, np.flatnonzero(~passed & ~shut), "innovation beyond gate")
-            self._name_rejected(measurement, obs, np.flatnonzero(shut | (passed & ~good)), LEFT_OUT)
+            if not good.all():
+                self._name_rejected(measurement, obs, np.flatnonzero(~passed & ~shut), "innovation beyond gate")
+                self._name_rejected(measurement, obs, np.flatnonzero(shut | (passed & ~good)), LEFT_OUT)
         self._apply(obs, good, host)
         self.used = obs.rows[good]
         status.accepted, status.accepted_ns = True, measurement.stamp_ns
         status.fused += 1
         return True
 
-    def _tested(self, epoch: GnssEpoch, obs: Observations, passed: np.ndarray, host: "Host") -> np.ndarray:
+    def _tested(self, epoch: GnssEpoch, obs: Observations, slots: np.ndarray, passed: np.ndarray, host: "Host") -> np.ndarray:
         """Those of the satellites that passed which the integrity tests leave."""
         integrity = host.integrity
         if not integrity.settings.enabled:
             return passed
         shared = self.shared(obs, host)
-        good = integrity.compare(self.kind, epoch, obs.rows, obs.y, shared, noise_covariance(obs.r, obs.common), passed)
+        sats = Satellites(epoch, obs.rows, slots)
+        good = integrity.compare(self.kind, sats, obs.y, shared, noise_covariance(obs.r, obs.common), passed)
         if integrity.watches and good.any():
             S = kalman.innovation_covariance(host.P, obs.H[good], obs.covariance(good))
             integrity.testify(self.kind, epoch.stamp_ns, obs.y[good], shared[good, :4], S)
@@ -245,12 +265,10 @@ class SatelliteAid(Aid):
         host.correct(kalman.update(host.P, y, H, R, np.ones(len(host.P))))
 
     def _report(self, obs: Observations, ratios: np.ndarray, shown: np.ndarray, host: "Host") -> None:
-        y, h = obs.y[shown], obs.H[shown].mean(axis=0)
-        variance = scalar_variances(host.P, h[None], np.array([obs.covariance(shown).sum() / len(y) ** 2]))
-        mean = np.array([y.mean()])
+        count, mean, variance = mean_innovation(host.P, obs.y, obs.H, obs.r, obs.common, shown)
         status = self.status
-        status.observation, status.innovation, status.innovation_variance = np.array([float(len(y))]), mean, variance
-        status.nis, status.test_ratio = float(mean[0] ** 2 / variance[0]), float(ratios[shown].max())
+        status.observation, status.innovation, status.innovation_variance = np.array([count]), np.array([mean]), np.array([variance])
+        status.nis, status.test_ratio = mean**2 / variance, float(ratios[shown].max())
 
     def _name_rejected(self, epoch: GnssEpoch, obs: Observations, bad: np.ndarray, reason: str) -> None:
         for k in bad:
@@ -270,6 +288,8 @@ class SatelliteAid(Aid):
         """
         if not y.size:
             return None
+        if known and abs(float(np.sort(y)[(len(y) - 1) // 2])) < JUMP_SIGMAS * math.sqrt(r.min()):
+            return None  # nearly always; the rest costs
         common = float(np.median(y))
         if not known:
             return common

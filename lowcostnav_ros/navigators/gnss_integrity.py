@@ -55,6 +55,19 @@ class IntegritySettings:
     on_alarm: str = setting("warn", "When they disagree: warn and go on, or coast on the inertial sensors.", choices=("warn", "coast"))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Satellites:
+    """Some satellites of an epoch: ``rows`` (n,) in it, and their numbers among all, ``slots`` (n,), by :func:`slots_of`."""
+
+    epoch: GnssEpoch
+    rows: np.ndarray
+    slots: np.ndarray
+
+    def name(self, k: int) -> str:
+        """Name of one of them."""
+        return name_of(self.epoch, self.rows[k])
+
+
 class GnssIntegrity:
     """The integrity tests of one navigator.
 
@@ -88,9 +101,9 @@ class GnssIntegrity:
         self._jumps_ns: list[int] = []
         self._excluded = np.zeros(SLOTS, dtype=bool)
 
-    def is_excluded(self, epoch: GnssEpoch, rows: np.ndarray) -> np.ndarray:
-        """Which satellites in these rows of an epoch are left out at present, bool (n,)."""
-        return self._excluded[slots_of(epoch, rows)]
+    def is_excluded(self, slots: np.ndarray) -> np.ndarray:
+        """Which satellites, by :func:`slots_of`, are left out at present, bool (n,)."""
+        return self._excluded[slots]
 
     @property
     def distrusted(self) -> bool:
@@ -105,17 +118,14 @@ class GnssIntegrity:
             out.hpl_m = out.vpl_m = out.lasting_hpl_m = out.lasting_vpl_m = None
         return out
 
-    def compare(
-        self, kind: str, epoch: GnssEpoch, rows: np.ndarray, y: np.ndarray, G: np.ndarray, R: np.ndarray, passed: np.ndarray
-    ) -> np.ndarray:
+    def compare(self, kind: str, sats: Satellites, y: np.ndarray, G: np.ndarray, R: np.ndarray, passed: np.ndarray) -> np.ndarray:
         """Test the satellites against each other.
 
         Parameters
         ----------
         kind : str
             :data:`RANGE` or :data:`RATE`.
-        rows : ndarray of int, shape (n,)
-            Rows of the epoch.
+        sats : Satellites
         y : ndarray, shape (n,)
             Innovations, m or m/s.
         G : ndarray, shape (n, m)
@@ -130,30 +140,30 @@ class GnssIntegrity:
         ndarray of bool, shape (n,)
             Those to be fused; none when they contradict each other at once and it cannot be told which lies.
         """
-        windows, slots = self.windows[kind], slots_of(epoch, rows)
+        windows, slots, stamp_ns = self.windows[kind], sats.slots, sats.epoch.stamp_ns
         if kind == RANGE:
-            self._tested_ns = epoch.stamp_ns
+            self._tested_ns = stamp_ns
             self._protect(parity.UNTESTED, NO_STATEMENT, full=False)
-        if not windows.gather(epoch.stamp_ns, slots, y, G, R, passed):
+        if not windows.gather(stamp_ns, slots, y, G, R, passed):
             self._report(kind, parity.UNTESTED, "", np.count_nonzero(passed))
             return passed
-        good, (window, verdict, row, steepness) = self._judge(kind, epoch, rows, passed, G, R)
-        self._report(kind, verdict, "" if row < 0 else name_of(epoch, rows[row]), np.count_nonzero(good))
+        good, (window, verdict, row, steepness) = self._judge(kind, sats, passed, G, R)
+        self._report(kind, verdict, "" if row < 0 else sats.name(row), np.count_nonzero(good))
         if kind == RANGE:
             self._protect(verdict, steepness, full=windows.is_full(slots[good]))
-        self._readmit(kind, epoch, rows, good, G, R)
+        self._readmit(kind, sats, good, G, R)
         at_once = window == 0 and verdict in (parity.TOO_FEW, parity.AMBIGUOUS, parity.SEVERAL)
-        return np.zeros(len(rows), dtype=bool) if at_once else good
+        return np.zeros(len(slots), dtype=bool) if at_once else good
 
-    def _judge(self, kind: str, epoch: GnssEpoch, rows: np.ndarray, passed: np.ndarray, G: np.ndarray, R: np.ndarray) -> tuple:
+    def _judge(self, kind: str, sats: Satellites, passed: np.ndarray, G: np.ndarray, R: np.ndarray) -> tuple:
         """Leave out whom the tests name, one after the other; return who is left of those that passed, and their judgement."""
-        windows, slots = self.windows[kind], slots_of(epoch, rows)
+        windows, slots = self.windows[kind], sats.slots
         judged = ~self._excluded[slots]
         found = windows.judge(slots, judged, G, R)
         while found[1] == parity.FOUND:
             window, _, row, _ = found
             over = f" over {windows.times[window]:.0f} s" if window else ""
-            self._exclude(int(slots[row]), name_of(epoch, rows[row]), f"its {kind} contradicts the others'{over}")
+            self._exclude(int(slots[row]), sats.name(row), f"its {kind} contradicts the others'{over}")
             judged[row] = False
             found = windows.judge(slots, judged, G, R)
         good = passed & judged
@@ -221,9 +231,9 @@ class GnssIntegrity:
                 levels[k : k + 2] = [float(horizontal * noticed**0.5), float(vertical * noticed**0.5)]
         status.hpl_m, status.vpl_m, status.lasting_hpl_m, status.lasting_vpl_m = levels
 
-    def _readmit(self, kind: str, epoch: GnssEpoch, rows: np.ndarray, good: np.ndarray, G: np.ndarray, R: np.ndarray) -> None:
+    def _readmit(self, kind: str, sats: Satellites, good: np.ndarray, G: np.ndarray, R: np.ndarray) -> None:
         """Use a satellite again that has agreed in both kinds for long enough."""
-        slots = slots_of(epoch, rows)
+        slots, stamp_ns = sats.slots, sats.epoch.stamp_ns
         if not self._excluded[slots].any():
             return
         distances = self.windows[kind].strays(slots, good, G, R)
@@ -231,9 +241,9 @@ class GnssIntegrity:
             slot = int(slots[k])
             if distances[k] > RETURNING_SIGMAS:
                 self._agreeing_since.pop(slot, None)
-            elif epoch.stamp_ns - self._agreeing_since.setdefault(slot, epoch.stamp_ns) >= 1e9 * self.settings.readmit_s:
+            elif stamp_ns - self._agreeing_since.setdefault(slot, stamp_ns) >= 1e9 * self.settings.readmit_s:
                 self._excluded[slot] = False
-                self.status.excluded.pop(name_of(epoch, rows[k]), None)
+                self.status.excluded.pop(sats.name(k), None)
 
 
 def sentence(kind: str, found: Disagreement) -> str:
