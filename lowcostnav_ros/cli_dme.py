@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from lowcostnav_ros.report.plan_folder import write_plan
 from lowcostnav_ros.settings import SettingsError
 
 DEFAULT_STATIONS = "dme_stations_bay_area.csv"
@@ -61,10 +62,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.output:
         from lowcostnav_ros.report.dme_figures import write_figures
 
-        out = Path(arguments.output)
-        out.mkdir(parents=True, exist_ok=True)
-        write_json(plan, out / "plan.json")
-        print(f"{out}: plan.json, {', '.join(write_figures(plan, out))}")
+        write_plan(plan, Path(arguments.output), write_json, write_figures)
     return EXIT_OK if plan.good_enough() else EXIT_WORSE
 
 

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from lowcostnav_ros.report.plan_folder import write_plan
 from lowcostnav_ros.settings import SettingsError
 
 EXIT_OK, EXIT_WORSE, EXIT_CANNOT_RUN = 0, 1, 2
@@ -135,10 +136,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.output:
         from lowcostnav_ros.report.gnss_plan_figures import write_figures
 
-        out = Path(arguments.output)
-        out.mkdir(parents=True, exist_ok=True)
-        write_json(plan, out / "plan.json")
-        print(f"{out}: plan.json, {', '.join(write_figures(plan, out))}")
+        write_plan(plan, Path(arguments.output), write_json, write_figures)
     return EXIT_OK if plan.good_enough() else EXIT_WORSE
 
 

@@ -92,10 +92,10 @@ def error_table(summary: Mapping[str, Any]) -> Table:
     return table
 
 
-def _position_rows(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+def position_rows(summary: Mapping[str, Any], parts: Mapping[str, str] = _PARTS) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     """Navigator, part of the flight in words and errors, where a position was compared."""
     for name, navigator in summary["navigators"].items():
-        for part, words in _PARTS.items():
+        for part, words in parts.items():
             errors = navigator["errors"].get(part)
             if errors and "position" in errors:
                 yield name, words, errors
@@ -105,7 +105,7 @@ def accuracy_table(summary: Mapping[str, Any]) -> Table:
     """Position accuracy: mean and RMS north, east, up, in the plane and in space, and the largest errors."""
     heads = ("navigator", "over", "mean N\nm", "\nE", "\nU", "RMS N\nm", "\nE", "\nU", "2D\nRMS m", "3D\nRMS m", "3D\nmax m")
     table = _table("Position accuracy", heads, left=2)
-    for name, words, errors in _position_rows(summary):
+    for name, words, errors in position_rows(summary):
         position = errors["position"]
         axes = [number(position[kind][axis]) for kind in ("mean_m", "rms_m") for axis in ("north", "east", "up")]
         table.add_row(name, words, *axes, number(position["rms_2d_m"]), number(position["rms_3d_m"]), number(errors["position_m"]["max"]))
@@ -117,7 +117,7 @@ def approach_table(summary: Mapping[str, Any]) -> Table:
     limits = [f"cat {name}\n{h:g} m, {v:g} m" for name, (h, v) in reversed(CATEGORIES_M.items())]
     heads = ("navigator", "over", "there\n%", "95 % H\nm", "V\nm", *limits, "95 %\nmeet")
     table = _table("Precision approach: share within, horizontal / vertical / both", heads, left=2)
-    for name, words, errors in _position_rows(summary):
+    for name, words, errors in position_rows(summary):
         there = presence(summary, name) if words == _PARTS["flight"] else "-"
         sizes = (number(errors["horizontal_m"]["p95"]), number(errors["vertical_m"]["p95"]))
         table.add_row(name, words, there, *sizes, *shares_within(errors), errors["approach"]["met_by_95"] or "none")

@@ -1,11 +1,11 @@
 """The tables of a report."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.replay.metrics import MAGNITUDES
-from lowcostnav_ros.replay.tables import interval_kind, number, presence, shares_within
+from lowcostnav_ros.replay.tables import interval_kind, number, position_rows, presence, shares_within
 from lowcostnav_ros.replay.words import error_over_sigma
 from lowcostnav_ros.report.svg import escape
 
@@ -83,7 +83,7 @@ def intervals(summary: dict[str, Any]) -> str:
 def accuracy(summary: dict[str, Any]) -> str:
     """Position accuracy: mean and RMS north, east, up, in the plane and in space, and the largest errors."""
     rows = []
-    for name, words, found in _positions(summary):
+    for name, words, found in position_rows(summary, _PARTS):
         position = found["position"]
         axes = [number(position[kind][axis]) for kind in ("mean_m", "rms_m") for axis in ("north", "east", "up")]
         largest = [number(found[size]["max"]) for size in ("horizontal_m", "vertical_m", "position_m")]
@@ -95,7 +95,7 @@ def accuracy(summary: dict[str, Any]) -> str:
 def approaches(summary: dict[str, Any]) -> str:
     """Precision-approach categories: share of the errors within each, and which one the 95 % errors meet."""
     rows = []
-    for name, words, found in _positions(summary):
+    for name, words, found in position_rows(summary, _PARTS):
         there = presence(summary, name) if words == _PARTS["flight"] else "-"
         sizes = (number(found["horizontal_m"]["p95"]), number(found["vertical_m"]["p95"]))
         rows.append((name, words, there, *sizes, *shares_within(found, " / "), found["approach"]["met_by_95"] or "none"))
@@ -130,15 +130,6 @@ def exceedances(summary: dict[str, Any]) -> str:
                 rows.append((name, service, *times, _VERDICTS[e["verdict"]]))
     heads = ("navigator", "service", "from t [s]", "to t [s]", "alarm due by t [s]", "alert since t [s]", "")
     return table("Times beyond an alert limit", heads, rows, left=2)
-
-
-def _positions(summary: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Navigator, part of the flight in words and errors, where a position was compared."""
-    for name, navigator in summary["navigators"].items():
-        for part, words in _PARTS.items():
-            found = navigator["errors"].get(part)
-            if found and "position" in found:
-                yield name, words, found
 
 
 def inputs(summary: dict[str, Any]) -> str:
