@@ -202,11 +202,11 @@ def at_the_limit(draws: int) -> dict:
 
 def measure(options) -> dict:
     """The parts asked for."""
-    runs = 3 if options.quick else 20
+    runs = 3 if options.quick else 10
     parts = {
         "one_satellite": lambda: one_satellite(runs),
         "all_satellites": lambda: all_satellites(runs),
-        "sound": lambda: sound(2 if options.quick else 10),
+        "sound": lambda: sound(2 if options.quick else 6),
         "at_the_limit": lambda: at_the_limit(20_000 if options.quick else 400_000),
     }
     return {name: parts[name]() for name in options.only.split(",")}
