@@ -1,5 +1,6 @@
 """Two real static stations: metre-level positions from C/A code alone, and what each correction is worth."""
 
+import json
 import os
 from collections import Counter
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lowcostnav_ros import cli
 from lowcostnav_ros.earth import dcm_ne, ecef_to_geodetic
 from lowcostnav_ros.gnss.clock_watch import ClockWatch
 from lowcostnav_ros.gnss.correction import CorrectionSettings, corrected
@@ -85,3 +87,15 @@ def test_satellites_without_a_valid_ephemeris_are_counted():
     rejected = Counter()
     assert len(corrected(other, navigation, observations.approx_position_e, CorrectionSettings(), rejected)) == 0
     assert rejected == {"no ephemeris": len(raw)}
+
+
+@pytest.mark.parametrize("name", ["0759", "3040"])
+def test_a_station_flies_from_its_bag_on_satellites_alone_at_metre_level(name, tmp_path):
+    station(name)
+    files = [str(DATA / f"{name}0920.05{kind}") for kind in "on"]
+    assert cli.main(["convert", files[0], "--navigation", files[1], "--at-rest", "-o", str(tmp_path / "bag")]) == 0
+    assert cli.main(["replay", str(tmp_path / "bag"), "--navigators", "gnss_only", "--json", str(tmp_path / "r.json")]) == 0
+    found = json.loads((tmp_path / "r.json").read_text())["navigators"]["gnss_only"]
+    assert found["solutions"] >= 119 and not found["inputs"]["gnss/raw"]["rejected"]
+    flight = found["errors"]["flight"]
+    assert np.hypot(flight["horizontal_m"]["rms"], flight["vertical_m"]["rms"]) < 1.5

@@ -78,6 +78,14 @@ def test_a_single_wild_stamp_is_refused_and_a_new_time_base_is_believed_after_th
     assert [horizon.push(velocity(t)) for t in (5, 15, 25)] == ["stamp implausible", "stamp implausible", TIME_JUMPED]
 
 
+def test_a_sole_source_may_be_slow_where_the_settings_say_so():
+    usual, patient = FusionHorizon(0), FusionHorizon(0, jump_ns=300 * 10**9)
+    stamps_ms = [30_000 * k for k in range(1, 6)]
+    assert [usual.push(velocity(t)) for t in stamps_ms] == [""] + ["stamp implausible"] * 4
+    assert [patient.push(velocity(t)) for t in stamps_ms] == [""] * 5
+    assert patient.push(velocity(600_000)) == "stamp implausible"
+
+
 def test_late_inertial_samples_are_dropped_from_a_block_and_the_rest_kept():
     horizon = FusionHorizon(0, "imu/data_raw")
     horizon.push(imu([10, 20, 30]))

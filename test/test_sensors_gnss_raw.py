@@ -7,6 +7,8 @@ import pytest
 from sensors_truth import cuts, flat, steady_truth
 
 from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
+from lowcostnav_ros.gnss.canyon import Canyon, CanyonSettings
+from lowcostnav_ros.gnss.constellation import galileo_27, gps_24
 from lowcostnav_ros.gnss.error_budget import range_covariance
 from lowcostnav_ros.gnss.observables import azimuth_elevation, line_of_sight
 from lowcostnav_ros.gnss.positioning import solve, solve_velocity
@@ -136,3 +138,28 @@ def test_settings_there_and_back_and_no_truth_no_epoch():
     settings = GnssRawSimulatorSettings(**BUSY)
     assert from_mapping(GnssRawSimulatorSettings, to_mapping(settings)) == settings
     assert GnssRawSimulator(settings).simulate(steady_truth(0.0)) == []
+
+
+def test_cliffs_decide_what_is_seen_by_azimuth_and_height():
+    canyon = {"cliff_m": 1000.0, "width_m": 1000.0, "heading_deg": 150.0, "floor_m": 200.0}
+    open_sky = run(steady_truth(1.0, rate_hz=10), constellation="gps_galileo")[0]
+    for height, walls in ((1300.0, 0.0), (1000.0, 200.0), (300.0, 900.0)):
+        truth = steady_truth(1.0, rate_hz=10)
+        truth.height[:] = height
+        for around in (False, True):
+            epoch = run(truth, constellation="gps_galileo", canyon=CanyonSettings(**canyon, all_around=around))[0]
+            lat, lon, _, _ = place(truth, epoch.stamp_ns)
+            position = geodetic_to_ecef(lat, lon, height)
+            states = np.concatenate([system.states(10800.0)[0] for system in (gps_24(), galileo_27())])
+            azimuth, elevation = azimuth_elevation(lat, lon, line_of_sight(position, states)[1])
+            across = 1.0 if around else np.abs(np.sin(azimuth - math.radians(150.0)))
+            lowest = np.maximum(math.radians(5.0), np.arctan2(walls * across, 500.0))
+            assert len(epoch) == np.count_nonzero(elevation >= lowest)
+        assert len(epoch) == len(open_sky) or walls > 0.0
+
+
+def test_a_canyon_of_the_thesis_is_a_cone():
+    for height in (0.0, 400.0, 900.0, 1500.0):
+        canyon = CanyonSettings(cliff_m=1000.0, all_around=True).canyon()
+        assert canyon.lowest(height, np.linspace(0.0, 6.0, 7)).tolist() == [Canyon().mask(height)] * 7
+    assert CanyonSettings().canyon() is None

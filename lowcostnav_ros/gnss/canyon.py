@@ -87,7 +87,9 @@ def climb(canyon: Canyon, constellation: Constellation, heights_m: Sequence[floa
 def appearance_heights(canyon: Canyon, constellation: Constellation, t_s: float = 0.0) -> dict[int, float]:
     """Height, m, at which each satellite comes into view, by index into the constellation, lowest first.
 
-    From tan El = (H - h)/(L/2); the elevation is that from the height itself.  Satellites below the horizon are left out.
+    From tan El = (H - h)/(L/2), cliffs all around; the elevation is that from the height itself.
+
+    Satellites below the horizon are left out.
     """
     position, _ = constellation.states(t_s)
     found: dict[int, float] = {}
