@@ -13,6 +13,9 @@ from lowcostnav_ros.settings import SettingsError, setting
 
 NOT_PLAYED = (CLOCK, DIAGNOSTICS)  # a new clock is made; old diagnostics would pass for those of the nodes that listen now
 
+SENSED = ("imu", "gps", "gnss", "air", "dme")
+"""First words of the topics that sensors publish on."""
+
 
 @dataclass(frozen=True)
 class PlayerSettings:
@@ -63,7 +66,7 @@ class Player(SourceNode):
     def _sensors(self) -> list[str]:
         """Topics a navigator would compute itself are not played against it."""
         playable = [name for name, kind in self._bag.types.items() if kind not in NOT_PLAYED]
-        sensors = [n for n in playable if n.split("/")[0] in ("imu", "gps", "air", "dme") and n not in ("imu/data", "imu/data_fused")]
+        sensors = [n for n in playable if n.split("/")[0] in SENSED and n not in ("imu/data", "imu/data_fused")]
         return sensors or playable
 
 
