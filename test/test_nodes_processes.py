@@ -122,3 +122,13 @@ def test_a_taken_folder_gets_a_number(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "a_2").mkdir()
     assert free_path(tmp_path / "a") == tmp_path / "a_3"
+
+
+def test_the_player_plays_satellites_with_the_other_sensors():
+    from types import SimpleNamespace
+
+    from lowcostnav_ros.nodes.player import Player
+
+    recorded = ("imu/data_raw", "gnss/raw", "truth/odometry", "gnss_only/odometry")
+    bag = SimpleNamespace(types=dict.fromkeys(recorded, "any"))
+    assert Player._sensors(SimpleNamespace(_bag=bag)) == ["imu/data_raw", "gnss/raw"]

@@ -11,8 +11,10 @@ from lowcostnav_ros.ros.run import run
 from lowcostnav_ros.ros.source_node import SourceNode
 from lowcostnav_ros.settings import SettingsError, setting
 
-SENSOR_ROOMS = ("imu", "gps", "air", "dme", "vor")
 NOT_PLAYED = (CLOCK, DIAGNOSTICS)  # a new clock is made; old diagnostics would pass for those of the nodes that listen now
+
+SENSED = ("imu", "gps", "gnss", "air", "dme", "vor")
+"""First words of the topics that sensors publish on."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class Player(SourceNode):
     def _sensors(self) -> list[str]:
         """Topics a navigator would compute itself are not played against it."""
         playable = [name for name, kind in self._bag.types.items() if kind not in NOT_PLAYED]
-        sensors = [n for n in playable if n.split("/")[0] in SENSOR_ROOMS and n not in ("imu/data", "imu/data_fused")]
+        sensors = [n for n in playable if n.split("/")[0] in SENSED and n not in ("imu/data", "imu/data_fused")]
         return sensors or playable
 
 

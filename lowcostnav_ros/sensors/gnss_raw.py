@@ -148,8 +148,8 @@ class GnssRawSimulator:
         if len(truth) == 0:
             return []
         if self._start_ns is None:
-            self._start_ns = int(truth.stamps_ns[0])
-            self._date()
+            self._date(int(truth.stamps_ns[0]))
+            self._start_ns = int(truth.stamps_ns[0])  # after it: what is refused once is refused again
         rows, n = self._clock.rows(truth.stamps_ns), len(self.constellation)
         normals = self._noise_rng.standard_normal((len(rows), 2 * n + 1))
         slow = self._slow.draw(len(rows))
@@ -157,12 +157,12 @@ class GnssRawSimulator:
         epochs = [self._epoch(truth, int(row), z, s, c) for row, z, s, c in zip(rows, normals, slow, clock, strict=True)]
         return [epoch for epoch in epochs if epoch is not None]
 
-    def _date(self) -> None:
+    def _date(self, start_ns: int) -> None:
         """Put the satellites of an almanac where they are at the first stamp."""
         if self._almanac is None:
             return
         try:
-            start_gps = gps_ns(self._start_ns)
+            start_gps = gps_ns(start_ns)
             self.constellation = constellation_of(self.settings, self._almanac, start_gps)
         except GnssError as error:
             raise SettingsError(f"GNSS: {error}") from error
