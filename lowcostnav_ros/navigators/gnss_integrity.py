@@ -50,6 +50,7 @@ class IntegritySettings:
     readmit_s: float = setting(60.0, "A satellite left out is used again after agreeing this long.", unit="s", minimum=0.0, maximum=3600.0)
     inertial: bool = setting(True, "Test all satellites together against the inertial sensors (spoofing).")
     inertial_windows_s: list = setting([1.0, 10.0, 60.0], "Windows of that test; 0 is one epoch.", unit="s", minimum=0.0)
+    inertial_after_s: float = setting(30.0, "That test begins this long after alignment.", unit="s", minimum=0.0, maximum=3600.0)
     offset_m: float = setting(0.3, "Mean position offset a sound filter may show, 1 sigma.", unit="m", minimum=0.0, maximum=1000.0)
     offset_mps: float = setting(0.02, "Mean velocity offset a sound filter may show, 1 sigma.", unit="m/s", minimum=0.0, maximum=100.0)
     on_alarm: str = setting("warn", "When they disagree: warn and go on, or coast on the inertial sensors.", choices=("warn", "coast"))
@@ -97,6 +98,7 @@ class GnssIntegrity:
             part.clear()
         self.status = Integrity(reason="no epoch yet" if self.settings.enabled else "the tests are switched off")
         self._tested_ns: int | None = None
+        self._first_ns: int | None = None
         self._agreeing_since: dict[int, int] = {}
         self._jumps_ns: list[int] = []
         self._excluded = np.zeros(SLOTS, dtype=bool)
@@ -172,7 +174,10 @@ class GnssIntegrity:
     def testify(self, kind: str, stamp_ns: int, y: np.ndarray, G: np.ndarray, S: np.ndarray) -> None:
         """Test all satellites together against the prediction: innovations y (n,), columns G (n, 4), covariance S (n, n)."""
         watch = self.watches.get(kind)
-        if watch is None or self.status.alarm:
+        if self._first_ns is None:
+            self._first_ns = stamp_ns
+        settled = stamp_ns - self._first_ns >= 1e9 * self.settings.inertial_after_s
+        if watch is None or self.status.alarm or not settled:
             return
         found = watch.observe(stamp_ns, y, G, S)
         if found is not None:
@@ -252,7 +257,7 @@ def sentence(kind: str, found: Disagreement) -> str:
     over = f" over {found.window_s:.0f} s" if found.window_s >= 1.0 else ""
     return (
         f"The satellites' {kind}s contradict the inertial sensors{over}: {AXES[worst]} {found.offset[worst]:+.2f} {unit} "
-        f"({abs(found.offset[worst]) / found.sigma[worst]:.0f} sigma); suspect spoofing or the receiver clock."
+        f"({abs(found.offset[worst]) / found.sigma[worst]:.0f} sigma); spoofing, the clock, or an IMU unlike its settings."
     )
 
 
