@@ -1,7 +1,6 @@
 """What the benchmark scripts share: arguments, the last line of JSON, simulated flights as arrays."""
 
 import argparse
-import dataclasses
 import json
 import os
 import platform
@@ -46,13 +45,7 @@ def scenario(name: str, seed: int, **changes: Any) -> Scenario:
 
 def fly(flight: Scenario) -> tuple[TruthBlock, list[Measurement]]:
     """Fly a scenario: the whole truth and all measurements in order of availability."""
-    seconds = list(Simulation(flight).blocks())
-    return joined([truth for truth, _ in seconds]), [m for _, heard in seconds for m in heard]
-
-
-def joined(truths: list[TruthBlock]) -> TruthBlock:
-    """Blocks of truth as one."""
-    return TruthBlock(*(np.concatenate([getattr(t, f.name) for t in truths]) for f in dataclasses.fields(TruthBlock)))
+    return Simulation(flight).whole()
 
 
 def compare(truth: TruthBlock, solutions: list[NavSolution]) -> tuple[Errors, NavColumns]:

@@ -11,7 +11,7 @@ The simulated receiver and IMU have the errors the filters are told of; nothing 
 import ahrs_accuracy
 import numpy as np
 import satellite_consistency
-from common import compare, fly, joined, rms, run, scenario
+from common import compare, fly, rms, run, scenario
 
 from lowcostnav_ros import config_files
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
@@ -127,7 +127,7 @@ def dead_reckoning_flight(case: tuple[int, float]) -> dict:
     lost_s = min(600.0, duration_s / 3.0)
     changes = {"truth.duration_s": duration_s, "gps.outages_s": [lost_s, 1e5]}
     seconds = list(Simulation(scenario("livermore_long", seed, **changes)).blocks())
-    truth = joined([block for block, _ in seconds])
+    truth = TruthBlock.joined(block for block, _ in seconds)
     navigators = build_navigators(["ahrs", "dead_reckoning"], NAVIGATORS, None)
     solutions: list[NavSolution] = []
     feed = navigators["dead_reckoning"].feed

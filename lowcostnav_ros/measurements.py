@@ -180,6 +180,11 @@ class GnssEpoch(Measurement):
     def __len__(self) -> int:
         return len(self.sat_id)
 
+    def rows(self, rows: np.ndarray) -> "GnssEpoch":
+        """Return the same epoch with some satellites only."""
+        columns = (getattr(self, name)[rows] for name in self.__dataclass_fields__ if name not in ("stamp_ns", "source"))
+        return GnssEpoch(self.stamp_ns, self.source, *columns)
+
 
 @dataclass(slots=True)
 class Integrity:

@@ -1,5 +1,6 @@
 """Truth: what trajectories produce, simulators corrupt and reports compare with. No estimator ever sees it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,3 +40,9 @@ class TruthBlock:
 
     def __getitem__(self, rows: slice | np.ndarray) -> "TruthBlock":
         return TruthBlock(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    @classmethod
+    def joined(cls, blocks: "Iterable[TruthBlock]") -> "TruthBlock":
+        """Return consecutive blocks as one."""
+        parts = list(blocks)
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__))

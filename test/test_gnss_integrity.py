@@ -20,7 +20,6 @@ from lowcostnav_ros.reproduce.solimeno_flights import (
     flight_of,
     imu_of,
     inertial_settings,
-    some_satellites,
     started,
     truth_of,
 )
@@ -101,7 +100,7 @@ def test_a_satellite_that_is_mended_is_used_again():
 
 
 def test_with_five_satellites_the_inertial_sensors_tell_which_lies_and_the_rest_cannot_be_tested():
-    five = [some_satellites(e, np.arange(5)) for e in epochs()]
+    five = [e.rows(np.arange(5)) for e in epochs()]
     lie = np.array([0.0, 0.0, 400.0, 0.0, 0.0])
     heard = [e if k < 400 else dataclasses.replace(e, pseudorange_m=e.pseudorange_m + lie) for k, e in enumerate(five)]
     navigator, flight, reports = fly(heard)
@@ -111,7 +110,7 @@ def test_with_five_satellites_the_inertial_sensors_tell_which_lies_and_the_rest_
 
 
 def test_five_satellites_whose_fault_the_gate_lets_pass_contradict_each_other():
-    five = [some_satellites(e, np.arange(5)) for e in epochs()]
+    five = [e.rows(np.arange(5)) for e in epochs()]
     lie = np.array([0.0, 0.0, 1.0, 0.0, 0.0])
     heard = [dataclasses.replace(e, pseudorange_m=e.pseudorange_m + lie * max(0.0, 0.1 * k - FAULT_S)) for k, e in enumerate(five)]
     _, _, reports = fly(heard)
@@ -121,7 +120,7 @@ def test_five_satellites_whose_fault_the_gate_lets_pass_contradict_each_other():
 
 
 def test_what_cannot_be_tested_is_said_and_has_no_protection_level():
-    four = [some_satellites(e, np.arange(4)) for e in epochs()]
+    four = [e.rows(np.arange(4)) for e in epochs()]
     _, _, reports = fly(four)
     assert reports[-1][1].verdict == "not possible" and "at least 5 are needed" in reports[-1][1].reason
     assert reports[-1][1].hpl_m is None
@@ -174,7 +173,7 @@ def test_the_start_leaves_out_a_liar_and_waits_where_it_cannot_be_told():
     cleaned, velocity = point_solution(changed(heard[0], 2, 3000.0))
     assert abs(cleaned.height - sound.height) < 30.0 and np.all(np.isfinite(velocity.vel_n))
     with pytest.raises(GnssError, match="cannot tell which"):
-        point_solution(changed(some_satellites(heard[0], np.arange(5)), 2, 3000.0))
+        point_solution(changed(heard[0].rows(np.arange(5)), 2, 3000.0))
     doppler = heard[0].doppler_mps + 50.0 * np.arange(len(heard[0])) ** 2
     with pytest.raises(GnssError, match="Dopplers contradict"):
         point_solution(dataclasses.replace(heard[0], doppler_mps=doppler))

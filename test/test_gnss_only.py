@@ -13,7 +13,7 @@ from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import acceptance_band
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings, MotionCore, motion_blocks, motion_dynamics
-from lowcostnav_ros.reproduce.solimeno_flights import Case, epochs_of, flight_of, gps_only_settings, some_satellites, truth_of
+from lowcostnav_ros.reproduce.solimeno_flights import Case, epochs_of, flight_of, gps_only_settings, truth_of
 from lowcostnav_ros.trajectory.drawn import drawn_motion
 
 SHORT_S = 100.0
@@ -100,7 +100,7 @@ def count_innovations(navigator, status, nis):
 def test_with_three_satellites_the_solution_is_held_back_and_comes_back_at_once():
     start = truth_of("HD", SHORT_S).stamps_ns[0]
     in_gap = lambda e: 40e9 < e.stamp_ns - start <= 70e9  # noqa: E731
-    navigator, flight = flown(change=lambda e: some_satellites(e, np.arange(3)) if in_gap(e) else e)
+    navigator, flight = flown(change=lambda e: e.rows(np.arange(3)) if in_gap(e) else e)
     assert not ((flight.t_s > 40.0) & (flight.t_s <= 70.0)).any()
     assert flight.worst(70.0, 72.0) < 25.0
     assert flight.worst(80.0, 100.0) < 5.0
@@ -131,7 +131,7 @@ def test_a_long_outage_starts_the_filter_afresh():
     navigator = GnssOnly(settings)
     for epoch in epochs_of(PVA, truth):
         gap = 30e9 < epoch.stamp_ns - truth.stamps_ns[0] < 60e9
-        navigator.feed(some_satellites(epoch, np.arange(2)) if gap else epoch)
+        navigator.feed(epoch.rows(np.arange(2)) if gap else epoch)
     assert navigator.restarts["no solution for 20 s"] == 1
     assert navigator.mode == "gps"
 

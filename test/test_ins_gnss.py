@@ -27,7 +27,6 @@ from lowcostnav_ros.reproduce.solimeno_flights import (
     fly,
     imu_of,
     inertial_settings,
-    some_satellites,
     started,
     truth_of,
 )
@@ -179,7 +178,7 @@ def test_every_further_satellite_bounds_the_drift_more():
     worst, sigma = {}, {}
     crista = dataclasses.replace(CASE, grade="crista")
     for count in (3, 2, 1, 0):
-        navigator, flight = after(30.0, lambda e, n=count: some_satellites(e, np.arange(n)) if n else None, crista)
+        navigator, flight = after(30.0, lambda e, n=count: e.rows(np.arange(n)) if n else None, crista)
         worst[count], sigma[count] = flight.worst(30.0, 60.0), float(np.linalg.norm(flight.sigma[-1, :3]))
         assert navigator.mode == ("sparse" if count else "coasting")
         assert worst[count] < 4.0 * sigma[count]
@@ -234,7 +233,7 @@ def test_aligns_on_the_move_from_satellites_alone():
 def test_too_few_satellites_to_start_is_said_in_a_sentence():
     navigator = InsGnss(InsGnssSettings(gps=GpsSettings(latency_s=0.0)))
     truth = truth_of("LD", SHORT_S)
-    epochs = [some_satellites(e, np.arange(3)) for e in epochs_of(CASE, truth)]
+    epochs = [e.rows(np.arange(3)) for e in epochs_of(CASE, truth)]
     fed(navigator, imu_of(PROFILE, truth, 1), epochs[:40])
     assert navigator.mode == "aligning" and "at least 4" in navigator.reason
 
@@ -310,7 +309,7 @@ def test_loose_coupling_on_single_epochs_is_consistent_in_innovations_and_errors
 
 def test_loose_coupling_on_single_epochs_coasts_without_four_satellites_and_leaves_out_what_it_may_not_use():
     case = dataclasses.replace(CASE, navigator="epochs")
-    navigator, flight = after(40.0, lambda e: some_satellites(e, np.arange(3)), case, ready(case))
+    navigator, flight = after(40.0, lambda e: e.rows(np.arange(3)), case, ready(case))
     assert navigator.mode == "coasting"
     assert navigator.input_status["gnss/raw"].rejected["no solution of this epoch"] > 190
     assert flight.worst(40.0, 60.0) < 20.0

@@ -16,7 +16,6 @@ from lowcostnav_ros.reproduce.solimeno_flights import (
     fly,
     imu_of,
     navigator_of,
-    some_satellites,
     started,
     truth_of,
 )
@@ -136,8 +135,8 @@ def test_gaps_hold_the_satellites_they_are_named_for():
     assert counts[max(counts)] == 6
 
 
-def test_some_satellites_keeps_columns_together():
+def test_rows_of_an_epoch_keep_columns_together():
     epoch = epochs_of(SHORT, truth_of("HD", 30.0))[0]
-    two = some_satellites(epoch, np.array([3, 1]))
+    two = epoch.rows(np.array([3, 1]))
     assert two.sat_id.tolist() == epoch.sat_id[[3, 1]].tolist()
     assert np.array_equal(two.sat_pos_e, epoch.sat_pos_e[[3, 1]])

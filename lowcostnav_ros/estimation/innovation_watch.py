@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.chi_square import exceeded_with
+from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.small_matrices import cholesky, forward_solve, matmul, matmul_transposed, matvec
 
@@ -60,12 +61,8 @@ def watch(y, G, S, dt, times, floor, zeta, first, second):
     ndarray, shape (w,)
         Test statistics.
     """
-    n, m = G.shape
-    L = cholesky(S)
-    A = np.empty((n, m))
-    for j in range(m):
-        A[:, j] = forward_solve(L, G[:, j].copy())
-    b = forward_solve(L, y)
+    m = G.shape[1]
+    b, A = kalman.whiten(y, G, S)
     columns = A.T.copy()
     N, z = matmul_transposed(columns, columns), matvec(columns, b)
     out = np.empty(times.shape[0])

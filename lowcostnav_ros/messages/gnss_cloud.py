@@ -24,7 +24,6 @@ the one of the smallest sigma is taken.  Where they contradict each other nothin
 """
 
 from collections import Counter
-from dataclasses import fields, replace
 
 import numpy as np
 
@@ -114,8 +113,7 @@ def _once_each(epoch: GnssEpoch, notes: Counter) -> GnssEpoch:
             notes[f"{epoch.source}: {name_of(*satellite)}: {what}"] += len(rows) - len(best)
     if not kept:
         raise Refusal("every satellite appears twice and contradicts itself")
-    columns = {f.name: getattr(epoch, f.name)[kept] for f in fields(epoch) if f.name not in ("stamp_ns", "source")}
-    return replace(epoch, **columns)
+    return epoch.rows(np.array(kept))
 
 
 def _best(epoch: GnssEpoch, rows: list[int]) -> list[int]:

@@ -9,6 +9,7 @@ from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.measurements import Measurement, NavSolution
 from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, POS, VEL
+from lowcostnav_ros.rotation import wrap
 from lowcostnav_ros.settings import setting
 
 STANDARD_GRAVITY = 9.80665
@@ -85,8 +86,7 @@ def transferred(solution: NavSolution, sigma_deg: float) -> tuple[np.ndarray, np
 
 def agrees_with_track(heading: float, track: float, choice: AlignmentSettings) -> bool:
     """Whether a given heading may be that of a vehicle on this track (rad): a number left over from another start may not."""
-    apart = abs((heading - track + np.pi) % (2.0 * np.pi) - np.pi)
-    return bool(apart <= 3.0 * DEG * np.hypot(choice.heading_sigma_deg, choice.track_sigma_deg))
+    return bool(abs(wrap(heading - track)) <= 3.0 * DEG * np.hypot(choice.heading_sigma_deg, choice.track_sigma_deg))
 
 
 def gyrocompass(force_b: np.ndarray, rate_b: np.ndarray) -> float:

@@ -330,6 +330,34 @@ def predicted(epoch: GnssEpoch, host: "Host") -> tuple:
     return satellite_model(host.core.nav, lever_n, swing_n, epoch.sat_pos_e, epoch.sat_vel_e, host.layout.size)
 
 
+class ClockHost:
+    """The receiver clock of a navigator that uses satellites one by one: a ``clock`` block of bias, m, and drift, m/s, that can be seeded.
+
+    For a host with ``core.estimate`` (n,), ``layout`` and ``P``; ``clock_known`` and ``drift_known`` say whether either was seeded.
+    """
+
+    clock_known = drift_known = False
+
+    def forget_clock(self) -> None:
+        """Seed both anew at the next epoch."""
+        self.clock_known = self.drift_known = False
+
+    def seed_clock(self, step_m: float) -> None:
+        """Move the clock bias by ``step_m`` and forget how well it was known."""
+        self._seed(0, step_m, CLOCK_SIGMA_M)
+        self.clock_known = True
+
+    def seed_drift(self, step_mps: float) -> None:
+        """Move the clock drift by ``step_mps`` and forget how well it was known."""
+        self._seed(1, step_mps, CLOCK_SIGMA_MPS)
+        self.drift_known = True
+
+    def _seed(self, k: int, step: float, sigma: float) -> None:
+        row = self.layout["clock"].start + k
+        self.core.estimate[row] += step
+        kalman.reset_block(self.P, slice(row, row + 1), np.array([[sigma**2]]))
+
+
 class RangeAid(SatelliteAid):
     """Pseudoranges, m."""
 

@@ -16,12 +16,12 @@ import numpy as np
 from lowcostnav_ros.chi_square import exceeded_with, noncentrality
 from lowcostnav_ros.estimation.innovation_watch import Disagreement, InnovationWatch
 from lowcostnav_ros.gnss import parity
+from lowcostnav_ros.gnss.raim import EXCLUDED, FAULTY, HEALTHY, NOT_POSSIBLE
 from lowcostnav_ros.gnss.signals import GALILEO, SPEED_OF_LIGHT, name
 from lowcostnav_ros.measurements import GnssEpoch, Integrity
 from lowcostnav_ros.navigators.parity_windows import RETURNING_SIGMAS, SLOTS, ParityWindows
 from lowcostnav_ros.settings import setting
 
-HEALTHY, EXCLUDED, FAULTY, NOT_POSSIBLE = "healthy", "excluded", "faulty", "not possible"
 RANGE, RATE = "range", "rate"
 LEFT_OUT = "left out by the integrity test"
 MAX_DRIFT_MPS = 3000.0

@@ -19,7 +19,7 @@ from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.kernels import kernel
 from lowcostnav_ros.measurements import GnssEpoch, Integrity, NavSolution
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
-from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, RECOVERED, GnssSettings, RangeAid, RangeRateAid
+from lowcostnav_ros.navigators.gnss_aids import RECOVERED, ClockHost, GnssSettings, RangeAid, RangeRateAid
 from lowcostnav_ros.navigators.gnss_integrity import GnssIntegrity
 from lowcostnav_ros.navigators.gnss_start import point_solution, unknown_velocity
 from lowcostnav_ros.navigators.inertial import POS, VEL
@@ -156,7 +156,7 @@ class MotionCore:
         self.estimate[6:] += dx[6:]
 
 
-class GnssOnly(Navigator):
+class GnssOnly(ClockHost, Navigator):
     """Satellites-only navigator; see the module head.
 
     Modes: ``initialising``, ``gps``, ``coasting`` (too few satellites: nothing fused, solutions held back), ``suspect`` (the receiver's
@@ -185,23 +185,9 @@ class GnssOnly(Navigator):
         """Inject a correction (an aid calls this)."""
         self.core.correct(dx)
 
-    def seed_clock(self, step_m: float) -> None:
-        """Move the clock bias by ``step_m`` and forget how well it was known."""
-        self._seed(self.layout["clock"].start, step_m, CLOCK_SIGMA_M)
-        self.clock_known = True
-
-    def seed_drift(self, step_mps: float) -> None:
-        """Move the clock drift by ``step_mps`` and forget how well it was known."""
-        self._seed(self.layout["clock"].start + 1, step_mps, CLOCK_SIGMA_MPS)
-        self.drift_known = True
-
-    def _seed(self, row: int, step: float, sigma: float) -> None:
-        self.core.estimate[row] += step
-        kalman.reset_block(self.P, slice(row, row + 1), np.array([[sigma**2]]))
-
     def _restart(self) -> None:
         self._started = False
-        self.clock_known = self.drift_known = False
+        self.forget_clock()
         self._fused_ns: int | None = None
         self.integrity.clear()
 

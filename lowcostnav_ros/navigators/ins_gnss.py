@@ -10,13 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Kind, chain, random_walk
-from lowcostnav_ros.estimation.horizon import FusionHorizon
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, Integrity, Measurement, NavSolution
-from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, GnssSettings, RangeAid, RangeRateAid, predicted
+from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, ClockHost, GnssSettings, RangeAid, RangeRateAid, predicted
 from lowcostnav_ros.navigators.gnss_integrity import GnssIntegrity
 from lowcostnav_ros.navigators.gnss_start import SlopeVelocity, point_solution
 from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
@@ -102,7 +100,7 @@ def clock_block(settings: GnssSettings) -> Block:
     return chain("clock", labels, sigmas, (model.bias_psd(), model.drift_psd()))
 
 
-class InsGnss(InsGps):
+class InsGnss(ClockHost, InsGps):
     """INS/GNSS navigator; see the module head.
 
     Modes: those of the GPS/INS navigator; ``sparse``, aided by one to three satellites; ``suspect``, the satellites contradict the inertial
@@ -118,10 +116,7 @@ class InsGnss(InsGps):
         self.lever_b = np.array(settings.gps.lever_arm_b_m, dtype=float)
         self.integrity = GnssIntegrity(settings.gnss.integrity, inertial=True)
         self.slope = SlopeVelocity()
-        super().__init__(settings, stations)
-        if SOLUTION in self.inputs:
-            lag_s = settings.horizon.lag_s + settings.gps.latency_s + settings.loose.behind_s
-            self.horizon = FusionHorizon(round(1e9 * lag_s), self.inertial)
+        super().__init__(settings, stations, settings.loose.behind_s if SOLUTION in self.inputs else 0.0)
         if self.tight:
             self.aids = [self.range_aid, *([self.rate_aid] if settings.gnss.doppler else []), *self.aids[2:]]
 
@@ -129,31 +124,9 @@ class InsGnss(InsGps):
         """Those of the GPS/INS navigator with the receiver clock and whatever else the coupling asks for."""
         return gnss_blocks(self.settings)
 
-    def begin(self, stamp_ns: int, nav: np.ndarray, core_covariance: np.ndarray) -> None:
-        """Start at a state known from elsewhere (transfer alignment): ``nav`` (10,) and the covariance (9, 9) of the core states."""
-        self.set_origin(*(float(x) for x in nav[:3]))
-        self.core.start(stamp_ns, nav, core_covariance)
-        self._emitted = stamp_ns // self.output_period_ns
-        self._aligned, self.reason = True, ""
-
-    def seed_clock(self, step_m: float) -> None:
-        """Move the clock bias by ``step_m`` and forget how well it was known."""
-        rows = self.layout["clock"]
-        bias = slice(rows.start, rows.start + 1)
-        self.core.estimate[bias] += step_m
-        kalman.reset_block(self.P, bias, np.array([[CLOCK_SIGMA_M**2]]))
-        self.clock_known = True
-
-    def seed_drift(self, step_mps: float) -> None:
-        """Move the clock drift by ``step_mps`` and forget how well it was known."""
-        drift = slice(self.layout["clock"].start + 1, self.layout["clock"].stop)
-        self.core.estimate[drift] += step_mps
-        kalman.reset_block(self.P, drift, np.array([[CLOCK_SIGMA_MPS**2]]))
-        self.drift_known = True
-
     def _restart(self) -> None:
         super()._restart()
-        self.clock_known = self.drift_known = False
+        self.forget_clock()
         self.slope.clear()
         self._heard_ns = -(10**18)
         self.integrity.clear()

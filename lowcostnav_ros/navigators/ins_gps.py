@@ -112,18 +112,20 @@ class InsGps(Navigator):
     settings : InsGpsSettings
     stations : StationTable or None
         Where the VOR stations stand; without it every radial is refused by name.
+    behind_s : float
+        How far an input that is another navigator's fused solution may be behind the rest, s.
     """
 
     name = "ins_gps"
     inertial = IMU
     inputs = {IMU: True, FIX: True, VELOCITY: True, MAG: False, PRESSURE: False, AIR: False}
 
-    def __init__(self, settings: InsGpsSettings, stations: StationTable | None = None) -> None:
+    def __init__(self, settings: InsGpsSettings, stations: StationTable | None = None, behind_s: float = 0.0) -> None:
         if settings.vor.enabled:  # few aircraft feed it: who does not ask for it need not see it missing
             self.inputs = {**self.inputs, VOR: False}
         if settings.alignment.master:
             self.inputs = {**self.inputs, settings.alignment.master: False}
-        super().__init__(settings, latency_s=settings.gps.latency_s)
+        super().__init__(settings, latency_s=settings.gps.latency_s + behind_s)
         self.layout = Layout(self.blocks())
         self.core = InertialCore(self.layout)
         self.magnetic = MagneticReference(settings.magnetic.decimal_year, settings.magnetic.declination_deg)
@@ -344,6 +346,13 @@ class InsGps(Navigator):
             return choice.heading_deg[0] * DEG, choice.heading_sigma_deg * DEG
         return (None, 0.0) if still else (track, choice.track_sigma_deg * DEG)
 
+    def begin(self, stamp_ns: int, nav: np.ndarray, core_covariance: np.ndarray) -> None:
+        """Start at a state known from elsewhere (transfer alignment): ``nav`` (10,) and the covariance (9, 9) of the core states."""
+        self.set_origin(*(float(x) for x in nav[:3]))
+        self.core.start(stamp_ns, nav, core_covariance)
+        self._emitted = stamp_ns // self.output_period_ns
+        self._aligned, self.reason = True, ""
+
     def _transfer(self, item: MasterState) -> None:
         """Start at the state of the master; once aligned it is not listened to."""
         means = None if self._aligned else self.levelling.mean(0.2)
@@ -354,11 +363,8 @@ class InsGps(Navigator):
         if state is None or wrong:
             self.input_status[item.source].reject(wrong or "no position, velocity or attitude with covariance")
             return
-        self.set_origin(*(float(x) for x in state[0][:3]))
-        self.core.start(item.stamp_ns, *state)
-        self._emitted = item.stamp_ns // self.output_period_ns
+        self.begin(item.stamp_ns, *state)
         self._fused_fix_ns = item.stamp_ns - round(1e9 * self.settings.gps.timeout_s) - 1  # no fix yet: it coasts until there is one
-        self._aligned = True
         self._judge()
 
     def _start(self, f_b, force_n, heading: float, sigma: float, velocity: GpsVelocity, still: bool) -> None:
@@ -372,8 +378,7 @@ class InsGps(Navigator):
         cov[POS, POS] = fix.cov_n + np.eye(3) * (0.5 + (lag_s * np.linalg.norm(velocity.vel_n)) ** 2)
         cov[VEL, VEL] = velocity.cov_n + np.eye(3) * 0.1**2
         cov[ATT, ATT] = np.diag([tilt**2, tilt**2, sigma**2])
-        self.core.start(velocity.stamp_ns, nav, cov)
-        self._emitted = velocity.stamp_ns // self.output_period_ns
+        self.begin(velocity.stamp_ns, nav, cov)
         self._fused_fix_ns = fix.stamp_ns
 
     # outputs -----------------------------------------------------------------------------------------------------------------

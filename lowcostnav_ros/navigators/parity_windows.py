@@ -8,9 +8,10 @@ A mean over N epochs has 1/N of the white variance and all of an error that last
 
 import numpy as np
 
+from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.gnss.parity import HEALTHY, judge, parity
 from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.small_matrices import cholesky, forward_solve, matvec
+from lowcostnav_ros.small_matrices import matvec
 
 SLOTS = 128
 GAP_NS = 5_000_000_000
@@ -20,23 +21,13 @@ RETURNING_SIGMAS = 3.0
 
 
 @kernel
-def whitened(G, y, R):
-    """Rows and observations in units of their noise: A (n, m), b (n,)."""
-    L = cholesky(R)
-    A = G.copy()
-    for j in range(G.shape[1]):
-        A[:, j] = forward_solve(L, G[:, j].copy())
-    return A, forward_solve(L, y)
-
-
-@kernel
 def gather(mean, factor, count, age_s, slots, y, G, R, trusted, dt, times):
     """Add the residuals of an epoch to the running means, in place; return whether the trusted satellites gave a fit.
 
     A mean is plain until it is as old as its window, then exponential; ``factor`` is the variance of the mean of unit white noise.
     Rows of ``mean`` and ``factor`` are windows, the first of which is the epoch itself.
     """
-    A, b = whitened(G[trusted], y[trusted], chosen(R, np.flatnonzero(trusted)))
+    b, A = kalman.whiten(y[trusted], G[trusted], chosen(R, np.flatnonzero(trusted)))
     solved, x, _, _, _ = parity(A, b)
     if not solved:
         return False
@@ -92,7 +83,7 @@ def judge_windows(mean, factor, slots, trusted, G, R, slow_sigma, limits):
     slots, G, R = slots[rows], G[rows], chosen(R, rows)
     for i in range(mean.shape[0]):
         spread = covariance_of_means(factor[i], slots, R, slow_sigma if i > 0 else 0.0)
-        A, b = whitened(G, mean[i][slots], spread)
+        b, A = kalman.whiten(mean[i][slots], G, spread)
         verdict, row, horizontal, vertical, redundancy = judge(A, b, limits)
         window = i
         if verdict != HEALTHY:
@@ -108,7 +99,7 @@ def strays(mean, factor, slots, trusted, G, R, slow_sigma):
     rows = np.flatnonzero(trusted)
     for i in range(min(1, mean.shape[0] - 1), mean.shape[0]):
         spread = covariance_of_means(factor[i], slots, R, slow_sigma if i > 0 else 0.0)
-        A, b = whitened(G[rows], mean[i][slots[rows]], chosen(spread, rows))
+        b, A = kalman.whiten(mean[i][slots[rows]], G[rows], chosen(spread, rows))
         solved, x, gain, _, _ = parity(A, b)
         for k in range(n):
             if not trusted[k]:

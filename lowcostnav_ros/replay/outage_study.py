@@ -5,7 +5,6 @@ loses GPS for five minutes with two turns in them.  A road vehicle drives likewi
 grade, GPS 2 m at 1 Hz, every other sensor as its simulator's defaults have it, and the filter is told what these are.
 """
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -13,12 +12,10 @@ import numpy as np
 
 from lowcostnav_ros.earth import difference_n
 from lowcostnav_ros.measurements import Measurement, NavSolution
-from lowcostnav_ros.navigators.inertial import imu_settings
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
 from lowcostnav_ros.replay.building import make_navigator
 from lowcostnav_ros.rotation import quat_to_euler, wrap
 from lowcostnav_ros.settings import from_mapping
-from lowcostnav_ros.simulation.equipment import load_imu_profile
 from lowcostnav_ros.simulation.scenario import scenario_from_text
 from lowcostnav_ros.simulation.simulator import Simulation
 from lowcostnav_ros.truth import TruthBlock
@@ -94,17 +91,13 @@ class OutageError:
 
 def fly(flight: str, seed: int) -> tuple[TruthBlock, list[Measurement]]:
     """Fly one of :data:`FLIGHTS`: the whole truth and all measurements in order of availability."""
-    seconds = list(Simulation(scenario_from_text(FLIGHTS[flight], flight, seed=seed)).blocks())
-    columns = (np.concatenate([getattr(truth, name) for truth, _ in seconds]) for name in TruthBlock.__dataclass_fields__)
-    return TruthBlock(*columns), [m for _, heard in seconds for m in heard]
+    return Simulation(scenario_from_text(FLIGHTS[flight], flight, seed=seed)).whole()
 
 
 def navigator(case: Case) -> InsGps:
     """Return the navigator with the aids of a case and no others."""
-    bare = {"baro.enabled": False, "magnetic.enabled": False, "airdata.enabled": False}
-    settings = from_mapping(InsGpsSettings, {**bare, **case.settings})
-    noise = load_imu_profile("automotive").filter_noise()
-    return make_navigator(dataclasses.replace(settings, imu=imu_settings(noise)), InsGps)
+    bare = {"imu.profile": "automotive", "baro.enabled": False, "magnetic.enabled": False, "airdata.enabled": False}
+    return make_navigator(from_mapping(InsGpsSettings, {**bare, **case.settings}), InsGps)
 
 
 def outage_errors(names: list[str], seed: int) -> dict[str, list[OutageError]]:

@@ -134,12 +134,6 @@ def epochs_of(case: Case, truth: TruthBlock) -> list[GnssEpoch]:
     return GnssRawSimulator(settings).simulate(truth)
 
 
-def some_satellites(epoch: GnssEpoch, rows: np.ndarray) -> GnssEpoch:
-    """The same epoch with some satellites only."""
-    columns = {name: getattr(epoch, name)[rows] for name in epoch.__dataclass_fields__ if name not in ("stamp_ns", "source")}
-    return replace(epoch, **columns)
-
-
 def gnss_settings(case: Case) -> GnssSettings:
     """Settings of the satellite aids of a case; the thesis names screening and does none."""
     tested = case.tuning == "consistent"

@@ -31,3 +31,8 @@ class Simulation:
             measurements = [m for sensor in sensors for m in sensor.simulate(truth)]
             self.notes = [note for sensor in sensors for note in getattr(sensor, "notes", ())]
             yield truth, sorted(measurements, key=lambda m: (m.stamp_ns, m.source))
+
+    def whole(self) -> tuple[TruthBlock, list[Measurement]]:
+        """Fly to the end: all of the truth, and all measurements in order of availability."""
+        seconds = list(self.blocks())
+        return TruthBlock.joined(truth for truth, _ in seconds), [m for _, heard in seconds for m in heard]
