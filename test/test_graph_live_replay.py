@@ -13,7 +13,7 @@ from lowcostnav_ros.messages.store import to_cdr  # noqa: E402
 
 TRUTH = {"executable": "truth_source", "parameters": {"kind": "segments", "name": "straight", "duration_s": 8.0}}
 SENSORS = ["imu_simulator", "magnetometer_simulator", "air_data_simulator", "gps_simulator", "vor_simulator"]
-INS = {"executable": "ins_gps", "parameters": {"vor.enabled": True, "vor.stations_file": "dme_stations_bay_area.csv"}}
+INS = {"executable": "ins_gps", "parameters": {"horizon.lag_s": 2.0, "vor.enabled": True, "vor.stations_file": "dme_stations_bay_area.csv"}}
 GRAPH = {"scenario": "livermore", "lossless": True, "nodes": [TRUTH, *SENSORS, INS, "recorder"]}
 
 
