@@ -84,5 +84,5 @@ setup(
             "import-linter>=2.0",
         ],
     },
-    entry_points={"console_scripts": ["lowcostnav = lowcostnav_ros.cli:main", *(f"{n} = {NAME}.nodes.{n}:main" for n in NODES)]},
+    entry_points={"console_scripts": ["lowcostnav = lowcostnav_ros.cli.main:main", *(f"{n} = {NAME}.nodes.{n}:main" for n in NODES)]},
 )

@@ -10,14 +10,14 @@ import time
 import numpy as np
 from common import fly, run
 
+from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.settings import from_mapping
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.estimation.consistency import error_over_sigma_rms
-from lowcostnav_ros.measurements import ImuBlock, Measurement, NavSolution
-from lowcostnav_ros.navigators.ahrs import Ahrs
-from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings
-from lowcostnav_ros.rotation import euler_jacobian_n, quat_to_euler, wrap
-from lowcostnav_ros.settings import from_mapping
+from lowcostnav_ros.navigators.ahrs.base import Ahrs
+from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings
+from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, wrap
 from lowcostnav_ros.simulation.scenario import scenario_from_text
-from lowcostnav_ros.truth import TruthBlock
 
 SCENARIO = """
 name: ahrs_accuracy

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros import config_files
-from lowcostnav_ros.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.catalogue import config_files
 from lowcostnav_ros.replay.columns import NavColumns, columns_of
 from lowcostnav_ros.replay.evaluation import truth_columns
 from lowcostnav_ros.replay.metrics import Errors, errors_between
 from lowcostnav_ros.simulation.scenario import Scenario, scenario_from_text
 from lowcostnav_ros.simulation.simulator import Simulation
-from lowcostnav_ros.truth import TruthBlock
 
 MINUTE_NS = 60_000_000_000
 

@@ -13,21 +13,21 @@ import numpy as np
 import satellite_consistency
 from common import compare, fly, rms, run, scenario
 
-from lowcostnav_ros import config_files
+from lowcostnav_ros.aids.ins_gps_aids import AirDataSettings, BaroSettings, GpsSettings, MagneticSettings
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, Measurement, NavSolution
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.catalogue import config_files
+from lowcostnav_ros.catalogue.building import build_navigators
+from lowcostnav_ros.cores.inertial import imu_settings
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
-from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, Measurement, NavSolution
-from lowcostnav_ros.navigators.inertial import imu_settings
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
-from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, GpsSettings, MagneticSettings
 from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.replay.building import build_navigators
-from lowcostnav_ros.replay.campaign import run_campaign
+from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.replay.columns import NavColumns, position_difference_n
 from lowcostnav_ros.replay.session import replay_stream, simulated
-from lowcostnav_ros.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
 from lowcostnav_ros.simulation.simulator import Simulation
-from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.studies.campaign import run_campaign
 
 SETTLED_S = 120.0
 EVERY_S = 10.0

@@ -12,18 +12,18 @@ from collections import Counter
 import numpy as np
 from common import run
 
-from lowcostnav_ros.chi_square import exceeded_with
+from lowcostnav_ros.aids.gnss_integrity import IntegritySettings
+from lowcostnav_ros.aids.satellites import GnssSettings
+from lowcostnav_ros.base.chi_square import exceeded_with
+from lowcostnav_ros.catalogue.equipment import load_imu_profile
+from lowcostnav_ros.cores.inertial import imu_settings
 from lowcostnav_ros.gnss import parity, raim
 from lowcostnav_ros.gnss.positioning import solve
-from lowcostnav_ros.navigators.gnss_aids import GnssSettings
-from lowcostnav_ros.navigators.gnss_integrity import IntegritySettings
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
-from lowcostnav_ros.navigators.inertial import imu_settings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
-from lowcostnav_ros.replay.campaign import run_campaign
-from lowcostnav_ros.reproduce.solimeno_flights import NO_LAG, SCHEDULES, Case, fed, flight_of, imu_of, inertial_settings, started, truth_of
+from lowcostnav_ros.reproduce.solimeno.flights import NO_LAG, SCHEDULES, Case, fed, flight_of, imu_of, inertial_settings, started, truth_of
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulator, GnssRawSimulatorSettings
-from lowcostnav_ros.simulation.equipment import load_imu_profile
+from lowcostnav_ros.studies.campaign import run_campaign
 
 FLIGHT_S, FAULT_S = 300.0, 120.0
 SATELLITE = -1

@@ -22,8 +22,8 @@ from pathlib import Path
 
 from common import run
 
-from lowcostnav_ros.graph import Graph, load_graph
-from lowcostnav_ros.graph_runner import GraphRunner
+from lowcostnav_ros.graph.description import Graph, load_graph
+from lowcostnav_ros.graph.runner import GraphRunner
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 
 SETTLE_S = 12.0

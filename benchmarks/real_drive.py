@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 from common import data_folder, rms, run
 
-from lowcostnav_ros import config_files
+from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.catalogue import config_files
 from lowcostnav_ros.convert import convert
-from lowcostnav_ros.earth import difference_n
-from lowcostnav_ros.measurements import GpsPosition, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
+from lowcostnav_ros.physics.earth import difference_n
 
 OUTAGE_S = 15.0
 FIRST_S, LAST_S = 60.0, 535.0

@@ -24,16 +24,16 @@ from pathlib import Path
 import numpy as np
 from common import data_folder, rms, run
 
-from lowcostnav_ros import config_files
+from lowcostnav_ros.base.measurements import GpsPosition, Measurement, NavSolution, SlantRange
+from lowcostnav_ros.base.settings import from_mapping
+from lowcostnav_ros.catalogue import config_files
 from lowcostnav_ros.convert import convert
-from lowcostnav_ros.earth import LocalFrame, difference_n
-from lowcostnav_ros.measurements import GpsPosition, Measurement, NavSolution, SlantRange
 from lowcostnav_ros.messages.bag import BagReader
-from lowcostnav_ros.navigators.dead_reckoning import DeadReckoning, DeadReckoningSettings
+from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
+from lowcostnav_ros.physics.earth import LocalFrame, difference_n
+from lowcostnav_ros.physics.stochastic import GaussMarkov, simulate
 from lowcostnav_ros.radionav.geometry import range_and_direction
 from lowcostnav_ros.radionav.stations import Station, StationTable, stations_from_text
-from lowcostnav_ros.settings import from_mapping
-from lowcostnav_ros.stochastic import GaussMarkov, simulate
 
 VEHICLE = config_files.config_dir() / "vehicles" / "small_aircraft" / "dead_reckoning.yaml"
 SETTINGS = {"shipped": {}, "small_aircraft": config_files.read_parameters(VEHICLE, "dead_reckoning")}

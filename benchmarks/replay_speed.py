@@ -19,7 +19,7 @@ NAVIGATORS = ("ahrs", "ins_gps", "dead_reckoning", "supervisor")
 def record(folder: Path, name: str, duration_s: float) -> Path:
     """Simulate a flight into a bag, in a process of its own so that its memory does not count here."""
     bag = folder / name
-    command = [sys.executable, "-m", "lowcostnav_ros.cli", "simulate", "livermore_long", "-o", str(bag), "--duration", str(duration_s)]
+    command = [sys.executable, "-m", "lowcostnav_ros.cli.main", "simulate", "livermore_long", "-o", str(bag), "--duration", str(duration_s)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     return bag
 

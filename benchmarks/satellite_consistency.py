@@ -14,16 +14,18 @@ from functools import lru_cache
 
 import numpy as np
 
+from lowcostnav_ros.base.measurements import GnssEpoch, NavSolution
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.catalogue.equipment import load_imu_profile
+from lowcostnav_ros.cores.inertial import imu_settings
 from lowcostnav_ros.estimation.aiding import AidStatus, GateSettings
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.gnss.receiver_clock import simulate as simulate_clock
-from lowcostnav_ros.measurements import GnssEpoch, NavSolution
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, motion_blocks
-from lowcostnav_ros.navigators.inertial import imu_settings
 from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss
-from lowcostnav_ros.replay.campaign import run_campaign
-from lowcostnav_ros.reproduce.solimeno_flights import (
+from lowcostnav_ros.reproduce.solimeno.flights import (
     GRADES,
     Case,
     epochs_of,
@@ -36,10 +38,8 @@ from lowcostnav_ros.reproduce.solimeno_flights import (
     truth_of,
 )
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
-from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.simulation.equipment import load_imu_profile
+from lowcostnav_ros.studies.campaign import run_campaign
 from lowcostnav_ros.trajectory.drawn import drawn_motion
-from lowcostnav_ros.truth import TruthBlock
 
 OPEN = GateSettings(probability=0.9999999)
 MATCHED = "matched"

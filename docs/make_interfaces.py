@@ -8,9 +8,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from lowcostnav_ros.base.settings import Declared, declared
 from lowcostnav_ros.messages.topics import NAVIGATOR_TOPICS, TOPICS
 from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.settings import Declared, declared
 
 PAGE = Path(__file__).with_name("interfaces.md")
 HEAD = """# Interfaces

@@ -11,8 +11,8 @@ try:
 except ImportError as error:
     raise ImportError("ros2 launch is not installed here (it does not come by pip); use 'lowcostnav up <graph>' instead.") from error
 
-from lowcostnav_ros.graph import load_graph
-from lowcostnav_ros.graph_nodes import shared_parameters
+from lowcostnav_ros.graph.description import load_graph
+from lowcostnav_ros.graph.wiring import shared_parameters
 
 
 def _nodes(context):

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.measurements import AirVelocity, GpsVelocity, ImuBlock, MagneticField, Measurement
-from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings
-from lowcostnav_ros.navigators.magnetic_heading import MagneticReference
-from lowcostnav_ros.rotation import euler_to_dcm
-from lowcostnav_ros.settings import from_mapping
+from lowcostnav_ros.base.measurements import AirVelocity, GpsVelocity, ImuBlock, MagneticField, Measurement
+from lowcostnav_ros.base.settings import from_mapping
+from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings
+from lowcostnav_ros.physics.magnetic_heading import MagneticReference
+from lowcostnav_ros.physics.rotation import euler_to_dcm
 
 T0 = 1_780_000_000_000_000_000
 PLACE_DEG = (37.69, -121.82)

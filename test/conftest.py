@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from lowcostnav_ros.graph_domain import free_domain, node_environment
+from lowcostnav_ros.graph.domain import free_domain, node_environment
 
 
 @pytest.fixture

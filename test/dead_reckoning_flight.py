@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lowcostnav_ros.earth import LocalFrame
-from lowcostnav_ros.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude, GpsPosition, GpsVelocity, SlantRange
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude, GpsPosition, GpsVelocity, SlantRange
+from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.physics.rotation import euler_to_quat
 from lowcostnav_ros.radionav.geometry import range_and_direction
 from lowcostnav_ros.radionav.stations import Station, StationTable
-from lowcostnav_ros.rotation import euler_to_quat
 
 ORIGIN = LocalFrame(math.radians(37.7), math.radians(-121.8), 600.0)
 START_NS = 1_000_000_000_000

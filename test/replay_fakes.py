@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import LocalFrame, displace
+from lowcostnav_ros.base.measurements import Attitude, GpsPosition, GpsVelocity, ImuBlock, NavSolution
+from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.estimation.aiding import AidStatus
-from lowcostnav_ros.measurements import Attitude, GpsPosition, GpsVelocity, ImuBlock, NavSolution
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
-from lowcostnav_ros.rotation import euler_to_quat
-from lowcostnav_ros.settings import group, setting
-from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.physics.earth import LocalFrame, displace
+from lowcostnav_ros.physics.rotation import euler_to_quat
 
 NS = 1_000_000_000
 LAT, LON, HEIGHT = math.radians(37.69), math.radians(-121.82), 500.0

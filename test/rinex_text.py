@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.earth import ecef_to_geodetic
 from lowcostnav_ros.gnss import gps_time as gt
 from lowcostnav_ros.gnss import troposphere
 from lowcostnav_ros.gnss.constellation import gps_24
 from lowcostnav_ros.gnss.ephemeris import ORBIT_EARTH_RATE, Ephemeris, satellite_state
 from lowcostnav_ros.gnss.observables import azimuth_elevation, line_of_sight, turned
 from lowcostnav_ros.gnss.signals import L1_WAVELENGTH_M, SPEED_OF_LIGHT, name
+from lowcostnav_ros.physics.earth import ecef_to_geodetic
 
 DAY = gt.from_calendar(2005, 4, 2)
 TOE = DAY + 3600 * gt.SECOND

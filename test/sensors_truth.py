@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.base.truth import TruthBlock
 
 START_NS = 1_780_000_000_000_000_000
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from ahrs_flights import DEG, T0, Turn, settings
 
-from lowcostnav_ros.config_files import config_dir, load_settings, yaml_of
-from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, ImuBlock, MagneticField
-from lowcostnav_ros.navigators.ahrs import Ahrs
-from lowcostnav_ros.navigators.ahrs_settings import AhrsSettings
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, MagneticField
+from lowcostnav_ros.base.settings import SettingsError, from_mapping, to_mapping
+from lowcostnav_ros.catalogue.config_files import config_dir, load_settings, yaml_of
+from lowcostnav_ros.navigators.ahrs.base import Ahrs
+from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings
 from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.rotation import quat_to_euler, wrap
-from lowcostnav_ros.settings import SettingsError, from_mapping, to_mapping
+from lowcostnav_ros.physics.rotation import quat_to_euler, wrap
 
 
 def attitude_error_deg(turn: Turn, solution) -> np.ndarray:

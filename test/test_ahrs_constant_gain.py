@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from ahrs_flights import DEG, T0, Turn, settings
 
-from lowcostnav_ros.measurements import Attitude, GpsVelocity, ImuBlock, Measurement
-from lowcostnav_ros.navigators.ahrs import Ahrs
-from lowcostnav_ros.navigators.ahrs_constant_gain import ConstantGainAhrs
-from lowcostnav_ros.navigators.ahrs_constant_gain_aids import joseph
-from lowcostnav_ros.navigators.ahrs_full import FullAhrs
-from lowcostnav_ros.navigators.ahrs_settings import FILTERS, AhrsSettings
-from lowcostnav_ros.rotation import dcm_to_quat, euler_to_quat, quat_to_euler, wrap
-from lowcostnav_ros.settings import SettingsError, from_mapping
+from lowcostnav_ros.aids.constant_gain import joseph
+from lowcostnav_ros.base.measurements import Attitude, GpsVelocity, ImuBlock, Measurement
+from lowcostnav_ros.base.settings import SettingsError, from_mapping
+from lowcostnav_ros.navigators.ahrs.base import Ahrs
+from lowcostnav_ros.navigators.ahrs.constant_gain import ConstantGainAhrs
+from lowcostnav_ros.navigators.ahrs.full import FullAhrs
+from lowcostnav_ros.navigators.ahrs.settings import FILTERS, AhrsSettings
+from lowcostnav_ros.physics.rotation import dcm_to_quat, euler_to_quat, quat_to_euler, wrap
 from lowcostnav_ros.simulation.scenario import scenario_from_text
 from lowcostnav_ros.simulation.simulator import Simulation
 

@@ -10,16 +10,16 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from lowcostnav_ros.measurements import AirVelocity
-from lowcostnav_ros.navigators.ahrs import Ahrs
-from lowcostnav_ros.navigators.ahrs_alignment import Alignment, FirstAttitude
-from lowcostnav_ros.navigators.ahrs_kernels import WINDOW_SIZE, gather_window
-from lowcostnav_ros.navigators.ahrs_settings import LevelSettings
-from lowcostnav_ros.navigators.ahrs_start import begin_core, restart_velocity_from_air
-from lowcostnav_ros.navigators.ahrs_switch import ManoeuvreSwitch
-from lowcostnav_ros.navigators.inertial import ATT, VEL
-from lowcostnav_ros.navigators.magnetic_heading import LocalField
-from lowcostnav_ros.rotation import euler_to_quat, quat_to_dcm, quat_to_euler, skew, wrap
+from lowcostnav_ros.base.measurements import AirVelocity
+from lowcostnav_ros.cores.inertial import ATT, VEL
+from lowcostnav_ros.navigators.ahrs.base import Ahrs
+from lowcostnav_ros.navigators.ahrs.kernels import WINDOW_SIZE, gather_window
+from lowcostnav_ros.navigators.ahrs.settings import LevelSettings
+from lowcostnav_ros.navigators.ahrs.switch import ManoeuvreSwitch
+from lowcostnav_ros.physics.magnetic_heading import LocalField
+from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm, quat_to_euler, skew, wrap
+from lowcostnav_ros.starts.attitude_core import begin_core, restart_velocity_from_air
+from lowcostnav_ros.starts.first_attitude import Alignment, FirstAttitude
 
 UNKNOWN = 1.0e6
 

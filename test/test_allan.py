@@ -11,7 +11,7 @@ from lowcostnav_ros.calibration import allan_models as model
 from lowcostnav_ros.calibration.allan import allan_chart, cluster_sizes, equivalent_degrees, local_slopes
 from lowcostnav_ros.calibration.allan_fit import first_minimum, fit_chart
 from lowcostnav_ros.calibration.record import CalibrationError, regular_rate
-from lowcostnav_ros.stochastic import GaussMarkov, initial_state, simulate
+from lowcostnav_ros.physics.stochastic import GaussMarkov, initial_state, simulate
 
 
 @pytest.fixture(scope="module")

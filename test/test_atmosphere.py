@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from lowcostnav_ros import atmosphere as air
-from lowcostnav_ros import units
+from lowcostnav_ros.base import units
+from lowcostnav_ros.physics import atmosphere as air
 
 settings.register_profile("compiled", deadline=None)  # the first example pays for compilation
 settings.load_profile("compiled")

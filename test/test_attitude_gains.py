@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.estimation import attitude_gains as g
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.navigators import attitude_gains as g
-from lowcostnav_ros.navigators.attitude_filters import euler_filter
-from lowcostnav_ros.navigators.attitude_propagation import euler_rate_matrix
-from lowcostnav_ros.settings import SettingsError
+from lowcostnav_ros.physics.attitude_propagation import euler_rate_matrix
+from lowcostnav_ros.studies.attitude_filters import euler_filter
 
 DEG = math.pi / 180.0
 

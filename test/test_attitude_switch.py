@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from ahrs_flights import T0, Turn
 
-from lowcostnav_ros.measurements import ImuBlock
-from lowcostnav_ros.navigators.ahrs_settings import LevelSettings, RateSwitchSettings
-from lowcostnav_ros.navigators.attitude_filters import HEADING_SWITCH, RATE_SWITCH, accel_mag_filter
-from lowcostnav_ros.navigators.attitude_switch import RateSwitch, follow_switch, switch_limits
-from lowcostnav_ros.reproduce.gebre_attitude_switch import turning_flight
+from lowcostnav_ros.base.measurements import ImuBlock
+from lowcostnav_ros.navigators.ahrs.rate_switch import RateSwitch, follow_switch, switch_limits
+from lowcostnav_ros.navigators.ahrs.settings import LevelSettings, RateSwitchSettings
+from lowcostnav_ros.reproduce.gebre.attitude_switch import turning_flight
+from lowcostnav_ros.studies.attitude_filters import HEADING_SWITCH, RATE_SWITCH, accel_mag_filter
 
 DEG = math.pi / 180.0
 LIMITS = switch_limits(LevelSettings(), RateSwitchSettings())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lowcostnav_ros import measurements as m
+from lowcostnav_ros.base import measurements as m
 from lowcostnav_ros.messages import encode as e
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import BagError, BagReader, BagWriter

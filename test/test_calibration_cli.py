@@ -5,13 +5,13 @@ import gzip
 import numpy as np
 import pytest
 
-from lowcostnav_ros import cli
+from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, MagneticField
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerInput
-from lowcostnav_ros.config_files import load_settings
-from lowcostnav_ros.geomagnetism import field_n
-from lowcostnav_ros.measurements import GpsPosition, ImuBlock, MagneticField
+from lowcostnav_ros.catalogue.config_files import load_settings
+from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
+from lowcostnav_ros.physics.geomagnetism import field_n
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
 
 RATE = 50.0
@@ -100,7 +100,7 @@ IRON_UT, SCALE = np.array([6.0, -4.0, 3.0]), np.array([1.02, 0.985, 1.01])
 
 def turns(n=2000, tilt=1.0, noise_ut=0.1):
     """Measured field, microtesla, of a flight with bank and pitch at Palo Alto in 2026."""
-    from lowcostnav_ros.rotation import euler_to_dcm
+    from lowcostnav_ros.physics.rotation import euler_to_dcm
 
     rng, field = np.random.default_rng(3), field_n(*PLACE, 2026.0) * 1e6
     t = np.arange(n) * 0.05

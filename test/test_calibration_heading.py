@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lowcostnav_ros.calibration import heading_error as he
 from lowcostnav_ros.calibration.magnetometer_swing import coefficients_of, level_field, relative_swing_fit, swing_fit
 from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.rotation import wrap
+from lowcostnav_ros.physics.rotation import wrap
 
 ALPHA = np.array([[0.02, 0.005], [-0.003, -0.01]])
 IRON = (0.010, -0.005)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.calibration import magnetometer_fit as fits
 from lowcostnav_ros.calibration.least_squares import condition_number, solve_least_squares
 from lowcostnav_ros.calibration.magnetometer_batch import batch_fit, batch_rows
@@ -16,9 +17,8 @@ from lowcostnav_ros.calibration.magnetometer_known_strength import CalibrationPr
 from lowcostnav_ros.calibration.magnetometer_two_step import level_turn_fit, two_step, two_step_fit
 from lowcostnav_ros.calibration.profile_text import calibration_text
 from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.config_files import load_settings
-from lowcostnav_ros.rotation import euler_to_quat, quat_to_dcm
-from lowcostnav_ros.settings import SettingsError
+from lowcostnav_ros.catalogue.config_files import load_settings
+from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm
 
 HARD_IRON = np.array([5.0, -3.0, 8.0])
 SCALE = np.array([1.04, 0.97, 1.02])

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
-from lowcostnav_ros import chi_square
+from lowcostnav_ros.base import chi_square
 
 
 @given(st.floats(1e-10, 0.99), st.integers(1, 60))

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from replay_fakes import REGISTRY, flight, write_bag, write_config
 
-from lowcostnav_ros.cli import main
+from lowcostnav_ros.cli.main import main
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import BagWriter
 
@@ -173,11 +173,11 @@ def test_a_recording_with_radials_replays_through_the_vor_aid(capsys, tmp_path):
 
 def test_help_and_version_answer_at_once_and_name_the_jobs():
     began = time.perf_counter()
-    shown = subprocess.run([sys.executable, "-m", "lowcostnav_ros.cli", "--help"], capture_output=True, text=True, check=True)
+    shown = subprocess.run([sys.executable, "-m", "lowcostnav_ros.cli.main", "--help"], capture_output=True, text=True, check=True)
     assert all(job in shown.stdout for job in ("run", "up", "doctor", "simulate", "convert", "demo", "replay", "report", "exit status"))
     assert time.perf_counter() - began < 5.0
     heavy = "[m for m in ('numpy', 'numba', 'rclpy', 'rich', 'yaml') if m in sys.modules]"
-    imported = f"import sys, lowcostnav_ros.cli as c; c.parser(); print({heavy})"
+    imported = f"import sys, lowcostnav_ros.cli.main as c; c.parser(); print({heavy})"
     shown = subprocess.run([sys.executable, "-c", imported], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "[]"
     assert main(["--version"]) == 0
@@ -190,7 +190,7 @@ def test_no_job_or_an_unknown_one_is_exit_status_two(capsys):
 
 
 def test_a_defect_is_not_dressed_up_as_a_refusal(monkeypatch, bag, config):
-    from lowcostnav_ros import cli_replay
+    from lowcostnav_ros.cli import replay as cli_replay
 
     def broken(*_):
         raise ValueError("operands could not be broadcast")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lowcostnav_ros import cli_dme
+from lowcostnav_ros.cli import dme as cli_dme
 
 OURAIRPORTS = (
     "id,ident,name,type,latitude_deg,longitude_deg,elevation_ft,iso_country,dme_frequency_khz,dme_channel,usageType,power\n"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rinex_text import ephemerides, navigation_text, observation_text, seen_at, yuma_text
 
-from lowcostnav_ros import cli
-from lowcostnav_ros.earth import geodetic_to_ecef
+from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.physics.earth import geodetic_to_ecef
 
 PLACE = geodetic_to_ecef(math.radians(38.7), math.radians(-9.1), 120.0)
 SATELLITES = ephemerides()

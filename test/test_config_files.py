@@ -7,8 +7,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lowcostnav_ros.config_files import config_dir, find_config, load_settings, read_parameters, yaml_of
-from lowcostnav_ros.settings import SettingsError, declared, group, setting
+from lowcostnav_ros.base.settings import SettingsError, declared, group, setting
+from lowcostnav_ros.catalogue.config_files import config_dir, find_config, load_settings, read_parameters, yaml_of
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,12 +9,12 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros.config_files import config_dir
+from lowcostnav_ros.base.measurements import ImuBlock
+from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.convert import ConvertError, convert, load_profile
 from lowcostnav_ros.convert.profile import TOPIC_FIELDS, profile_from
 from lowcostnav_ros.convert.timebase import straight_line
 from lowcostnav_ros.convert.units_by_name import UNITS
-from lowcostnav_ros.measurements import ImuBlock
 from lowcostnav_ros.messages.bag import BagReader
 
 GPS = {
@@ -230,9 +230,9 @@ def test_the_shipped_profile_is_found_by_the_files_of_a_folder(tmp_path):
 
 
 def test_a_recording_carries_the_settings_of_its_vehicle_and_the_replay_uses_them(tmp_path):
+    from lowcostnav_ros.catalogue.building import build_navigators
     from lowcostnav_ros.messages.bag import BagReader
     from lowcostnav_ros.navigators.registry import NAVIGATORS
-    from lowcostnav_ros.replay.building import build_navigators
 
     (tmp_path / "log.csv").write_text("t,lat,lon,h\n" + "".join(f"{t},37.0,-121.0,100.0\n" for t in range(1, 5)))
     profile = {

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.convert import convert
-from lowcostnav_ros.measurements import ImuBlock
 from lowcostnav_ros.messages.bag import BagReader
-from lowcostnav_ros.rotation import quats_to_euler
+from lowcostnav_ros.physics.rotation import quats_to_euler
 
 pytestmark = pytest.mark.data
 

@@ -8,7 +8,7 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros.estimation.covariance_study import (
+from lowcostnav_ros.studies.covariance_study import (
     MEASUREMENTS,
     Step,
     Update,

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from dead_reckoning_flight import ORIGIN, START_NS, Flight, in_order, station, straight, table, turning
 
-from lowcostnav_ros.atmosphere import pressure_at
-from lowcostnav_ros.measurements import Pressure, SlantRange
+from lowcostnav_ros.base.measurements import Pressure, SlantRange
+from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.navigators.base import ERROR
-from lowcostnav_ros.navigators.dead_reckoning import DeadReckoning, DeadReckoningSettings
-from lowcostnav_ros.settings import from_mapping
-from lowcostnav_ros.stochastic import correlation_factor
+from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
+from lowcostnav_ros.physics.atmosphere import pressure_at
+from lowcostnav_ros.physics.stochastic import correlation_factor
 
 CALM = {"wind.gust_mps": 0.05, "heading.noise_deg": 0.1, "airspeed.noise_mps": 0.05}
 STATIONS = table(station("AAA", 40_000.0, 30_000.0), station("BBB", 40_000.0, -30_000.0))

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros.earth import difference_n
+from lowcostnav_ros.base.settings import from_mapping
+from lowcostnav_ros.cores import reckoning_model as model
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.navigators import dead_reckoning_model as model
-from lowcostnav_ros.navigators.dead_reckoning import DeadReckoningSettings
-from lowcostnav_ros.settings import from_mapping
+from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoningSettings
+from lowcostnav_ros.physics.earth import difference_n
 
 DEG, NM = math.pi / 180.0, 1852.0
 SPEED = 46.3

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from dead_reckoning_flight import NM, ORIGIN, START_NS, Flight, in_order, station, table
 
+from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
-from lowcostnav_ros.navigators.dead_reckoning import DeadReckoning, DeadReckoningSettings
-from lowcostnav_ros.settings import from_mapping
-from lowcostnav_ros.stochastic import GaussMarkov, initial_state, simulate
+from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
+from lowcostnav_ros.physics.stochastic import GaussMarkov, initial_state, simulate
 
 N, CIRCLING_S, SPEED, RUNS = 1800, 1160, 50.0, 8
 STATIONS = table(station("AAA", 16.0 * NM, -12.0 * NM), station("BBB", -16.0 * NM, -12.0 * NM))

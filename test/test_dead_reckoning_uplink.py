@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from dead_reckoning_flight import ORIGIN, START_NS, in_order, straight, turning
 
-from lowcostnav_ros.measurements import NavSolution
+from lowcostnav_ros.base.measurements import NavSolution
+from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.decode import decode
 from lowcostnav_ros.messages.store import to_cdr
-from lowcostnav_ros.navigators.dead_reckoning import DeadReckoning, DeadReckoningSettings
-from lowcostnav_ros.reproduce.gebre_flights import fly
-from lowcostnav_ros.reproduce.gebre_navigator_montecarlo import live_track, statistics
-from lowcostnav_ros.reproduce.gebre_update_methods import Case
-from lowcostnav_ros.settings import from_mapping
+from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
+from lowcostnav_ros.reproduce.gebre.flights import fly
+from lowcostnav_ros.reproduce.gebre.navigator_montecarlo import live_track, statistics
+from lowcostnav_ros.reproduce.gebre.update_methods import Case
 
 RADAR, WIND = "radar/fix", "uplink/wind"
 

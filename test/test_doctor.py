@@ -5,7 +5,7 @@ from time import struct_time
 
 import pytest
 
-from lowcostnav_ros import doctor
+from lowcostnav_ros.cli import doctor
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros import earth
+from lowcostnav_ros.physics import earth
 
 settings.register_profile("compiled", deadline=None)  # the first example pays for compilation
 settings.load_profile("compiled")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lowcostnav_ros import geomagnetism as mag
+from lowcostnav_ros.physics import geomagnetism as mag
 
 DATA = Path(os.environ.get("LOWCOSTNAV_DATA", Path(__file__).resolve().parents[1] / ".." / "shared" / "data")) / "magnetics"
 

@@ -7,6 +7,7 @@ import pytest
 from rinex_text import TOE, ephemerides, yuma_text
 from sensors_truth import flat, steady_truth
 
+from lowcostnav_ros.base.settings import SettingsError, from_mapping
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss import gps_time as gt
 from lowcostnav_ros.gnss.almanac_constellation import almanac_from_yuma
@@ -14,7 +15,6 @@ from lowcostnav_ros.gnss.constellation import constellation_named, gps_24, toget
 from lowcostnav_ros.gnss.ephemeris import satellite_state
 from lowcostnav_ros.gnss.sky_plan import plan_sky
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulator, GnssRawSimulatorSettings
-from lowcostnav_ros.settings import SettingsError, from_mapping
 from lowcostnav_ros.simulation.equipment import build
 
 SATELLITES = ephemerides()

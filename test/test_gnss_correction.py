@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lowcostnav_ros.earth import EARTH_RATE, geodetic_to_ecef
 from lowcostnav_ros.gnss import gps_time as gt
 from lowcostnav_ros.gnss import troposphere
 from lowcostnav_ros.gnss.constellation import gps_24
@@ -20,6 +19,7 @@ from lowcostnav_ros.gnss.observables import azimuth_elevation
 from lowcostnav_ros.gnss.positioning import solve_velocity
 from lowcostnav_ros.gnss.raw_epoch import RawEpoch, screened
 from lowcostnav_ros.gnss.rinex_nav import Navigation
+from lowcostnav_ros.physics.earth import EARTH_RATE, geodetic_to_ecef
 
 C = 299792458.0
 TAG = gt.from_week(2049, 604799.5)  # the signal leaves in one week and arrives with the clock in the next

@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
+from lowcostnav_ros.aids.gnss_integrity import IntegritySettings
+from lowcostnav_ros.aids.satellites import GnssSettings
+from lowcostnav_ros.base.measurements import GnssEpoch
+from lowcostnav_ros.catalogue.equipment import load_imu_profile
+from lowcostnav_ros.cores.inertial import imu_settings
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.measurements import GnssEpoch
-from lowcostnav_ros.navigators.gnss_aids import GnssSettings
-from lowcostnav_ros.navigators.gnss_integrity import IntegritySettings
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
-from lowcostnav_ros.navigators.gnss_start import SlopeVelocity, point_solution
-from lowcostnav_ros.navigators.inertial import imu_settings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
-from lowcostnav_ros.reproduce.solimeno_flights import (
+from lowcostnav_ros.reproduce.solimeno.flights import (
     NO_LAG,
     Case,
     fed,
@@ -24,7 +24,7 @@ from lowcostnav_ros.reproduce.solimeno_flights import (
     truth_of,
 )
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulator, GnssRawSimulatorSettings
-from lowcostnav_ros.simulation.equipment import load_imu_profile
+from lowcostnav_ros.starts.point_solution import SlopeVelocity, point_solution
 
 DATASET, DURATION_S, FAULT_S = "LD", 80.0, 40.0
 PROFILE = load_imu_profile("mems")

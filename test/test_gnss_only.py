@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros.earth import dcm_ne, ecef_to_geodetic, geodetic_to_ecef
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import acceptance_band
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings, MotionCore, motion_blocks, motion_dynamics
-from lowcostnav_ros.reproduce.solimeno_flights import Case, epochs_of, flight_of, gps_only_settings, truth_of
+from lowcostnav_ros.physics.earth import dcm_ne, ecef_to_geodetic, geodetic_to_ecef
+from lowcostnav_ros.reproduce.solimeno.flights import Case, epochs_of, flight_of, gps_only_settings, truth_of
 from lowcostnav_ros.trajectory.drawn import drawn_motion
 
 SHORT_S = 100.0

@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from lowcostnav_ros.chi_square import noncentrality
-from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
+from lowcostnav_ros.base.chi_square import noncentrality
+from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.gnss import GnssError, positioning, raim
 from lowcostnav_ros.gnss.constellation import galileo_27, gps_24
 from lowcostnav_ros.gnss.dop import los_n
 from lowcostnav_ros.gnss.error_budget import range_covariance, range_noise
 from lowcostnav_ros.gnss.observables import azimuth_elevation, range_and_rate
-from lowcostnav_ros.measurements import GnssEpoch
+from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 
 LAT, LON, HEIGHT = math.radians(38.7), math.radians(-9.1), 500.0
 PLACE = geodetic_to_ecef(LAT, LON, HEIGHT)

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lowcostnav_ros import cli
-from lowcostnav_ros.earth import dcm_ne, ecef_to_geodetic
+from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.gnss.clock_watch import ClockWatch
 from lowcostnav_ros.gnss.correction import CorrectionSettings, corrected
 from lowcostnav_ros.gnss.gps_time import gps_ns
@@ -17,6 +16,7 @@ from lowcostnav_ros.gnss.locate import locate
 from lowcostnav_ros.gnss.raw_epoch import RawEpoch
 from lowcostnav_ros.gnss.rinex_nav import parse_navigation
 from lowcostnav_ros.gnss.rinex_obs import parse_observations
+from lowcostnav_ros.physics.earth import dcm_ne, ecef_to_geodetic
 
 DATA = Path(os.environ.get("LOWCOSTNAV_DATA") or Path(__file__).resolve().parents[2] / "shared" / "data") / "gps_rinex"
 pytestmark = pytest.mark.data

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from rinex_text import DAY, ephemerides, navigation_text, observation_text, seen_at
 
-from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
 from lowcostnav_ros.gnss.clock_watch import MILLISECOND_M
 from lowcostnav_ros.gnss.gps_time import SECOND, gps_ns
 from lowcostnav_ros.gnss.rinex_nav import joined, parse_navigation
 from lowcostnav_ros.gnss.rinex_obs import parse_observations
 from lowcostnav_ros.gnss.track import track
+from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 
 LAT, LON = math.radians(38.7), math.radians(-9.1)
 PLACE = geodetic_to_ecef(LAT, LON, 120.0)

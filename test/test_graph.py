@@ -2,9 +2,9 @@
 
 import pytest
 
-from lowcostnav_ros import graph_nodes
-from lowcostnav_ros.graph import GraphError, graph_names, load_graph, parse_graph
-from lowcostnav_ros.graph_domain import free_domain, node_environment
+from lowcostnav_ros.graph import wiring as graph_nodes
+from lowcostnav_ros.graph.description import GraphError, graph_names, load_graph, parse_graph
+from lowcostnav_ros.graph.domain import free_domain, node_environment
 
 
 @pytest.mark.parametrize("name", ["livermore", "navigators_only", "sensors_only"])

@@ -4,9 +4,9 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph import load_graph, parse_graph  # noqa: E402
-from lowcostnav_ros.graph_nodes import navigator_of  # noqa: E402
-from lowcostnav_ros.graph_runner import GraphRunner  # noqa: E402
+from lowcostnav_ros.graph.description import load_graph, parse_graph  # noqa: E402
+from lowcostnav_ros.graph.runner import GraphRunner  # noqa: E402
+from lowcostnav_ros.graph.wiring import navigator_of  # noqa: E402
 from lowcostnav_ros.messages.bag import BagReader  # noqa: E402
 from lowcostnav_ros.messages.encode import odometry_from_solution  # noqa: E402
 from lowcostnav_ros.messages.store import to_cdr  # noqa: E402

@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph import GraphError, parse_graph  # noqa: E402
-from lowcostnav_ros.graph_process import NodeProcess, describe_exit  # noqa: E402
-from lowcostnav_ros.graph_runner import GraphRunner  # noqa: E402
+from lowcostnav_ros.graph.description import GraphError, parse_graph  # noqa: E402
+from lowcostnav_ros.graph.process import NodeProcess, describe_exit  # noqa: E402
+from lowcostnav_ros.graph.runner import GraphRunner  # noqa: E402
 from lowcostnav_ros.messages.bag import BagReader  # noqa: E402
 
 TRUTH = {"executable": "truth_source", "parameters": {"kind": "dataset", "name": "LD", "duration_s": 4.0}}
@@ -65,7 +65,7 @@ def test_back_off_doubles_and_the_exit_status_is_told(tmp_path, monkeypatch):
     process = NodeProcess("x", "monitor", [], dict(os.environ), tmp_path / "x.log")
     process._command = [sys.executable, "-S", "-c", "import sys; sys.exit('engine on fire')"]
     now = [1000.0]
-    monkeypatch.setattr("lowcostnav_ros.graph_process.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("lowcostnav_ros.graph.process.time.monotonic", lambda: now[0])
     process.start()
     said = []
     for wait_s in (0.5, 1.0, 2.0):

@@ -12,11 +12,12 @@ import yaml
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph import parse_graph  # noqa: E402
-from lowcostnav_ros.graph_up import EXIT_CANNOT_RUN, up  # noqa: E402
+from lowcostnav_ros.graph.description import parse_graph  # noqa: E402
+from lowcostnav_ros.graph.up import EXIT_CANNOT_RUN, up  # noqa: E402
 
 UP = (
-    "import sys; from lowcostnav_ros.graph import load_graph; from lowcostnav_ros.graph_up import up; sys.exit(up(load_graph(sys.argv[1])))"
+    "import sys; from lowcostnav_ros.graph.description import load_graph; "
+    "from lowcostnav_ros.graph.up import up; sys.exit(up(load_graph(sys.argv[1])))"
 )
 
 

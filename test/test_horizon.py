@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lowcostnav_ros.base.measurements import GpsVelocity, ImuBlock, SlantRange, VorBearing
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
-from lowcostnav_ros.measurements import GpsVelocity, ImuBlock, SlantRange, VorBearing
 
 MS = 1_000_000
 

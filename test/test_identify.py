@@ -12,7 +12,7 @@ from lowcostnav_ros.calibration.identification import autocorrelation, identify_
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.calibration.temperature import WarmUp, fit_scale_factor, fit_warm_up
 from lowcostnav_ros.calibration.wind_change import travelling_time, wind_change_sigma
-from lowcostnav_ros.stochastic import GaussMarkov, initial_state, simulate
+from lowcostnav_ros.physics.stochastic import GaussMarkov, initial_state, simulate
 
 
 def record(sigma, tau_s, white, rate_hz, seconds, seed):

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import yaml
 
-from lowcostnav_ros import cli
-from lowcostnav_ros.config_files import load_settings, yaml_of
-from lowcostnav_ros.graph import load_graph
-from lowcostnav_ros.graph_nodes import flown_settings
-from lowcostnav_ros.imu_by_name import profile_settings, with_imu_profile
-from lowcostnav_ros.navigators.inertial import ImuSettings, imu_settings
+from lowcostnav_ros.base.settings import SettingsError, from_mapping
+from lowcostnav_ros.catalogue.building import build_navigators, make_navigator
+from lowcostnav_ros.catalogue.config_files import load_settings, yaml_of
+from lowcostnav_ros.catalogue.equipment import imu_profile_names, load_imu_profile
+from lowcostnav_ros.catalogue.imu_by_name import profile_settings, with_imu_profile
+from lowcostnav_ros.cli import main as cli
+from lowcostnav_ros.cores.inertial import ImuSettings, imu_settings
+from lowcostnav_ros.graph.description import load_graph
+from lowcostnav_ros.graph.wiring import flown_settings
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
-from lowcostnav_ros.replay.building import build_navigators, make_navigator
-from lowcostnav_ros.settings import SettingsError, from_mapping
-from lowcostnav_ros.simulation.equipment import imu_profile_names, load_imu_profile
 
 CRISTA = imu_settings(load_imu_profile("crista").filter_noise())
 REGISTRY = {"ins_gps": (InsGpsSettings, InsGps)}

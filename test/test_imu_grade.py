@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from lowcostnav_ros import cli
+from lowcostnav_ros.catalogue.equipment import imu_profile_names, load_imu_profile
+from lowcostnav_ros.cli import main as cli
+from lowcostnav_ros.physics.stochastic import GaussMarkov, initial_state, simulate
 from lowcostnav_ros.sensors.imu_grade import GRADES_DEG_PER_H, grade, grade_of, gyro_bias_deg_per_h
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
-from lowcostnav_ros.simulation.equipment import imu_profile_names, load_imu_profile
-from lowcostnav_ros.stochastic import GaussMarkov, initial_state, simulate
 
 
 @pytest.mark.parametrize(

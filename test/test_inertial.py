@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from lowcostnav_ros.earth import EARTH_RATE, difference_n, displace, gravity
+from lowcostnav_ros.base.measurements import ImuBlock
+from lowcostnav_ros.base.settings import SettingsError, from_mapping
+from lowcostnav_ros.catalogue.equipment import load_imu_profile
+from lowcostnav_ros.cores import inertial
+from lowcostnav_ros.cores.inertial import CORE, ImuSettings, InertialCore, bias_blocks, core_block, imu_settings, typical
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Kind, Layout, gauss_markov, random_walk
-from lowcostnav_ros.measurements import ImuBlock
-from lowcostnav_ros.navigators import inertial
-from lowcostnav_ros.navigators.inertial import CORE, ImuSettings, InertialCore, bias_blocks, core_block, imu_settings, typical
-from lowcostnav_ros.rotation import (
+from lowcostnav_ros.physics.earth import EARTH_RATE, difference_n, displace, gravity
+from lowcostnav_ros.physics.rotation import (
     euler_to_quat,
     quat_apply_phi_n,
     quat_conjugate,
@@ -19,9 +21,7 @@ from lowcostnav_ros.rotation import (
     quat_to_dcm,
     rotvec_from_quat,
 )
-from lowcostnav_ros.settings import SettingsError, from_mapping
-from lowcostnav_ros.simulation.equipment import load_imu_profile
-from lowcostnav_ros.strapdown import strapdown_step
+from lowcostnav_ros.physics.strapdown import strapdown_step
 
 NAV = np.array([0.8, -2.1, 3000.0, 80.0, -60.0, 5.0, *euler_to_quat(0.4, -0.15, 2.3)])
 FULL = ImuSettings(gyro_scale_ppm=1000.0, accel_scale_ppm=1000.0)

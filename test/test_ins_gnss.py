@@ -6,7 +6,11 @@ import random
 import numpy as np
 import pytest
 
-from lowcostnav_ros.earth import dcm_ne, displace, geodetic_to_ecef, radii
+from lowcostnav_ros.aids.ins_gps_aids import GpsSettings
+from lowcostnav_ros.aids.satellites import GnssSettings, Observations, common_part, satellite_model
+from lowcostnav_ros.base.measurements import NavSolution
+from lowcostnav_ros.catalogue.equipment import load_imu_profile
+from lowcostnav_ros.cores.inertial import CORE, InertialCore, core_block, imu_settings
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import acceptance_band
 from lowcostnav_ros.estimation.error_state import Layout
@@ -14,12 +18,10 @@ from lowcostnav_ros.gnss.constellation import gps_24
 from lowcostnav_ros.gnss.error_budget import range_covariance
 from lowcostnav_ros.gnss.observables import range_and_rate
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS, process_noise, transition
-from lowcostnav_ros.measurements import NavSolution
-from lowcostnav_ros.navigators.gnss_aids import GnssSettings, Observations, common_part, satellite_model
-from lowcostnav_ros.navigators.inertial import CORE, InertialCore, core_block, imu_settings
 from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss, InsGnssSettings, LooseSettings, clock_block, gnss_blocks
-from lowcostnav_ros.navigators.ins_gps_aids import GpsSettings
-from lowcostnav_ros.reproduce.solimeno_flights import (
+from lowcostnav_ros.physics.earth import dcm_ne, displace, geodetic_to_ecef, radii
+from lowcostnav_ros.physics.rotation import euler_to_quat, quat_apply_phi_n, quat_to_dcm
+from lowcostnav_ros.reproduce.solimeno.flights import (
     Case,
     epochs_of,
     fed,
@@ -30,8 +32,6 @@ from lowcostnav_ros.reproduce.solimeno_flights import (
     started,
     truth_of,
 )
-from lowcostnav_ros.rotation import euler_to_quat, quat_apply_phi_n, quat_to_dcm
-from lowcostnav_ros.simulation.equipment import load_imu_profile
 
 SHORT_S = 60.0
 NAV = np.array([0.67, -0.16, 1500.0, 60.0, -45.0, 4.0, *euler_to_quat(0.3, -0.1, 2.0)])

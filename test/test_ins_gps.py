@@ -6,14 +6,14 @@ import random
 import numpy as np
 import pytest
 
-from lowcostnav_ros.earth import difference_n
+from lowcostnav_ros.aids.ins_gps_aids import AirDataSettings, BaroSettings, GpsSettings, MagneticSettings
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock
+from lowcostnav_ros.cores.inertial import imu_settings
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import nees
-from lowcostnav_ros.measurements import GpsPosition, GpsVelocity, ImuBlock
-from lowcostnav_ros.navigators.inertial import imu_settings
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
-from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, GpsSettings, MagneticSettings
-from lowcostnav_ros.rotation import quat_apply_phi_n, quat_conjugate, quat_multiply, quats_to_euler, rotvec_from_quat
+from lowcostnav_ros.physics.earth import difference_n
+from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_conjugate, quat_multiply, quats_to_euler, rotvec_from_quat
 from lowcostnav_ros.sensors.gps import GpsSimulator, GpsSimulatorSettings
 from lowcostnav_ros.sensors.imu import ImuSimulator, ImuSimulatorSettings
 from lowcostnav_ros.sensors.imu_profile import AccelerometerProfile, GyroProfile, ImuProfile
@@ -143,8 +143,8 @@ def test_low_latency_output_is_the_newest_state(truth):
 
 
 def lever_measurements(truth, lever_b, seed=1):
-    from lowcostnav_ros.earth import displace
-    from lowcostnav_ros.rotation import quat_to_dcm
+    from lowcostnav_ros.physics.earth import displace
+    from lowcostnav_ros.physics.rotation import quat_to_dcm
 
     moved = []
     for m in measurements(truth, seed, horizontal_noise_m=0.05, vertical_noise_m=0.05, velocity_noise_mps=0.02):
@@ -273,14 +273,14 @@ def test_no_output_is_ever_nan_and_covariances_stay_positive(truth):
 
 @pytest.mark.parametrize("which", ["position_aid", "velocity_aid", "baro_aid", "magnetic_aid", "airspeed_aid", "sideslip_aid", "wheel_aid"])
 def test_jacobian_of_every_aid_equals_differences(which):
-    from lowcostnav_ros.earth import displace
-    from lowcostnav_ros.measurements import AirVelocity, MagneticField, Pressure
-    from lowcostnav_ros.navigators.inertial import CORE
-    from lowcostnav_ros.rotation import euler_to_quat
+    from lowcostnav_ros.base.measurements import AirVelocity, MagneticField, Pressure
+    from lowcostnav_ros.cores.inertial import CORE
+    from lowcostnav_ros.physics.earth import displace
+    from lowcostnav_ros.physics.rotation import euler_to_quat
 
     settings = InsGpsSettings(gps=GpsSettings(lever_arm_b_m=[1.0, 0.5, -2.0], position_bias_m=1.0))
     nav = np.array([0.66, -2.1, 900.0, 45.0, -20.0, 3.0, *euler_to_quat(0.3, 0.1, 5.8)])
-    from lowcostnav_ros.rotation import quat_to_dcm
+    from lowcostnav_ros.physics.rotation import quat_to_dcm
 
     host = InsGps(settings)
     host.core.start(0, nav, np.eye(CORE))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.stats import chi2
 
-from lowcostnav_ros import chi_square
+from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.consistency import acceptance_band, error_over_sigma_rms, nees
 from lowcostnav_ros.estimation.smoothing import rts_smoother

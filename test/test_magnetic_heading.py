@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros.navigators.magnetic_heading import MagneticReference, magnetic_heading, magnetic_innovation
-from lowcostnav_ros.rotation import euler_to_dcm, euler_to_quat, quat_apply_phi_n, quat_to_dcm, wrap
+from lowcostnav_ros.physics.magnetic_heading import MagneticReference, magnetic_heading, magnetic_innovation
+from lowcostnav_ros.physics.rotation import euler_to_dcm, euler_to_quat, quat_apply_phi_n, quat_to_dcm, wrap
 
 LAT, LON = math.radians(37.69), math.radians(-121.82)
 FIELD_N = np.array([22.0e-6, 5.0e-6, 42.0e-6])

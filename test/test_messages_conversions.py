@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lowcostnav_ros.earth import LocalFrame
 from lowcostnav_ros.messages import conversions as conv
-from lowcostnav_ros.rotation import euler_to_quat
+from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.physics.rotation import euler_to_quat
 
 S = math.sqrt(0.5)
 ENU_OF_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

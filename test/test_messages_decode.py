@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lowcostnav_ros import measurements as m
-from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.base import measurements as m
 from lowcostnav_ros.messages import decode as d
 from lowcostnav_ros.messages import encode as e
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.store import STORE, to_cdr
+from lowcostnav_ros.physics.earth import LocalFrame
 
 STAMP = 1_700_000_000_123_456_789
 EYE = np.eye(3)
@@ -137,6 +137,7 @@ FIELDS = {
     "gps/vel": ("vel_n", "cov_n"),
     "air/velocity": ("vel_b", "cov_b"),
     "air/static_pressure": ("pressure_pa", "variance"),
+    "air/dynamic_pressure": ("pressure_pa", "variance"),
     "air/temperature": ("temperature_k", "variance"),
     "dme/range": ("station", "range_m", "variance"),
     "vor/bearing": ("station", "bearing_rad", "variance"),

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from lowcostnav_ros import measurements as m
-from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.base import measurements as m
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.messages import encode as e
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.decode import Decoder
 from lowcostnav_ros.messages.decode_sensors import attitude_from_imu
 from lowcostnav_ros.messages.store import STORE, from_cdr, to_cdr
-from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.physics.earth import LocalFrame
 
 
 def test_columns_write_the_bytes_of_single_messages():

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros.config_files import config_dir, load_settings, yaml_of
-from lowcostnav_ros.measurements import GnssEpoch
+from lowcostnav_ros.base.measurements import GnssEpoch
+from lowcostnav_ros.catalogue.config_files import config_dir, load_settings, yaml_of
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.decode import Decoder, Rejected, decode
 from lowcostnav_ros.messages.encode import encode_cdr

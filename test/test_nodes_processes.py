@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph_nodes import EXECUTABLES  # noqa: E402
+from lowcostnav_ros.graph.wiring import EXECUTABLES  # noqa: E402
 from lowcostnav_ros.messages.bag import BagReader  # noqa: E402
 from lowcostnav_ros.messages.encode import encode_cdr  # noqa: E402
 from lowcostnav_ros.nodes.recorder import free_path, header_stamp_ns  # noqa: E402
@@ -38,7 +38,7 @@ def arguments_of(executable: str, tmp_path) -> tuple[str, ...]:
 def small_bag(tmp_path):
     import numpy as np
 
-    from lowcostnav_ros.measurements import ImuBlock
+    from lowcostnav_ros.base.measurements import ImuBlock
     from lowcostnav_ros.messages.bag import BagWriter
 
     stamps = 10**18 + 10_000_000 * np.arange(100)

@@ -8,19 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros import cli
-from lowcostnav_ros.config_files import config_dir
-from lowcostnav_ros.estimation.observability import Watch, geodetic_units, observability
+from lowcostnav_ros.aids.satellites import GnssSettings
+from lowcostnav_ros.catalogue.config_files import config_dir
+from lowcostnav_ros.catalogue.equipment import load_imu_profile
+from lowcostnav_ros.cli import main as cli
+from lowcostnav_ros.cores.inertial import dynamics_now, imu_settings
 from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
-from lowcostnav_ros.navigators.dynamics import dynamics_of
-from lowcostnav_ros.navigators.gnss_aids import GnssSettings
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
-from lowcostnav_ros.navigators.inertial import dynamics_now, imu_settings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
-from lowcostnav_ros.reproduce.solimeno_flights import Case, epochs_of, fed, imu_of, inertial_settings, part, started, truth_of
-from lowcostnav_ros.reproduce.solimeno_observability import flown_ranks, layout_of, true_dynamics, true_ranks
-from lowcostnav_ros.simulation.equipment import load_imu_profile
+from lowcostnav_ros.reproduce.solimeno.flights import Case, epochs_of, fed, imu_of, inertial_settings, part, started, truth_of
+from lowcostnav_ros.reproduce.solimeno.observability import flown_ranks, layout_of, true_dynamics, true_ranks
+from lowcostnav_ros.studies.dynamics import dynamics_of
+from lowcostnav_ros.studies.observability import Watch, geodetic_units, observability
 
 CASE = Case("tight", "HD", "mems", 1, duration_s=20.0)
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lowcostnav_ros.navigators.base import OK
-from lowcostnav_ros.replay.outage_study import CASES, ENDS_S, LOST_S, errors_of, fly, navigator
+from lowcostnav_ros.studies.outage_study import CASES, ENDS_S, LOST_S, errors_of, fly, navigator
 
 SEEDS = (11, 12, 13)
 ONE, TWO, FIVE = range(len(ENDS_S))

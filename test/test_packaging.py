@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lowcostnav_ros.graph_nodes import EXECUTABLES
+from lowcostnav_ros.graph.wiring import EXECUTABLES
 
 ROOT = Path(__file__).resolve().parent.parent
 

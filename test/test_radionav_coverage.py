@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lowcostnav_ros.base.units import NAUTICAL_MILE as NM
 from lowcostnav_ros.radionav import layouts, network
 from lowcostnav_ros.radionav.benchmarks_vor import vor_cross_track, vor_distance_for
 from lowcostnav_ros.radionav.coverage import coverage, grid_about, near
 from lowcostnav_ros.radionav.geometry import hdop
 from lowcostnav_ros.radionav.selection import usable
 from lowcostnav_ros.radionav.stations import stations_from_text
-from lowcostnav_ros.units import NAUTICAL_MILE as NM
 
 TABLE = stations_from_text((Path(__file__).parents[1] / "config" / "dme_stations_bay_area.csv").read_text())
 metres = st.floats(-60_000.0, 60_000.0)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.radionav import geometry
 
 LAT, LON = math.radians(37.69), math.radians(-121.82)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from lowcostnav_ros.base.units import NAUTICAL_MILE as NM
 from lowcostnav_ros.radionav.observability import Track, fly, measurement_rows, rank, singular_values
-from lowcostnav_ros.units import NAUTICAL_MILE as NM
 
 TIME = np.arange(0.0, 600.5, 0.5)
 RANGES = 15.0 * np.arange(40)

@@ -7,7 +7,6 @@ import numpy as np
 import pymap3d.vincenty
 import pytest
 
-from lowcostnav_ros.navigators.reduced_covariance import ErrorModel, aided_sigma
 from lowcostnav_ros.radionav.interrogation import InterrogationSchedule
 from lowcostnav_ros.radionav.plan import (
     PlanError,
@@ -20,6 +19,7 @@ from lowcostnav_ros.radionav.plan import (
     what_is_wrong,
 )
 from lowcostnav_ros.radionav.stations import StationTable, stations_from_text
+from lowcostnav_ros.studies.reduced_covariance import ErrorModel, aided_sigma
 
 TABLE = stations_from_text((Path(__file__).parents[1] / "config" / "dme_stations_bay_area.csv").read_text())
 SALINAS, GILROY, LIVERMORE = ((math.radians(a), math.radians(b)) for a, b in ((36.6, -121.9), (37.0, -121.5), (37.69, -121.82)))

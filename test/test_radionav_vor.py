@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lowcostnav_ros.earth import LocalFrame, displace
+from lowcostnav_ros.physics.earth import LocalFrame, displace
+from lowcostnav_ros.physics.rotation import wrap
 from lowcostnav_ros.radionav.stations import stations_from_text
 from lowcostnav_ros.radionav.vor import bearing_view, nearest_vors, out_of_service, radial_of
-from lowcostnav_ros.rotation import wrap
 
 STATIONS = stations_from_text((Path(__file__).parents[1] / "config" / "dme_stations_bay_area.csv").read_text())
 OAK = STATIONS["OAK"]

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from lowcostnav_ros.cli import main
+from lowcostnav_ros.cli.main import main
 
 BAGS = Path(__file__).resolve().parent.parent / "bags"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lowcostnav_ros.replay.campaign import CampaignError, run_campaign
+from lowcostnav_ros.studies.campaign import CampaignError, run_campaign
 
 
 def draw(seed):

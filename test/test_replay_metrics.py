@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.physics.rotation import eulers_to_quat
 from lowcostnav_ros.replay.columns import NavColumns, concatenate, interpolate, position_difference_n, wrapped
 from lowcostnav_ros.replay.evaluation import blank_columns
 from lowcostnav_ros.replay.metrics import AXES, ErrorStatistics, errors_between
 from lowcostnav_ros.replay.outages import GAP_NS, GpsGaps
 from lowcostnav_ros.replay.sketch import MagnitudeStatistics
-from lowcostnav_ros.rotation import eulers_to_quat
 
 NS = 1_000_000_000
 

@@ -12,7 +12,7 @@ from lowcostnav_ros.replay.metrics import AXES, Errors, ErrorStatistics
 from lowcostnav_ros.replay.outages import GAP_NS, GpsGaps
 from lowcostnav_ros.replay.requirements import HOLE_NS, LISTED, Coverage, IntegrityMonitor
 from lowcostnav_ros.replay.tables import alarm_table, approach_table, interval_kind, percent
-from lowcostnav_ros.report import html_tables
+from lowcostnav_ros.report.flight import html_tables
 
 NS = 1_000_000_000
 SOL = SERVICES["SOL"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from replay_fakes import REGISTRY, SPEED, FakeAhrs, FakeSettings, FixFollower, Listener, flight, truth, write_bag, write_config
 
-from lowcostnav_ros.measurements import Attitude, ImuBlock, NavSolution
+from lowcostnav_ros.base.measurements import Attitude, ImuBlock, NavSolution
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.navigators.base import HorizonSettings
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
@@ -166,7 +166,7 @@ def _full():
 
 
 def FixFollowerOrigin():  # noqa: N802 - reads as a value above
-    from lowcostnav_ros.earth import LocalFrame
+    from lowcostnav_ros.physics.earth import LocalFrame
 
     return LocalFrame(0.5, 0.5, 0.0)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lowcostnav_ros.measurements import GpsVelocity, ImuBlock
+from lowcostnav_ros.base.measurements import GpsVelocity, ImuBlock
 from lowcostnav_ros.replay.withhold import Withhold, WithholdError, check_sources, parse_withhold, resolve, split
 
 NS = 1_000_000_000

@@ -10,17 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from replay_fakes import REGISTRY, FakeAhrs, FakeSettings, FixFollower, flight, write_bag, write_config
 
-from lowcostnav_ros.cli import main
+from lowcostnav_ros.cli.main import main
 from lowcostnav_ros.replay.session import replay_stream
 from lowcostnav_ros.replay.withhold import parse_withhold
 from lowcostnav_ros.replay.words import distance, error_over_sigma, sentence
 from lowcostnav_ros.report import svg
 from lowcostnav_ros.report.chart import BOTTOM, LEFT, RIGHT, TOP, Band, Curve, Frame, TimeAxis, time_chart
 from lowcostnav_ros.report.decimate import thin, thin_envelope
-from lowcostnav_ros.report.map_chart import Track, map_chart
-from lowcostnav_ros.report.page import page_of
-from lowcostnav_ros.report.result_folder import read_result, read_table
-from lowcostnav_ros.report.timeline import mode_spans
+from lowcostnav_ros.report.flight.map_chart import Track, map_chart
+from lowcostnav_ros.report.flight.page import page_of
+from lowcostnav_ros.report.flight.result_folder import read_result, read_table
+from lowcostnav_ros.report.flight.timeline import mode_spans
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from lowcostnav_ros import cli
-from lowcostnav_ros.replay.campaign import CampaignError
+from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.reproduce import cluster, page, registry, run
-from lowcostnav_ros.reproduce.gebre_magnetometer import CASES, two_step_case
+from lowcostnav_ros.reproduce.gebre.magnetometer import CASES, two_step_case
 from lowcostnav_ros.reproduce.registry import CRASHED, DIFFERS, REPRODUCED, Context, Entry, Outcome, ReproduceError, judged
+from lowcostnav_ros.studies.campaign import CampaignError
 
 JSON_NAMES = ["id", "title", "source", "thesis", "ours", "tolerance", "verdict", "reason", "seconds", "figure"]
 

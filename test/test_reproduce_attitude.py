@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from lowcostnav_ros.navigators.attitude_filters import HEADING_SWITCH, OPEN_LOOP, RATE_SWITCH
 from lowcostnav_ros.reproduce import registry
-from lowcostnav_ros.reproduce.gebre_attitude_switch import FIBRE_OPTIC, VIBRATING, fly, turning_flight
+from lowcostnav_ros.reproduce.gebre.attitude_switch import FIBRE_OPTIC, VIBRATING, fly, turning_flight
+from lowcostnav_ros.studies.attitude_filters import HEADING_SWITCH, OPEN_LOOP, RATE_SWITCH
 
 matplotlib.use("agg")
 ALL = [f"GR{k}" for k in range(23, 33)]

@@ -5,20 +5,20 @@ import math
 import numpy as np
 import pytest
 
-from lowcostnav_ros.earth import LocalFrame, difference_n
+from lowcostnav_ros.base.measurements import SlantRange
+from lowcostnav_ros.cores.inertial import ImuSettings
+from lowcostnav_ros.cores.reckoning_inputs import HeldInputs
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.covariance_study import error_budget, run
-from lowcostnav_ros.measurements import SlantRange
-from lowcostnav_ros.navigators.dead_reckoning import DeadReckoning
-from lowcostnav_ros.navigators.dead_reckoning_inputs import HeldInputs
-from lowcostnav_ros.navigators.inertial import ImuSettings
-from lowcostnav_ros.reproduce import gebre_dead_reckoning as reckoning
-from lowcostnav_ros.reproduce import gebre_flights as flights
-from lowcostnav_ros.reproduce import gebre_ins_grades as grades
-from lowcostnav_ros.reproduce import gebre_navigator_montecarlo as montecarlo
-from lowcostnav_ros.reproduce import gebre_update_methods as methods
+from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning
+from lowcostnav_ros.physics.earth import LocalFrame, difference_n
+from lowcostnav_ros.physics.rotation import euler_to_quat, wrap
+from lowcostnav_ros.reproduce.gebre import dead_reckoning as reckoning
+from lowcostnav_ros.reproduce.gebre import flights
+from lowcostnav_ros.reproduce.gebre import ins_grades as grades
+from lowcostnav_ros.reproduce.gebre import navigator_montecarlo as montecarlo
+from lowcostnav_ros.reproduce.gebre import update_methods as methods
 from lowcostnav_ros.reproduce.registry import DIFFERS, NOT_IN_NUMBERS, REPRODUCED, Context, all_results
-from lowcostnav_ros.rotation import euler_to_quat, wrap
+from lowcostnav_ros.studies.covariance_study import error_budget, run
 
 OURS = ["GR33", "GR34", "GR35", "GR36", "GR40", "GR41", "GR42", "GR43", "GR44", "GR45", "GR46", "GR47", "GR48", "GR48a", "GR48b", "GR53"]
 COVARIANCE = [name for name in OURS if not name.startswith(("GR47", "GR48"))]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from lowcostnav_ros.reproduce import gebre_fixing
+from lowcostnav_ros.reproduce.gebre import fixing as gebre_fixing
 from lowcostnav_ros.reproduce.registry import DIFFERS, NOT_IN_NUMBERS, REPRODUCED, Context, all_results
 
 MINE = {entry.id: entry for entry in all_results() if entry.function.__module__ == gebre_fixing.__name__}

@@ -10,7 +10,7 @@ from lowcostnav_ros.reproduce.registry import DIFFERS, REPRODUCED, Context
 @pytest.fixture(scope="module")
 def mine():
     """The entries of the module; where the registry does not list their study yet, they are taken out again."""
-    from lowcostnav_ros.reproduce import solimeno_gnss
+    from lowcostnav_ros.reproduce.solimeno import gnss as solimeno_gnss
 
     entries = {e.id: e for e in registry._ENTRIES.values() if e.function.__module__ == solimeno_gnss.__name__}
     yield entries

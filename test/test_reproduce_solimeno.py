@@ -5,10 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.catalogue.equipment import load_imu_profile
+from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.reproduce.registry import REPRODUCED, Context
-from lowcostnav_ros.reproduce.solimeno_estimates import only, true_clock, true_errors
-from lowcostnav_ros.reproduce.solimeno_flights import (
+from lowcostnav_ros.reproduce.solimeno.estimates import only, true_clock, true_errors
+from lowcostnav_ros.reproduce.solimeno.flights import (
     GAPS_S,
     SETTLED_S,
     Case,
@@ -19,12 +21,10 @@ from lowcostnav_ros.reproduce.solimeno_flights import (
     started,
     truth_of,
 )
-from lowcostnav_ros.reproduce.solimeno_galileo import expected, single_epoch_sigma
-from lowcostnav_ros.reproduce.solimeno_gps_only import largest, mean_error, mean_rms
-from lowcostnav_ros.reproduce.solimeno_inertial import COMPENSATED, calibrated, ideal_attitude, ideal_position, ideal_velocity, unaided
-from lowcostnav_ros.reproduce.solimeno_outages import not_above, standard_error
-from lowcostnav_ros.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
-from lowcostnav_ros.simulation.equipment import load_imu_profile
+from lowcostnav_ros.reproduce.solimeno.galileo import expected, single_epoch_sigma
+from lowcostnav_ros.reproduce.solimeno.gps_only import largest, mean_error, mean_rms
+from lowcostnav_ros.reproduce.solimeno.inertial import COMPENSATED, calibrated, ideal_attitude, ideal_position, ideal_velocity, unaided
+from lowcostnav_ros.reproduce.solimeno.outages import not_above, standard_error
 
 SHORT = Case("tight", "HD", duration_s=30.0)
 

@@ -14,11 +14,11 @@ from sensor_msgs.msg import Imu, NavSatFix  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 from test_ros_node_base import imu  # noqa: E402
 
-from lowcostnav_ros.earth import LocalFrame  # noqa: E402
-from lowcostnav_ros.measurements import Integrity, NavSolution  # noqa: E402
+from lowcostnav_ros.base.measurements import Integrity, NavSolution  # noqa: E402
+from lowcostnav_ros.base.settings import setting  # noqa: E402
+from lowcostnav_ros.physics.earth import LocalFrame  # noqa: E402
 from lowcostnav_ros.ros import qos  # noqa: E402
 from lowcostnav_ros.ros.navigator_node import NavigatorNode  # noqa: E402
-from lowcostnav_ros.settings import setting  # noqa: E402
 
 
 @dataclass(frozen=True)

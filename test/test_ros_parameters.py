@@ -8,8 +8,8 @@ pytest.importorskip("rclpy")
 
 from rclpy.parameter import Parameter  # noqa: E402
 
+from lowcostnav_ros.base.settings import SettingsError, group, setting  # noqa: E402
 from lowcostnav_ros.ros.node_base import NodeBase  # noqa: E402
-from lowcostnav_ros.settings import SettingsError, group, setting  # noqa: E402
 
 
 @dataclass(frozen=True)

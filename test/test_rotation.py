@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lowcostnav_ros import rotation as rot
+from lowcostnav_ros.physics import rotation as rot
 
 settings.register_profile("compiled", deadline=None)  # the first example pays for compilation
 settings.load_profile("compiled")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from sensors_truth import steady_truth
 
-from lowcostnav_ros import atmosphere
-from lowcostnav_ros.measurements import UNKNOWN_VARIANCE, AirTemperature, AirVelocity, Pressure
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirTemperature, AirVelocity, Pressure
+from lowcostnav_ros.physics import atmosphere
 from lowcostnav_ros.sensors.airdata import AirDataSimulator, AirDataSimulatorSettings, Vanes, air_velocity
 
 NOISELESS = {"airspeed_noise_mps": 0.01, "static_noise_pa": 0.01, "temperature_noise_k": 0.01}

@@ -6,10 +6,10 @@ from scipy.integrate import quad
 from sensors_truth import START_NS, cuts, flat, steady_truth
 from test_sensors_imu import IDEAL, profile, simulate
 
+from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.sensors.bandwidth import LowPass
 from lowcostnav_ros.sensors.imu import ImuSimulator, ImuSimulatorSettings
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
-from lowcostnav_ros.settings import SettingsError
 
 LIMITED = imu_profile_from_text("name: limited\ngyro: {bandwidth_hz: 100.0}\naccelerometer: {bandwidth_hz: 100.0}")
 

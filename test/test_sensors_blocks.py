@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from sensors_truth import START_NS, cuts, flat, steady_truth
 
-from lowcostnav_ros.config_files import load_settings
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.settings import to_mapping
+from lowcostnav_ros.catalogue.config_files import load_settings
 from lowcostnav_ros.radionav.stations import stations_from_text
 from lowcostnav_ros.sensors.airdata import AirDataSimulator, AirDataSimulatorSettings
 from lowcostnav_ros.sensors.dme import DmeSimulator, DmeSimulatorSettings
@@ -15,9 +17,7 @@ from lowcostnav_ros.sensors.imu import ImuSimulator, ImuSimulatorSettings
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
 from lowcostnav_ros.sensors.magnetometer import MagnetometerSimulator, MagnetometerSimulatorSettings
 from lowcostnav_ros.sensors.sampling import SampleClock
-from lowcostnav_ros.sensors.seeds import stream
 from lowcostnav_ros.sensors.vor import VorSimulator, VorSimulatorSettings
-from lowcostnav_ros.settings import to_mapping
 
 CONFIG = Path(__file__).parents[1] / "config"
 CRISTA = imu_profile_from_text((CONFIG / "profiles/crista.yaml").read_text())

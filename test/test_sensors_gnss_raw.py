@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from sensors_truth import cuts, flat, steady_truth
 
-from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
+from lowcostnav_ros.base.settings import SettingsError, from_mapping, to_mapping
 from lowcostnav_ros.gnss.canyon import Canyon, CanyonSettings
 from lowcostnav_ros.gnss.constellation import galileo_27, gps_24
 from lowcostnav_ros.gnss.error_budget import range_covariance
 from lowcostnav_ros.gnss.observables import azimuth_elevation, line_of_sight
 from lowcostnav_ros.gnss.positioning import solve, solve_velocity
 from lowcostnav_ros.gnss.raim import check
+from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 from lowcostnav_ros.sensors.gnss_raw import MILLISECOND_M, GnssRawSimulator, GnssRawSimulatorSettings
-from lowcostnav_ros.settings import SettingsError, from_mapping, to_mapping
 
 QUIET = {"gps_sigma_m": 0.001, "galileo_sigma_m": 0.001, "doppler_sigma_mps": 0.001}
 BUSY = {"constellation": "gps_galileo", "max_satellites": 9, "slow_sigma_m": 2.0, "noise": "elevation"}

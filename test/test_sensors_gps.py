@@ -5,9 +5,9 @@ import pymap3d
 import pytest
 from sensors_truth import START_NS, cuts, steady_truth
 
-from lowcostnav_ros.measurements import GpsPosition, GpsVelocity
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity
+from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.sensors.gps import GpsSimulator, GpsSimulatorSettings
-from lowcostnav_ros.settings import SettingsError
 
 
 def split(measurements):

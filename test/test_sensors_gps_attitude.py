@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lowcostnav_ros.measurements import Attitude
+from lowcostnav_ros.base.measurements import Attitude
+from lowcostnav_ros.base.settings import SettingsError, from_mapping
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.messages.decode import Rejected, decode
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.messages.topics import IMU
-from lowcostnav_ros.rotation import euler_to_quat, quat_to_euler, wrap
+from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_euler, wrap
 from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulator, GpsAttitudeSimulatorSettings
-from lowcostnav_ros.settings import SettingsError, from_mapping
 from lowcostnav_ros.simulation.scenario import scenario_from_text
-from lowcostnav_ros.truth import TruthBlock
 
 T0, DEG = 1_780_000_000_000_000_000, math.pi / 180.0
 

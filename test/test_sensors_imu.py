@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from sensors_truth import steady_truth
 
+from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.sensors.drift import DriftBank, slow_error
 from lowcostnav_ros.sensors.imu import ImuSimulator, ImuSimulatorSettings
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
-from lowcostnav_ros.settings import SettingsError
 
 PROFILES = Path(__file__).parents[1] / "config/profiles"
 G = 9.80665

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from sensors_truth import steady_truth
 
-from lowcostnav_ros.geomagnetism import declination, field_n
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.physics.geomagnetism import declination, field_n
 from lowcostnav_ros.sensors.magnetometer import MagnetometerSimulator, MagnetometerSimulatorSettings
-from lowcostnav_ros.settings import SettingsError
 
 QUIET = {"noise_mg": 0.01, "calibration_residual_mg": 0.0}
 LAT, LON = np.radians(37.69), np.radians(-121.82)

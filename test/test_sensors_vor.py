@@ -8,10 +8,10 @@ import pymap3d
 import pytest
 from sensors_truth import START_NS, steady_truth
 
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.physics.rotation import wrap
 from lowcostnav_ros.radionav.stations import StationError, stations_from_text
-from lowcostnav_ros.rotation import wrap
 from lowcostnav_ros.sensors.vor import VorSimulator, VorSimulatorSettings
-from lowcostnav_ros.settings import SettingsError
 
 STATIONS = stations_from_text((Path(__file__).parents[1] / "config/dme_stations_bay_area.csv").read_text())
 QUIET = {"bias_deg": 0.0, "bend_deg": 0.0, "noise_deg": 0.001}

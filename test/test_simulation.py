@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from sensors_truth import flat
 
-from lowcostnav_ros.settings import SettingsError
-from lowcostnav_ros.simulation.equipment import build, load_imu_profile, load_stations
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.catalogue.equipment import load_imu_profile, load_stations
+from lowcostnav_ros.simulation.equipment import build
 from lowcostnav_ros.simulation.scenario import decimal_year, scenario_from_text
 from lowcostnav_ros.simulation.simulator import Simulation
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros import small_matrices as sm
+from lowcostnav_ros.base import small_matrices as sm
 
 
 @settings(max_examples=40, deadline=None)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.linalg import expm
 
-from lowcostnav_ros import stochastic as sto
+from lowcostnav_ros.physics import stochastic as sto
 
 PROCESSES = [sto.GaussMarkov(2.0, 30.0), sto.RandomWalk(0.3), sto.RandomConstant(1.5), sto.White(0.2)]
 

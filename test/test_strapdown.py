@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson
 from scipy.special import j1
 
-from lowcostnav_ros import earth, strapdown
-from lowcostnav_ros import rotation as rot
-from lowcostnav_ros.kernels import kernel
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.physics import earth, strapdown
+from lowcostnav_ros.physics import rotation as rot
 
 settings.register_profile("compiled", deadline=None)  # the first example pays for compilation
 settings.load_profile("compiled")

@@ -6,13 +6,13 @@ import math
 import numpy as np
 import pytest
 
-from lowcostnav_ros.earth import LocalFrame
-from lowcostnav_ros.measurements import Attitude, GpsPosition, NavSolution
+from lowcostnav_ros.base.measurements import Attitude, GpsPosition, NavSolution
+from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.navigators.base import ERROR, OK
-from lowcostnav_ros.navigators.supervisor import Supervisor, SupervisorSettings
-from lowcostnav_ros.navigators.supervisor_modes import MODES, Facts, Gps, next_mode
-from lowcostnav_ros.rotation import euler_to_quat, quat_conjugate, quat_multiply, rotvec_from_quat
-from lowcostnav_ros.settings import from_mapping
+from lowcostnav_ros.navigators.supervisor.modes import MODES, Facts, Gps, next_mode
+from lowcostnav_ros.navigators.supervisor.navigator import Supervisor, SupervisorSettings
+from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.physics.rotation import euler_to_quat, quat_conjugate, quat_multiply, rotvec_from_quat
 
 ORIGIN = LocalFrame(math.radians(37.7), math.radians(-121.8), 600.0)
 T0 = 1_000_000_000_000

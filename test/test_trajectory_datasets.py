@@ -6,9 +6,9 @@ import numpy as np
 import pymap3d
 import pytest
 
-from lowcostnav_ros.rotation import quats_to_euler
-from lowcostnav_ros.settings import SettingsError
-from lowcostnav_ros.strapdown import strapdown_step
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.physics.rotation import quats_to_euler
+from lowcostnav_ros.physics.strapdown import strapdown_step
 from lowcostnav_ros.trajectory import TruthSettings, build
 from lowcostnav_ros.trajectory.datasets import PROFILES, attitude_of, velocity_of
 

@@ -7,9 +7,9 @@ import numpy as np
 import pymap3d
 import pytest
 
-from lowcostnav_ros.rotation import euler_to_quat, eulers_to_quat, quat_conjugate, quat_rotate, quats_to_euler
-from lowcostnav_ros.settings import SettingsError
-from lowcostnav_ros.strapdown import ideal_increments, strapdown_step
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.physics.rotation import euler_to_quat, eulers_to_quat, quat_conjugate, quat_rotate, quats_to_euler
+from lowcostnav_ros.physics.strapdown import ideal_increments, strapdown_step
 from lowcostnav_ros.trajectory import StartSettings, TruthSettings, WindSettings, build, standard
 from lowcostnav_ros.trajectory.jsbsim_flight import _SCALES, FOOT, Aircraft
 

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from lowcostnav_ros.config_files import find_config, load_settings
-from lowcostnav_ros.rotation import quat_conjugate, quat_rotate, quats_to_euler
-from lowcostnav_ros.settings import SettingsError, from_mapping
-from lowcostnav_ros.strapdown import strapdown_step
+from lowcostnav_ros.base.settings import SettingsError, from_mapping
+from lowcostnav_ros.catalogue.config_files import find_config, load_settings
+from lowcostnav_ros.physics.rotation import quat_conjugate, quat_rotate, quats_to_euler
+from lowcostnav_ros.physics.strapdown import strapdown_step
 from lowcostnav_ros.trajectory import MISSIONS, StartSettings, TruthSettings, WindSettings, build, parse_mission, standard
 from lowcostnav_ros.trajectory.manoeuvres import Hold, Turn
 from lowcostnav_ros.trajectory.profile import (

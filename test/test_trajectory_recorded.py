@@ -6,8 +6,8 @@ import numpy as np
 import pymap3d
 import pytest
 
-from lowcostnav_ros.rotation import quats_to_euler
-from lowcostnav_ros.settings import SettingsError
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.physics.rotation import quats_to_euler
 from lowcostnav_ros.trajectory import TruthSettings, build
 
 HEADER = "t,lat_deg,lon_deg,height_m,vn,ve,vd"

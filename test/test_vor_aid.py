@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from dead_reckoning_flight import ORIGIN, START_NS, in_order, station, straight, turning
 
-from lowcostnav_ros.earth import LocalFrame, displace
-from lowcostnav_ros.measurements import VorBearing
-from lowcostnav_ros.navigators.dead_reckoning import DeadReckoning
-from lowcostnav_ros.navigators.dead_reckoning_settings import DeadReckoningSettings
+from lowcostnav_ros.aids.vor import VorSettings
+from lowcostnav_ros.base.measurements import VorBearing
+from lowcostnav_ros.base.settings import SettingsError, from_mapping
+from lowcostnav_ros.catalogue.building import make_navigator
+from lowcostnav_ros.cores.reckoning_settings import DeadReckoningSettings
+from lowcostnav_ros.estimation.station_slots import StationSlots
+from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning
 from lowcostnav_ros.navigators.ins_gnss import InsGnss, InsGnssSettings
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
-from lowcostnav_ros.navigators.station_slots import StationSlots
-from lowcostnav_ros.navigators.vor_aid import VorSettings
+from lowcostnav_ros.physics.earth import LocalFrame, displace
+from lowcostnav_ros.physics.rotation import euler_to_quat
 from lowcostnav_ros.radionav.stations import StationTable, stations_from_text
 from lowcostnav_ros.radionav.vor import bearing_view, radial_of
-from lowcostnav_ros.replay.building import make_navigator
-from lowcostnav_ros.rotation import euler_to_quat
-from lowcostnav_ros.settings import SettingsError, from_mapping
 
 STATIONS = stations_from_text((Path(__file__).parents[1] / "config" / "dme_stations_bay_area.csv").read_text())
 OAK = STATIONS["OAK"]

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.calibration.record import CalibrationError, checked_record
-from lowcostnav_ros.kernels import kernel
 
 ONE_SIGMA = 0.6826894921370859
 PER_DECADE = 12

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.rotation import euler_to_dcm, wrap
-from lowcostnav_ros.stochastic import GaussMarkov
+from lowcostnav_ros.physics.rotation import euler_to_dcm, wrap
+from lowcostnav_ros.physics.stochastic import GaussMarkov
 
 
 @dataclass(frozen=True, slots=True)

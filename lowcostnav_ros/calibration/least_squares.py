@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.kernels import kernel
+from lowcostnav_ros.base.kernels import kernel
 
 
 @kernel

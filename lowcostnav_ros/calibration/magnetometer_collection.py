@@ -12,7 +12,7 @@ from lowcostnav_ros.calibration.magnetometer_fit import NARROW_DEG, Coverage, Ma
 from lowcostnav_ros.calibration.magnetometer_known_strength import CalibrationPrior, known_strength_fit
 from lowcostnav_ros.calibration.magnetometer_two_step import two_step_fit
 from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.rotation import quat_to_dcm
+from lowcostnav_ros.physics.rotation import quat_to_dcm
 
 PER_CELL = 20
 CELLS_PER_UNIT = 10

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.base.units import GAUSS
 from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.settings import SettingsError, setting
-from lowcostnav_ros.units import GAUSS
 
 FEWEST_SAMPLES = 50
 NARROW_DEG = 15.0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.rotation import wrap
+from lowcostnav_ros.physics.rotation import wrap
 
 FEWEST_HEADINGS = 5
 WIDEST_GAP = math.radians(100.0)

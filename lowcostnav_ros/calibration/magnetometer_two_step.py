@@ -11,10 +11,10 @@ import math
 
 import numpy as np
 
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.calibration.least_squares import condition_number, solve_least_squares
 from lowcostnav_ros.calibration.magnetometer_fit import NARROW_DEG, MagnetometerFit, checked_samples, coverage_of, wide_coverage_of
 from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.kernels import kernel
 
 
 @kernel

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Mapping
 
+from lowcostnav_ros.base.units import DEGREE, DEGREE_PER_HOUR, MILLI_G
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration, MagnetometerFit
 from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.earth import STANDARD_GRAVITY
-from lowcostnav_ros.units import DEGREE, DEGREE_PER_HOUR, MILLI_G
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": DEGREE, "deg/h": DEGREE_PER_HOUR}
 ACCELEROMETER_UNITS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": MILLI_G}

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.stochastic import GaussMarkov
+from lowcostnav_ros.physics.stochastic import GaussMarkov
 
 WIND = GaussMarkov(5.0, 400.0)
 """Variation of one wind component, m/s and s (equations 3.36 and 3.37)."""

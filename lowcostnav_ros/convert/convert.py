@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lowcostnav_ros import measurements as m
-from lowcostnav_ros.config_files import config_dir
+from lowcostnav_ros.base import measurements as m
+from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.convert.profile import ConvertError, FieldSpec, Profile, TableProfile, TopicProfile, load_profile
 from lowcostnav_ros.convert.table import Table, read_table
 from lowcostnav_ros.convert.timebase import stamps_ns
@@ -16,7 +16,7 @@ from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
 from lowcostnav_ros.messages.store import to_cdr
-from lowcostnav_ros.rotation import euler_to_dcm, euler_to_quat, wrap_2pi
+from lowcostnav_ros.physics.rotation import euler_to_dcm, euler_to_quat, wrap_2pi
 
 _SHOWN = 5
 

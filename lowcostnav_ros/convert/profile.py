@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lowcostnav_ros.config_files import config_dir, find_config, read_yaml
+from lowcostnav_ros.base.settings import nearest
+from lowcostnav_ros.catalogue.config_files import config_dir, find_config, read_yaml
 from lowcostnav_ros.convert.units_by_name import UNITS
-from lowcostnav_ros.settings import nearest
 
 
 class ConvertError(ValueError):

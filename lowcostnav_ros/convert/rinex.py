@@ -11,17 +11,17 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from lowcostnav_ros.base.measurements import GnssEpoch
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
-from lowcostnav_ros.earth import LocalFrame, ecef_to_geodetic
 from lowcostnav_ros.gnss.correction import CorrectionSettings
 from lowcostnav_ros.gnss.track import HOLD_S, Track, track
-from lowcostnav_ros.measurements import GnssEpoch
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnlySettings
-from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.physics.earth import LocalFrame, ecef_to_geodetic
 
 _BRIDGE_NS = 500_000_000
 """How long before an epoch its truth begins: a comparison bridges no more than a second."""

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.convert.profile import ConvertError, TableProfile
-from lowcostnav_ros.settings import nearest
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 

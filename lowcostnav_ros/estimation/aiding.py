@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros import chi_square
+from lowcostnav_ros.base import chi_square
+from lowcostnav_ros.base.measurements import Measurement
+from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.measurements import Measurement
-from lowcostnav_ros.settings import setting
 
 
 class Decision(Enum):

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lowcostnav_ros.measurements import ImuBlock, Measurement, SlantRange, VorBearing
+from lowcostnav_ros.base.measurements import ImuBlock, Measurement, SlantRange, VorBearing
 
 TIME_JUMP_NS = 10_000_000_000
 """A stamp this far from the newest is not lateness: it is a bad stamp, or a restarted clock when it persists (default)."""

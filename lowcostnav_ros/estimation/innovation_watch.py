@@ -20,10 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.chi_square import exceeded_with
+from lowcostnav_ros.base.chi_square import exceeded_with
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul, matmul_transposed, matvec
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.small_matrices import cholesky, forward_solve, matmul, matmul_transposed, matvec
 
 UNSEEN = 1e-6
 """What is added to an information matrix, as a share of its trace, so that a direction nothing has measured does no harm."""

@@ -7,8 +7,8 @@ The error state is zero before every update, so an update returns the correction
 
 import numpy as np
 
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.small_matrices import cholesky, forward_solve, matmul, matvec, turned
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul, matvec, turned
 
 
 def van_loan(F: np.ndarray, GQG: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.almanac import parse_yuma
 from lowcostnav_ros.gnss.ephemeris import Ephemeris, orbit
 from lowcostnav_ros.gnss.gps_time import ROLLOVER_WEEKS, SECOND, WEEK_NS, week_and_tow
 from lowcostnav_ros.gnss.signals import GPS, name
-from lowcostnav_ros.kernels import kernel
 
 LAST_GPS = 32
 """Numbers beyond are of other systems, which some almanacs list too."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
+from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.gnss.constellation import Constellation
 from lowcostnav_ros.gnss.dop import NO_SOLUTION, Dops, dops
 from lowcostnav_ros.gnss.observables import azimuth_elevation, line_of_sight
-from lowcostnav_ros.settings import setting
+from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,9 @@ from typing import Protocol
 
 import numpy as np
 
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.gnss.gps_time import SECOND, from_calendar
 from lowcostnav_ros.gnss.signals import GALILEO, GPS
-from lowcostnav_ros.kernels import kernel
 
 SIDEREAL_DAY_S = 86164.0
 TABLE_EPOCH_GPS_S = from_calendar(1993, 7, 1) / SECOND

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import EARTH_RATE, ecef_to_geodetic
+from lowcostnav_ros.base.measurements import GnssEpoch
+from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.gnss import ionosphere, troposphere
 from lowcostnav_ros.gnss.ephemeris import Ephemeris, SatelliteState, satellite_state
 from lowcostnav_ros.gnss.gps_time import SECOND, unix_ns
@@ -18,8 +19,7 @@ from lowcostnav_ros.gnss.observables import azimuth_elevation, line_of_sight, tu
 from lowcostnav_ros.gnss.raw_epoch import RawEpoch, screened
 from lowcostnav_ros.gnss.rinex_nav import Navigation
 from lowcostnav_ros.gnss.signals import SPEED_OF_LIGHT
-from lowcostnav_ros.measurements import GnssEpoch
-from lowcostnav_ros.settings import setting
+from lowcostnav_ros.physics.earth import EARTH_RATE, ecef_to_geodetic
 
 UNCORRECTED_SIGMA_M = 30.0
 """Stated where the atmosphere is not corrected because the position is not yet known, m."""

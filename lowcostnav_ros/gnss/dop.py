@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import dcm_ne
+from lowcostnav_ros.physics.earth import dcm_ne
 
 SINGULAR = 1.0e12
 """Condition number of the normal matrix from which a geometry counts as having no solution."""

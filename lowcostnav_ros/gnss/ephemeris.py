@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.gps_time import SECOND, week_and_tow
 from lowcostnav_ros.gnss.signals import SPEED_OF_LIGHT, name
-from lowcostnav_ros.kernels import kernel
 
 MU = {"G": 3.986005e14, "E": 3.986004418e14}
 """Gravitational constant each system computes its orbits with, m^3/s^2."""

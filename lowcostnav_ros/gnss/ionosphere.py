@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.gnss.gps_time import week_and_tow
 from lowcostnav_ros.gnss.signals import L1_HZ, SPEED_OF_LIGHT
-from lowcostnav_ros.kernels import kernel
 
 _SHELL_M = 350.0e3
 _EARTH_M = 6378136.3

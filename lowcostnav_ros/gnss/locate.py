@@ -4,11 +4,11 @@ from collections import Counter
 
 import numpy as np
 
+from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.gnss import raim
 from lowcostnav_ros.gnss.correction import CorrectionSettings, corrected
 from lowcostnav_ros.gnss.raw_epoch import RawEpoch
 from lowcostnav_ros.gnss.rinex_nav import Navigation
-from lowcostnav_ros.measurements import GnssEpoch
 
 NEAR_M = 10.0
 """Corrections change by a few millimetres over this distance, most of it the troposphere over height."""

@@ -11,9 +11,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lowcostnav_ros.earth import EARTH_RATE, dcm_ne
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.gnss.signals import SPEED_OF_LIGHT
-from lowcostnav_ros.kernels import kernel
+from lowcostnav_ros.physics.earth import EARTH_RATE, dcm_ne
 
 States = Callable[[float | np.ndarray], tuple[np.ndarray, np.ndarray]]
 

@@ -12,8 +12,8 @@ M. A. Sturza, "Navigation system integrity monitoring using redundant measuremen
 
 import numpy as np
 
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.small_matrices import cholesky, forward_solve, matmul_transposed
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul_transposed
 
 NEARLY_SINGULAR = 1e-6
 """Ratio of the smallest to the largest pivot below which a geometry counts as having no solution."""

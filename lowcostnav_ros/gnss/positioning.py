@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros import chi_square
-from lowcostnav_ros.earth import dcm_ne, ecef_to_geodetic
+from lowcostnav_ros.base import chi_square
+from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.dop import Dops, cofactor, design, of_cofactor
 from lowcostnav_ros.gnss.observables import line_of_sight, range_and_rate
-from lowcostnav_ros.measurements import GnssEpoch
+from lowcostnav_ros.physics.earth import dcm_ne, ecef_to_geodetic
 
 PASSED, FAILED, NOT_POSSIBLE = "passed", "failed", "not possible"
 MAX_ITERATIONS = 20

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.chi_square import noncentrality
+from lowcostnav_ros.base.chi_square import noncentrality
+from lowcostnav_ros.base.measurements import GnssEpoch
+from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.parity import parity, slopes, suspect
 from lowcostnav_ros.gnss.positioning import PASSED, PointFix, require_near_ground, solve
 from lowcostnav_ros.gnss.signals import name
-from lowcostnav_ros.measurements import GnssEpoch
-from lowcostnav_ros.settings import setting
 
 HEALTHY, EXCLUDED, FAULTY, NOT_POSSIBLE = "healthy", "excluded", "faulty", "not possible"
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.signals import SPEED_OF_LIGHT
-from lowcostnav_ros.kernels import kernel
 
 
 @dataclass(frozen=True, slots=True)

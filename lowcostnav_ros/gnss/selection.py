@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.kernels import kernel
 
 EXHAUSTIVE_LIMIT = 20_000
 """Combinations up to which all are tried (about 10 ms); beyond, satellites are dropped one at a time, each time the least missed."""

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import geodetic_to_ecef
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.constellation import Satellites
 from lowcostnav_ros.gnss.dop import NO_SOLUTION, Dops, dops, to_ned
 from lowcostnav_ros.gnss.observables import azimuth_elevation, line_of_sight
 from lowcostnav_ros.gnss.signals import name
+from lowcostnav_ros.physics.earth import geodetic_to_ecef
 
 Lowest = Callable[[np.ndarray], np.ndarray]
 """Lowest visible elevation (n,), rad, towards azimuths (n,), rad."""

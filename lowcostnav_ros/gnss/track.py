@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.gnss import GnssError, raim
 from lowcostnav_ros.gnss.clock_watch import ClockWatch
 from lowcostnav_ros.gnss.correction import CorrectionSettings, corrected
@@ -14,7 +15,6 @@ from lowcostnav_ros.gnss.locate import locate
 from lowcostnav_ros.gnss.positioning import VelocityFix, solve_velocity
 from lowcostnav_ros.gnss.raw_epoch import RawEpoch
 from lowcostnav_ros.gnss.rinex_nav import Navigation
-from lowcostnav_ros.measurements import GnssEpoch
 
 HOLD_S = 60.0
 """An epoch that gives no position is corrected at the last good one up to this much later: at 250 m/s 15 km away, worth 0.1 m."""

@@ -9,11 +9,11 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.rosbag2.errors import ReaderError, WriterError
 
-from lowcostnav_ros.measurements import ImuBlock, Measurement
+from lowcostnav_ros.base.measurements import ImuBlock, Measurement
+from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.decode import Decoder, Rejected
 from lowcostnav_ros.messages.store import STORE, full_type
-from lowcostnav_ros.settings import nearest
 
 _STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 _NEVER = QosTime(0, 0)

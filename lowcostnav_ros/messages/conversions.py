@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.earth import dcm_ne, ecef_to_geodetic, geodetic_to_ecef
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.rotation import dcm_to_quat, quat_to_dcm, wrap, wrap_2pi
-from lowcostnav_ros.small_matrices import matmul, matmul_transposed, matvec, turned
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.small_matrices import matmul, matmul_transposed, matvec, turned
+from lowcostnav_ros.physics.earth import dcm_ne, ecef_to_geodetic, geodetic_to_ecef
+from lowcostnav_ros.physics.rotation import dcm_to_quat, quat_to_dcm, wrap, wrap_2pi
 
 HALF_SQRT2 = math.sqrt(0.5)
 

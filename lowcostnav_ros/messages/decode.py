@@ -8,13 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lowcostnav_ros.earth import LocalFrame
-from lowcostnav_ros.measurements import ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.messages import checks, gnss_cloud, imu_columns, topics
 from lowcostnav_ros.messages import decode_sensors as sensor
 from lowcostnav_ros.messages.decode_navigation import odometry, origin_from_fix, solution_from_fix, solution_from_wind
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal, Rejected
 from lowcostnav_ros.messages.store import from_cdr, full_type
+from lowcostnav_ros.physics.earth import LocalFrame
 
 __all__ = ["RULES", "DecodeRules", "Decoder", "Rejected", "decode", "decode_imu", "decode_imu_block"]
 

@@ -5,11 +5,11 @@ from collections import Counter
 
 import numpy as np
 
-from lowcostnav_ros.earth import LocalFrame
-from lowcostnav_ros.measurements import UNKNOWN_VARIANCE, NavSolution
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, NavSolution
 from lowcostnav_ros.messages import checks
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal
+from lowcostnav_ros.physics.earth import LocalFrame
 
 _TRUTH = "truth/"
 

@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lowcostnav_ros.earth import STANDARD_GRAVITY
-from lowcostnav_ros.measurements import (
+from lowcostnav_ros.base.measurements import (
     AirTemperature,
     AirVelocity,
     Attitude,
@@ -19,11 +18,12 @@ from lowcostnav_ros.measurements import (
     SlantRange,
     VorBearing,
 )
+from lowcostnav_ros.base.units import kelvin
 from lowcostnav_ros.messages import checks
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal
-from lowcostnav_ros.rotation import quat_to_dcm
-from lowcostnav_ros.units import kelvin
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
+from lowcostnav_ros.physics.rotation import quat_to_dcm
 
 Notes = Counter[str]
 

@@ -5,14 +5,14 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from lowcostnav_ros import measurements as m
-from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.base import measurements as m
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.base.units import celsius
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.gnss_cloud import cloud_of
 from lowcostnav_ros.messages.store import STORE, to_cdr
-from lowcostnav_ros.truth import TruthBlock
-from lowcostnav_ros.units import celsius
+from lowcostnav_ros.physics.earth import LocalFrame
 
 _T = STORE.types
 Header, Time = _T["std_msgs/msg/Header"], _T["builtin_interfaces/msg/Time"]

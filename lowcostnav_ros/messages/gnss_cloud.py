@@ -27,8 +27,8 @@ from collections import Counter
 
 import numpy as np
 
+from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.gnss.signals import name as name_of
-from lowcostnav_ros.measurements import GnssEpoch
 from lowcostnav_ros.messages import checks, topics
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal
 from lowcostnav_ros.messages.store import STORE

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lowcostnav_ros.measurements import Attitude, ImuBlock
+from lowcostnav_ros.base.measurements import Attitude, ImuBlock
 from lowcostnav_ros.messages.checks import ABSURD, covariance
 from lowcostnav_ros.messages.conversions import quat_from_ros, swap_world_cov
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.physics.earth import LocalFrame
 
 _BODY = frozenset({"base_link", "imu_link"})
 _ANTENNA = frozenset({"gps", "gps_link", "gnss", "antenna", "base_link", "map"})

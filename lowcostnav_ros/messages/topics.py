@@ -6,7 +6,7 @@ recording.
 
 from dataclasses import dataclass, replace
 
-from lowcostnav_ros.settings import nearest
+from lowcostnav_ros.base.settings import nearest
 
 IMU = "sensor_msgs/msg/Imu"
 MAGNETIC_FIELD = "sensor_msgs/msg/MagneticField"

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.estimation.aiding import Aid, AidStatus
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
-from lowcostnav_ros.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
-from lowcostnav_ros.settings import setting
+from lowcostnav_ros.physics.earth import LocalFrame
 
 OK, WARN, ERROR = 0, 1, 2
 """Levels of a status, as diagnostic_msgs numbers them."""

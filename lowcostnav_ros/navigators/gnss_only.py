@@ -12,19 +12,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import displace, transport_rate_n
+from lowcostnav_ros.aids.gnss_integrity import GnssIntegrity
+from lowcostnav_ros.aids.satellites import RECOVERED, ClockHost, GnssSettings, RangeAid, RangeRateAid
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.measurements import GnssEpoch, Integrity, NavSolution
+from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.cores.inertial import POS, VEL
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.measurements import GnssEpoch, Integrity, NavSolution
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
-from lowcostnav_ros.navigators.gnss_aids import RECOVERED, ClockHost, GnssSettings, RangeAid, RangeRateAid
-from lowcostnav_ros.navigators.gnss_integrity import GnssIntegrity
-from lowcostnav_ros.navigators.gnss_start import point_solution, unknown_velocity
-from lowcostnav_ros.navigators.inertial import POS, VEL
 from lowcostnav_ros.navigators.ins_gnss import ENOUGH, EPOCH, THESIS_POSITION_PSD, clock_block
-from lowcostnav_ros.settings import group, setting
+from lowcostnav_ros.physics.earth import displace, transport_rate_n
+from lowcostnav_ros.starts.point_solution import point_solution, unknown_velocity
 
 ACC = slice(6, 9)
 STEP_S = 0.25

@@ -10,17 +10,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lowcostnav_ros.aids.gnss_integrity import GnssIntegrity
+from lowcostnav_ros.aids.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
+from lowcostnav_ros.aids.satellites import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, ClockHost, GnssSettings, RangeAid, RangeRateAid, predicted
+from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, Integrity, Measurement, NavSolution
+from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.estimation.error_state import Block, Kind, chain, random_walk
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
-from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, Integrity, Measurement, NavSolution
-from lowcostnav_ros.navigators.gnss_aids import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, ClockHost, GnssSettings, RangeAid, RangeRateAid, predicted
-from lowcostnav_ros.navigators.gnss_integrity import GnssIntegrity
-from lowcostnav_ros.navigators.gnss_start import SlopeVelocity, point_solution
 from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
-from lowcostnav_ros.navigators.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
 from lowcostnav_ros.radionav.stations import StationTable
-from lowcostnav_ros.settings import group, setting
+from lowcostnav_ros.starts.point_solution import SlopeVelocity, point_solution
 
 EPOCH = "gnss/raw"
 SOLUTION = "gnss_only/odometry_fused"

@@ -9,33 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
-from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
-from lowcostnav_ros.measurements import (
-    AirVelocity,
-    GpsPosition,
-    GpsVelocity,
-    ImuBlock,
-    MagneticField,
-    Measurement,
-    NavSolution,
-    Pressure,
-    VorBearing,
-)
-from lowcostnav_ros.navigators.alignment import (
-    AlignmentSettings,
-    Levelling,
-    MasterState,
-    agrees_with_track,
-    gyrocompass,
-    gyrocompass_sigma,
-    tilt_from_specific_force,
-    transferred,
-    unit_error,
-)
-from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
-from lowcostnav_ros.navigators.inertial import ATT, CORE, DEG, GAP_NS, POS, VEL, ImuSettings, InertialCore, bias_blocks, core_block, typical
-from lowcostnav_ros.navigators.ins_gps_aids import (
+from lowcostnav_ros.aids.ins_gps_aids import (
     AirDataSettings,
     AirspeedAid,
     BaroAid,
@@ -49,13 +23,39 @@ from lowcostnav_ros.navigators.ins_gps_aids import (
     WheelAid,
     WheelSettings,
 )
-from lowcostnav_ros.navigators.magnetic_heading import MagneticReference, magnetic_heading
-from lowcostnav_ros.navigators.vor_aid import BLOCK as VOR_BIAS
-from lowcostnav_ros.navigators.vor_aid import BearingState, VorAid, VorSettings
-from lowcostnav_ros.navigators.vor_aid import bias_blocks as vor_bias_blocks
+from lowcostnav_ros.aids.vor import BLOCK as VOR_BIAS
+from lowcostnav_ros.aids.vor import BearingState, VorAid, VorSettings
+from lowcostnav_ros.aids.vor import bias_blocks as vor_bias_blocks
+from lowcostnav_ros.base.measurements import (
+    AirVelocity,
+    GpsPosition,
+    GpsVelocity,
+    ImuBlock,
+    MagneticField,
+    Measurement,
+    NavSolution,
+    Pressure,
+    VorBearing,
+)
+from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
+from lowcostnav_ros.cores.inertial import ATT, CORE, DEG, GAP_NS, POS, VEL, ImuSettings, InertialCore, bias_blocks, core_block, typical
+from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
+from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
+from lowcostnav_ros.physics.magnetic_heading import MagneticReference, magnetic_heading
+from lowcostnav_ros.physics.rotation import euler_to_quat
 from lowcostnav_ros.radionav.stations import StationTable
-from lowcostnav_ros.rotation import euler_to_quat
-from lowcostnav_ros.settings import group, setting
+from lowcostnav_ros.starts.levelling import (
+    AlignmentSettings,
+    Levelling,
+    MasterState,
+    agrees_with_track,
+    gyrocompass,
+    gyrocompass_sigma,
+    tilt_from_specific_force,
+    transferred,
+    unit_error,
+)
 
 IMU, FIX, VELOCITY = "imu/data_raw", "gps/fix", "gps/vel"
 MAG, PRESSURE, AIR, VOR = "imu/mag", "air/static_pressure", "air/velocity", "vor/bearing"

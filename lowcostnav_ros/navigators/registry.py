@@ -6,12 +6,12 @@ from importlib import import_module
 from lowcostnav_ros.navigators.base import Navigator
 
 _WHERE = {
-    "ahrs": ("ahrs", "AhrsSettings", "Ahrs"),
-    "dead_reckoning": ("dead_reckoning", "DeadReckoningSettings", "DeadReckoning"),
+    "ahrs": ("ahrs.base", "AhrsSettings", "Ahrs"),
+    "dead_reckoning": ("dead_reckoning.navigator", "DeadReckoningSettings", "DeadReckoning"),
     "gnss_only": ("gnss_only", "GnssOnlySettings", "GnssOnly"),
     "ins_gnss": ("ins_gnss", "InsGnssSettings", "InsGnss"),
     "ins_gps": ("ins_gps", "InsGpsSettings", "InsGps"),
-    "supervisor": ("supervisor", "SupervisorSettings", "Supervisor"),
+    "supervisor": ("supervisor.navigator", "SupervisorSettings", "Supervisor"),
 }
 
 

@@ -4,12 +4,12 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
+from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.messages.bag import BagError, BagReader
 from lowcostnav_ros.messages.topics import CLOCK, DIAGNOSTICS, TopicSpec, spec
 from lowcostnav_ros.ros.node_base import Output
 from lowcostnav_ros.ros.run import run
 from lowcostnav_ros.ros.source_node import SourceNode
-from lowcostnav_ros.settings import SettingsError, setting
 
 NOT_PLAYED = (CLOCK, DIAGNOSTICS)  # a new clock is made; old diagnostics would pass for those of the nodes that listen now
 

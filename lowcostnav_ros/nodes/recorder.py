@@ -9,14 +9,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lowcostnav_ros.graph_nodes import recorded_topics
+from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.graph.wiring import recorded_topics
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagError, BagWriter
 from lowcostnav_ros.ros.flow import header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status
 from lowcostnav_ros.ros.node_base import NodeBase
 from lowcostnav_ros.ros.run import run
-from lowcostnav_ros.settings import SettingsError, setting
 
 
 @dataclass(frozen=True)

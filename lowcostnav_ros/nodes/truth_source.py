@@ -3,14 +3,14 @@
 import sys
 from typing import Any
 
-from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.messages.store import to_cdr
+from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.ros.run import run
 from lowcostnav_ros.ros.scenario import flight_bases
 from lowcostnav_ros.ros.source_node import SourceNode
 from lowcostnav_ros.trajectory import build
-from lowcostnav_ros.truth import TruthBlock
 
 STATE_PERIOD_NS = 50_000_000
 

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.units import DEGREE, NAUTICAL_MILE
+from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
 
 LORAN_ERROR_M = 0.25 * NAUTICAL_MILE
 """Nominal LORAN-C error."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import LocalFrame, horizon_distance
+from lowcostnav_ros.base.units import FOOT, NAUTICAL_MILE
+from lowcostnav_ros.physics.earth import LocalFrame, horizon_distance
 from lowcostnav_ros.radionav.layouts import hdop_of_sums
 from lowcostnav_ros.radionav.selection import STEEPEST
 from lowcostnav_ros.radionav.stations import Station
-from lowcostnav_ros.units import FOOT, NAUTICAL_MILE
 
 
 @dataclass(frozen=True, slots=True, eq=False)

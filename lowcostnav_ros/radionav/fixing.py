@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.physics.rotation import wrap
 from lowcostnav_ros.radionav.geometry import GeometryError, mirror_point, two_range_fixes
-from lowcostnav_ros.rotation import wrap
 
 MAX_ITERATIONS = 200
 MISS_SIGMAS = 5.0

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
-from lowcostnav_ros.kernels import kernel
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 
 
 class GeometryError(ValueError):

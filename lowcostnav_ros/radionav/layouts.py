@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.units import NAUTICAL_MILE
+from lowcostnav_ros.base.units import NAUTICAL_MILE
 
 BEST_TRIPLE_HDOP = 2.0 / math.sqrt(3.0)
 RADIUS_M = 20.0 * NAUTICAL_MILE

@@ -19,7 +19,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lowcostnav_ros.earth import geodetic_to_ecef
+from lowcostnav_ros.base.units import FOOT, NAUTICAL_MILE
+from lowcostnav_ros.physics.earth import geodetic_to_ecef
 from lowcostnav_ros.radionav.channels import channel_of
 from lowcostnav_ros.radionav.coverage import near
 from lowcostnav_ros.radionav.stations import (
@@ -33,7 +34,6 @@ from lowcostnav_ros.radionav.stations import (
     station_from_cells,
     stations_from_text,
 )
-from lowcostnav_ros.units import FOOT, NAUTICAL_MILE
 
 _OURAIRPORTS = ("ident", "name", "latitude_deg", "longitude_deg", "elevation_ft", "dme_channel", "power")
 _POWER = {"HIGH": "H", "MEDIUM": "L"}

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import LocalFrame
+from lowcostnav_ros.base.units import NAUTICAL_MILE
+from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.radionav.geometry import angle_between, collinear_with_track, hdop, range_and_direction
 from lowcostnav_ros.radionav.interrogation import InterrogationSchedule
 from lowcostnav_ros.radionav.selection import best_pair, usable, view
 from lowcostnav_ros.radionav.stations import StationTable
-from lowcostnav_ros.units import NAUTICAL_MILE
 
 CHOOSE_EVERY_S = 60.0
 LONGEST_LEG_M = 2.0e6

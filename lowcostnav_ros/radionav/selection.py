@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import line_of_sight_clear
+from lowcostnav_ros.physics.earth import line_of_sight_clear
 from lowcostnav_ros.radionav.geometry import hdop, horizontal_range, range_and_direction
 from lowcostnav_ros.radionav.stations import Station, StationTable
 

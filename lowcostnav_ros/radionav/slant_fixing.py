@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import LocalFrame, horizon_distance
+from lowcostnav_ros.physics.earth import LocalFrame, horizon_distance
 from lowcostnav_ros.radionav.fixing import Range, fix
 from lowcostnav_ros.radionav.geometry import GeometryError, range_and_direction
 from lowcostnav_ros.radionav.stations import Station

@@ -15,8 +15,8 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from lowcostnav_ros.earth import geodetic_to_ecef
-from lowcostnav_ros.units import FOOT, NAUTICAL_MILE
+from lowcostnav_ros.base.units import FOOT, NAUTICAL_MILE
+from lowcostnav_ros.physics.earth import geodetic_to_ecef
 
 COLUMNS = ("ident", "name", "lat_deg", "lon_deg", "elevation_ft", "undulation_m", "channel", "service_volume")
 OPTIONAL_COLUMNS = ("kind", "declination_deg")

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
-from lowcostnav_ros.kernels import kernel
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
+from lowcostnav_ros.physics.rotation import wrap_2pi
 from lowcostnav_ros.radionav.selection import audible, view
 from lowcostnav_ros.radionav.stations import Station, StationTable
-from lowcostnav_ros.rotation import wrap_2pi
 
 STEEPEST = math.radians(60.0)
 """Elevation above which an aircraft is in the cone of confusion, where the radials of a VOR cannot be told apart."""

@@ -7,12 +7,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from lowcostnav_ros.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.catalogue.building import Registry, build_navigators
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import BagError, BagReader
 from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.navigators.base import Navigator
-from lowcostnav_ros.replay.building import Registry, build_navigators
 from lowcostnav_ros.replay.links import output_topic, output_topics
 from lowcostnav_ros.replay.selection import Selection, check_names, select
 from lowcostnav_ros.replay.session import ReplayResult, Session, first_stamp, times

@@ -23,7 +23,7 @@ from typing import Any
 
 import yaml
 
-from lowcostnav_ros.settings import nearest
+from lowcostnav_ros.base.settings import nearest
 
 BETTER, SAME, WORSE = "better", "same", "worse"
 _KEYS = ("value", "tolerance", "limit", "best")

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lowcostnav_ros.earth import difference_n
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.measurements import NavSolution
-from lowcostnav_ros.rotation import euler_jacobian_n, quat_to_euler, quats_to_euler
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.measurements import NavSolution
+from lowcostnav_ros.physics.earth import difference_n
+from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, quats_to_euler
 
 _NO3 = np.full(3, np.nan)
 _NO4 = np.full(4, np.nan)

@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from lowcostnav_ros.measurements import GpsPosition, GpsVelocity
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.replay.columns import NavColumns, columns_of, concatenate, interpolate
 from lowcostnav_ros.replay.metrics import Errors, ErrorStatistics, error_row, errors_between
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.requirements import Coverage, monitors
 from lowcostnav_ros.replay.withhold import NS, Window
-from lowcostnav_ros.truth import TruthBlock
 
 MAX_GAP_NS = NS
 """Nothing is interpolated over more than this."""

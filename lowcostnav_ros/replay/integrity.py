@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lowcostnav_ros.measurements import NavSolution
+from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.replay.metrics import Errors
 
 MAX_LISTED = 50

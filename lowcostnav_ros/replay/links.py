@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
-from lowcostnav_ros.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Measurement, NavSolution
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.messages.store import to_cdr

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.estimation.aiding import AidStatus
-from lowcostnav_ros.measurements import NavSolution
 from lowcostnav_ros.replay.columns import NavColumns
 from lowcostnav_ros.replay.metrics import AXES, Errors
 

@@ -8,8 +8,8 @@ from time import perf_counter
 
 import numpy as np
 
+from lowcostnav_ros.base.measurements import Measurement, NavSolution
 from lowcostnav_ros.estimation.aiding import AidStatus
-from lowcostnav_ros.measurements import Measurement, NavSolution
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
 from lowcostnav_ros.replay.columns import columns_of

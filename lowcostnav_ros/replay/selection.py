@@ -3,8 +3,8 @@
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 
+from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.replay.links import output_topics
-from lowcostnav_ros.settings import nearest
 
 Inputs = Mapping[str, bool]
 """Source to required?, as :class:`~lowcostnav_ros.navigators.base.Navigator` declares it."""

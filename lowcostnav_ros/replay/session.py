@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros import __version__
-from lowcostnav_ros.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.settings import settings_hash, to_mapping
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.messages.decode import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
@@ -22,8 +24,6 @@ from lowcostnav_ros.replay.links import Link, in_order, output_topics, recorder_
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.runs import NavigatorFiles, NavigatorRun
 from lowcostnav_ros.replay.withhold import Window, Withhold, WithholdError, resolve, split
-from lowcostnav_ros.settings import settings_hash, to_mapping
-from lowcostnav_ros.truth import TruthBlock
 
 FLUSH_NS = 5_000_000_000
 """Results are written and evaluated whenever the stream has moved on this far."""

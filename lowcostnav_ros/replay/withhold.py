@@ -11,8 +11,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from lowcostnav_ros.measurements import ImuBlock, Measurement
-from lowcostnav_ros.settings import nearest
+from lowcostnav_ros.base.measurements import ImuBlock, Measurement
+from lowcostnav_ros.base.settings import nearest
 
 NS = 1_000_000_000
 _FORM = re.compile(r"^(?P<sources>[^@]+?)(?:@(?P<start>\d+(?:\.\d*)?)-(?P<end>\d+(?:\.\d*)?)?)?$")

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from lowcostnav_ros.replay.campaign import CampaignError, run_campaign
 from lowcostnav_ros.reproduce.registry import ReproduceError
+from lowcostnav_ros.studies.campaign import CampaignError, run_campaign
 
 Runner = Callable[[Callable[[Any], Any], Sequence[Any]], list]
 

@@ -16,34 +16,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import nearest
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.settings import nearest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MODULES = (
-    "gebre_error_models",
-    "gebre_magnetometer",
-    "gebre_experiment",
-    "gebre_attitude",
-    "gebre_attitude_gains",
-    "gebre_attitude_switch",
-    "gebre_dead_reckoning",
-    "gebre_ins_grades",
-    "gebre_update_methods",
-    "gebre_navigator_montecarlo",
-    "gebre_fixing",
-    "solimeno_inertial",
-    "solimeno_gnss",
-    "solimeno_gps_only",
-    "solimeno_coupling",
-    "solimeno_outages",
-    "solimeno_observability",
-    "solimeno_estimates",
-    "solimeno_galileo",
+    "gebre.error_models",
+    "gebre.magnetometer",
+    "gebre.experiment",
+    "gebre.attitude",
+    "gebre.attitude_gains",
+    "gebre.attitude_switch",
+    "gebre.dead_reckoning",
+    "gebre.ins_grades",
+    "gebre.update_methods",
+    "gebre.navigator_montecarlo",
+    "gebre.fixing",
+    "solimeno.inertial",
+    "solimeno.gnss",
+    "solimeno.gps_only",
+    "solimeno.coupling",
+    "solimeno.outages",
+    "solimeno.observability",
+    "solimeno.estimates",
+    "solimeno.galileo",
 )
-"""Modules of this package that hold results; the part of a name before the first underscore is the study."""
+"""Modules of this package that hold results; their folder is the study."""
 
 STUDIES = {
     "gebre": "D. Gebre-Egziabher, Design and Performance Analysis of a Low-Cost Aided Dead Reckoning Navigator, PhD, Stanford, 2004",
@@ -169,7 +169,7 @@ def result(
     """
 
     def register(function: Callable[[Context], Outcome]) -> Callable[[Context], Outcome]:
-        study = function.__module__.rpartition(".")[2].partition("_")[0]
+        study = function.__module__.split(".")[-2] if "." in function.__module__ else function.__module__.partition("_")[0]
         known = _ENTRIES.get(id)
         if known is not None and known.function.__qualname__ != function.__qualname__:
             raise ReproduceError(f"Result {id} is registered twice; give '{title}' an id of its own.")

@@ -15,8 +15,8 @@ from lowcostnav_ros.ros import qos
 from lowcostnav_ros.ros.input_monitor import Status
 
 if TYPE_CHECKING:  # the compiler behind the estimators costs 60 MB that a sensor node does not need
+    from lowcostnav_ros.base.measurements import Integrity
     from lowcostnav_ros.estimation.aiding import AidStatus
-    from lowcostnav_ros.measurements import Integrity
     from lowcostnav_ros.navigators.base import NavigatorStatus
 
 PERIOD_S = 1.0

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header
 
-from lowcostnav_ros.settings import setting
+from lowcostnav_ros.base.settings import setting
 
 TOPIC = "flow/progress"
 REPORT_NS = 100_000_000

@@ -11,11 +11,11 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from lowcostnav_ros.base.measurements import MagneticField, Measurement
 from lowcostnav_ros.calibration.magnetometer_collection import MagnetometerCollection
 from lowcostnav_ros.calibration.magnetometer_fit import calibration_of
 from lowcostnav_ros.calibration.profile_text import calibration_text
 from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.measurements import MagneticField, Measurement
 from lowcostnav_ros.ros.input_monitor import OK, Status
 
 MICRO = 1e6

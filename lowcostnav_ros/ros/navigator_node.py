@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lowcostnav_ros.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.ros.diagnostics import navigator_rows
 from lowcostnav_ros.ros.input_monitor import Status
 from lowcostnav_ros.ros.node_base import NodeBase
 from lowcostnav_ros.ros.warm_up import warm_up
-from lowcostnav_ros.settings import group, setting
 
 RESTART_NS = 10_000_000_000  # a stamp this much older is a time base that started again (a bag played twice)
 

@@ -14,8 +14,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from std_srvs.srv import Trigger
 
-from lowcostnav_ros.graph_nodes import PACED
-from lowcostnav_ros.measurements import Measurement
+from lowcostnav_ros.base.measurements import Measurement
+from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.graph.wiring import PACED
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.decode import Decoder, Rejected
 from lowcostnav_ros.ros import polling, qos
@@ -24,7 +25,6 @@ from lowcostnav_ros.ros.flow import ProgressReport, header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import OK, InputMonitor, Status
 from lowcostnav_ros.ros.pacing import parse_expected
 from lowcostnav_ros.ros.parameters import Parameters, given_parameters
-from lowcostnav_ros.settings import group, setting
 
 # every event handler is one more thing to wait for: 15 us of each message on each topic
 NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)

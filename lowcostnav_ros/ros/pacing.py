@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rclpy.node import Node
 
-from lowcostnav_ros.settings import SettingsError, setting
+from lowcostnav_ros.base.settings import SettingsError, setting
 
 SLACK_S = 0.001  # sleeping for less costs more than it orders
 

@@ -7,8 +7,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lowcostnav_ros.imu_by_name import with_imu_profile
-from lowcostnav_ros.settings import Declared, SettingsError, checked, declared, from_mapping, nearest, to_mapping
+from lowcostnav_ros.base.settings import Declared, SettingsError, checked, declared, from_mapping, nearest, to_mapping
+from lowcostnav_ros.catalogue.imu_by_name import with_imu_profile
 
 BUILT_IN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 LARGE = 1.0e300

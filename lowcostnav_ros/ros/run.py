@@ -4,8 +4,8 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 
+from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.ros.memory import release_idle_code
-from lowcostnav_ros.settings import SettingsError
 
 EXIT_OK, EXIT_CANNOT_RUN = 0, 2
 

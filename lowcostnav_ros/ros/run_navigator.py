@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from functools import partial
 
+from lowcostnav_ros.catalogue.building import make_navigator
 from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.replay.building import make_navigator
 from lowcostnav_ros.ros.navigator_node import NavigatorNode
 from lowcostnav_ros.ros.run import run
 

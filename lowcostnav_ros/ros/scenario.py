@@ -6,8 +6,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lowcostnav_ros.config_files import config_dir
-from lowcostnav_ros.settings import SettingsError, nearest, setting
+from lowcostnav_ros.base.settings import SettingsError, nearest, setting
+from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.simulation.scenario import Scenario, scenario_from_text
 
 

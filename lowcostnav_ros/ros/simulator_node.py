@@ -6,14 +6,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from lowcostnav_ros.graph_nodes import SIMULATOR_INPUTS
-from lowcostnav_ros.measurements import Attitude, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Attitude, Measurement, NavSolution
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.graph.wiring import SIMULATOR_INPUTS
 from lowcostnav_ros.messages.encode import encode
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.ros.node_base import NodeBase
 from lowcostnav_ros.ros.scenario import sensor_bases
 from lowcostnav_ros.simulation.equipment import build
-from lowcostnav_ros.truth import TruthBlock
 
 NO_WIND, NO_VELOCITY, NO_RATE = np.zeros(3), np.zeros(3), np.zeros(3)
 

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.ros.flow import FlowGate, FlowSettings
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, Status
 from lowcostnav_ros.ros.node_base import Bases, NodeBase, Output
 from lowcostnav_ros.ros.pacing import Pacer, StartSettings, wait_for_subscribers
-from lowcostnav_ros.settings import group, setting
 
 CLOCK_PERIOD_NS = 50_000_000
 

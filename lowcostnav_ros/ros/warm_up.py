@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lowcostnav_ros import measurements as m
-from lowcostnav_ros.earth import STANDARD_GRAVITY, dcm_ne, displace, geodetic_to_ecef
+from lowcostnav_ros.base import measurements as m
 from lowcostnav_ros.gnss.constellation import gps_24
 from lowcostnav_ros.gnss.observables import range_and_rate
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.encode import imu_from_solution, odometry_from_solution
 from lowcostnav_ros.messages.store import to_cdr
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, dcm_ne, displace, geodetic_to_ecef
 
 if TYPE_CHECKING:
     from lowcostnav_ros.navigators.base import Navigator

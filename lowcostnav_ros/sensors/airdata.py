@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros import atmosphere
-from lowcostnav_ros.measurements import UNKNOWN_VARIANCE, AirTemperature, AirVelocity, Measurement, Pressure
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirTemperature, AirVelocity, Measurement, Pressure
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.physics import atmosphere
+from lowcostnav_ros.physics.stochastic import GaussMarkov
 from lowcostnav_ros.sensors.drift import DriftBank
 from lowcostnav_ros.sensors.sampling import SampleClock, to_body
-from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import setting
-from lowcostnav_ros.stochastic import GaussMarkov
-from lowcostnav_ros.truth import TruthBlock
 
 SLOWEST_MPS = 5.0
 """Below this a pitot tube hardly answers; errors per speed are taken at this speed."""

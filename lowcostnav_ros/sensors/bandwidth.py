@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.kernels import kernel
+from lowcostnav_ros.base.kernels import kernel
 
 DAMPING = math.sqrt(0.5)
 """Damping ratio of a second-order filter whose gain at its bandwidth is 1/sqrt(2), as data sheets count bandwidth."""

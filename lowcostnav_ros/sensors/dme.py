@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.measurements import SlantRange
+from lowcostnav_ros.base.measurements import SlantRange
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.radionav.interrogation import SCHEMES, InterrogationSchedule, Slot
 from lowcostnav_ros.radionav.selection import audible, best_pair, view
 from lowcostnav_ros.radionav.stations import RANGING, Station, StationTable
-from lowcostnav_ros.sensors.seeds import stream
 from lowcostnav_ros.sensors.station_drift import DistanceFlown, StationDrift
-from lowcostnav_ros.settings import setting
-from lowcostnav_ros.truth import TruthBlock
 
 CHOOSE_EVERY_S = 60.0
 """How long an automatic choice of stations is kept before it is looked at again."""

@@ -1,6 +1,6 @@
 """Slow sensor errors: a bank of independent processes with unlike numbers, advanced together, one column each.
 
-:func:`lowcostnav_ros.stochastic.simulate` continues one process on several axes; an IMU has eighteen different ones, and a live
+:func:`lowcostnav_ros.physics.stochastic.simulate` continues one process on several axes; an IMU has eighteen different ones, and a live
 node continues them one sample at a time, so here the whole bank is one compiled call.
 """
 
@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.stochastic import GaussMarkov, Process, RandomConstant
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.physics.stochastic import GaussMarkov, Process, RandomConstant
 
 
 def slow_error(sigma: float, tau_s: float) -> Process:

@@ -11,7 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import dcm_ne, geodetic_to_ecef
+from lowcostnav_ros.base.measurements import GnssEpoch
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.settings import SettingsError, group, setting
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.almanac_constellation import Almanac
 from lowcostnav_ros.gnss.canyon import CanyonSettings
@@ -23,13 +26,10 @@ from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.gnss.receiver_clock import simulate as simulate_clock
 from lowcostnav_ros.gnss.signals import GALILEO, SPEED_OF_LIGHT
 from lowcostnav_ros.gnss.visibility import Schedule, choose
-from lowcostnav_ros.measurements import GnssEpoch
+from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
+from lowcostnav_ros.physics.stochastic import GaussMarkov
 from lowcostnav_ros.sensors.drift import DriftBank
 from lowcostnav_ros.sensors.sampling import SampleClock
-from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import SettingsError, group, setting
-from lowcostnav_ros.stochastic import GaussMarkov
-from lowcostnav_ros.truth import TruthBlock
 
 MILLISECOND_M = SPEED_OF_LIGHT * 1e-3
 

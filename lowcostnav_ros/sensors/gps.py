@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import displace
-from lowcostnav_ros.measurements import GpsPosition, GpsVelocity
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.physics.earth import displace
+from lowcostnav_ros.physics.stochastic import GaussMarkov
 from lowcostnav_ros.sensors.drift import DriftBank
 from lowcostnav_ros.sensors.reception import Reception, check_outages
 from lowcostnav_ros.sensors.sampling import SampleClock
-from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import setting
-from lowcostnav_ros.stochastic import GaussMarkov
-from lowcostnav_ros.truth import TruthBlock
 
 
 @dataclass(frozen=True)

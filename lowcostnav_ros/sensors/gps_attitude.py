@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import STANDARD_GRAVITY
-from lowcostnav_ros.measurements import Attitude
-from lowcostnav_ros.rotation import euler_jacobian_n, euler_to_quat, quat_to_dcm, quat_to_euler
+from lowcostnav_ros.base.measurements import Attitude
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
+from lowcostnav_ros.physics.rotation import euler_jacobian_n, euler_to_quat, quat_to_dcm, quat_to_euler
 from lowcostnav_ros.sensors.reception import Reception, check_outages
 from lowcostnav_ros.sensors.sampling import SampleClock
-from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import setting
-from lowcostnav_ros.truth import TruthBlock
 
 STEEPEST = np.radians(85.0)
 """Pitch beyond which the receiver, which speaks in Euler angles, is taken to give none."""

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import STANDARD_GRAVITY
-from lowcostnav_ros.measurements import ImuBlock
+from lowcostnav_ros.base.measurements import ImuBlock
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.base.units import MILLI_G
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.sensors.bandwidth import LowPass
 from lowcostnav_ros.sensors.drift import DriftBank, slow_error
 from lowcostnav_ros.sensors.imu_profile import ImuProfile, TriadNoise
 from lowcostnav_ros.sensors.sampling import SampleClock, means_between
-from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import SettingsError, setting
-from lowcostnav_ros.truth import TruthBlock
-from lowcostnav_ros.units import MILLI_G
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ Solimeno (2007), Low-cost INS/GPS data fusion, IST Lisbon: Table 3.4.
 
 import math
 
+from lowcostnav_ros.base.units import DEGREE_PER_HOUR
 from lowcostnav_ros.sensors.imu_profile import ImuProfile
-from lowcostnav_ros.units import DEGREE_PER_HOUR
 
 GRADES_DEG_PER_H = {"strategic": (0.0, 1e-4), "navigation": (0.005, 0.01), "tactical": (0.1, 10.0), "automotive": (100.0, math.inf)}
 """Range of the gyro bias of each grade, deg/h (Table 3.4); between two ranges the nearer one counts, by ratio."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import yaml
 
-from lowcostnav_ros.settings import SettingsError, from_mapping, group, setting
-from lowcostnav_ros.units import DEGREE_PER_HOUR, MILLI_G
+from lowcostnav_ros.base.settings import SettingsError, from_mapping, group, setting
+from lowcostnav_ros.base.units import DEGREE_PER_HOUR, MILLI_G
 
 
 def _triple(description: str, unit: str, maximum: float | None = None) -> list:

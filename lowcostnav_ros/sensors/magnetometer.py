@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.geomagnetism import MagneticModel
-from lowcostnav_ros.measurements import MagneticField
+from lowcostnav_ros.base.measurements import MagneticField
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.base.units import GAUSS
+from lowcostnav_ros.physics.geomagnetism import MagneticModel
 from lowcostnav_ros.sensors.sampling import SampleClock, to_body
-from lowcostnav_ros.sensors.seeds import stream
-from lowcostnav_ros.settings import SettingsError, setting
-from lowcostnav_ros.truth import TruthBlock
-from lowcostnav_ros.units import GAUSS
 
 TESLA_PER_MG = 1.0e-3 * GAUSS
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Generic, TypeVar
 
-from lowcostnav_ros.settings import SettingsError
+from lowcostnav_ros.base.settings import SettingsError
 
 M = TypeVar("M")
 

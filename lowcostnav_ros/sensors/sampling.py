@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.rotation import quat_to_dcm
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.physics.rotation import quat_to_dcm
 
 TICK_TOLERANCE = 1.0e-6  # of a sample period: stamps are whole nanoseconds, so 1/30 s arrives a little early
 

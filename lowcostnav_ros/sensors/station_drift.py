@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.base.truth import TruthBlock
 
 
 class StationDrift:

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.measurements import VorBearing
+from lowcostnav_ros.base.measurements import VorBearing
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.radionav.stations import BEARING, Station, StationTable
 from lowcostnav_ros.radionav.vor import bearing_view, nearest_vors, out_of_service, radial_of
 from lowcostnav_ros.sensors.reception import Reception, check_outages
 from lowcostnav_ros.sensors.sampling import SampleClock
-from lowcostnav_ros.sensors.seeds import stream
 from lowcostnav_ros.sensors.station_drift import DistanceFlown, StationDrift
-from lowcostnav_ros.settings import setting
-from lowcostnav_ros.truth import TruthBlock
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 import yaml
 
+from lowcostnav_ros.base.settings import SettingsError, from_mapping, group, nearest, setting
 from lowcostnav_ros.sensors.airdata import AirDataSimulatorSettings
 from lowcostnav_ros.sensors.dme import DmeSimulatorSettings
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
@@ -15,7 +16,6 @@ from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulatorSettings
 from lowcostnav_ros.sensors.imu import ImuSimulatorSettings
 from lowcostnav_ros.sensors.magnetometer import MagnetometerSimulatorSettings
 from lowcostnav_ros.sensors.vor import VorSimulatorSettings
-from lowcostnav_ros.settings import SettingsError, from_mapping, group, nearest, setting
 from lowcostnav_ros.simulation.equipment import SENSORS, USUAL
 from lowcostnav_ros.trajectory import TruthSettings
 

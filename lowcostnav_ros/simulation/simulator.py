@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from lowcostnav_ros import trajectory
-from lowcostnav_ros.measurements import Measurement
+from lowcostnav_ros.base.measurements import Measurement
+from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.simulation.equipment import build
 from lowcostnav_ros.simulation.scenario import Scenario
-from lowcostnav_ros.truth import TruthBlock
 
 
 class Simulation:

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import EARTH_RATE, gravity, radii
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.rotation import eulers_to_quat
-from lowcostnav_ros.settings import SettingsError, nearest
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.settings import SettingsError, nearest
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.physics.earth import EARTH_RATE, gravity, radii
+from lowcostnav_ros.physics.rotation import eulers_to_quat
 from lowcostnav_ros.trajectory.profile import smooth_step, smooth_step_curvature, smooth_step_integral, smooth_step_rate
 from lowcostnav_ros.trajectory.trajectory import Trajectory, integrate_position, piece_rows, stamps
 from lowcostnav_ros.trajectory.truth_settings import TruthSettings
-from lowcostnav_ros.truth import TruthBlock
 
 DURATION_S = 600.0
 LAT_DEG, LON_DEG, HEIGHT_M = 38.7, -9.1, 500.0

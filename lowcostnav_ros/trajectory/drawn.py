@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.earth import displace, transport_rate_n
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.physics.earth import displace, transport_rate_n
 
 LAT_DEG, LON_DEG, HEIGHT_M = 38.7, -9.1, 500.0
 """Start, as of the datasets."""

@@ -7,8 +7,8 @@ import math
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 
-from lowcostnav_ros.earth import STANDARD_GRAVITY, radii
-from lowcostnav_ros.rotation import wrap
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, radii
+from lowcostnav_ros.physics.rotation import wrap
 from lowcostnav_ros.trajectory import manoeuvres as m
 
 

@@ -9,8 +9,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lowcostnav_ros.rotation import eulers_to_quat
-from lowcostnav_ros.settings import SettingsError
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.physics.rotation import eulers_to_quat
 from lowcostnav_ros.trajectory.autopilot import Autopilot, Seen, Wanted
 from lowcostnav_ros.trajectory.guidance import Fix, Guidance, reference_heights
 from lowcostnav_ros.trajectory.manoeuvres import parse_mission
@@ -18,7 +19,6 @@ from lowcostnav_ros.trajectory.missions import mission_lines
 from lowcostnav_ros.trajectory.trajectory import Trajectory, piece_rows, stamps, with_ideal_imu
 from lowcostnav_ros.trajectory.truth_settings import TruthSettings
 from lowcostnav_ros.trajectory.wind import Wind
-from lowcostnav_ros.truth import TruthBlock
 
 AIRCRAFT = "c172p"
 """The Cessna 172P; its sister c172x has 2.9 degrees of play in the elevator linkage and hunts in pitch under any autopilot."""

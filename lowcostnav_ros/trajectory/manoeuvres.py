@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from lowcostnav_ros.settings import SettingsError, declared, from_mapping, nearest, setting
+from lowcostnav_ros.base.settings import SettingsError, declared, from_mapping, nearest, setting
 
 
 def _bank() -> float:

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from lowcostnav_ros.settings import SettingsError, nearest
+from lowcostnav_ros.base.settings import SettingsError, nearest
 from lowcostnav_ros.trajectory.truth_settings import StartSettings, TruthSettings
 
 # The threshold of runway 25L, about; the field is 122 m above the sea and the geoid is 32 m below the ellipsoid here.

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline, make_lsq_spline
 
-from lowcostnav_ros.earth import STANDARD_GRAVITY, radii
-from lowcostnav_ros.rotation import eulers_to_quat
-from lowcostnav_ros.settings import SettingsError, nearest
+from lowcostnav_ros.base.settings import SettingsError, nearest
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, radii
+from lowcostnav_ros.physics.rotation import eulers_to_quat
 from lowcostnav_ros.trajectory.trajectory import Trajectory, integrate_position, pieces_of_motion
 from lowcostnav_ros.trajectory.truth_settings import TruthSettings
 from lowcostnav_ros.trajectory.wind import Wind
-from lowcostnav_ros.truth import TruthBlock
 
 COLUMNS = ("t", "lat_deg", "lon_deg", "height_m", "vn", "ve", "vd")
 EULER_COLUMNS = ("roll_deg", "pitch_deg", "heading_deg")

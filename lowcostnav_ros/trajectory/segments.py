@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.earth import STANDARD_GRAVITY, difference_n
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.rotation import eulers_to_quat, quat_multiply, wrap
-from lowcostnav_ros.settings import SettingsError
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, difference_n
+from lowcostnav_ros.physics.rotation import eulers_to_quat, quat_multiply, wrap
 from lowcostnav_ros.trajectory import manoeuvres as m
 from lowcostnav_ros.trajectory.missions import mission_lines
 from lowcostnav_ros.trajectory.profile import STEEPEST, plateau, plateau_integral, plateau_length, smooth_step, smooth_step_integral

@@ -10,10 +10,10 @@ from typing import Protocol
 
 import numpy as np
 
-from lowcostnav_ros.earth import radii
-from lowcostnav_ros.kernels import kernel
-from lowcostnav_ros.strapdown import ideal_increments
-from lowcostnav_ros.truth import TruthBlock
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.physics.earth import radii
+from lowcostnav_ros.physics.strapdown import ideal_increments
 
 PIECE_S = 2.0
 """Length of the pieces a source makes; part of the flight's definition, not of its presentation."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from lowcostnav_ros.settings import SettingsError, group, setting
+from lowcostnav_ros.base.settings import SettingsError, group, setting
 
 KINDS = ("segments", "dataset", "jsbsim", "recorded")
 

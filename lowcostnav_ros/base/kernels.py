@@ -1,0 +1,85 @@
+"""The one way this package compiles its hot paths.
+
+``@kernel`` marks a small function on float64 arrays in the subset numba compiles.  The compiled code is cached on disk so a
+node starts warm; with ``NUMBA_DISABLE_JIT=1`` the same source runs as plain Python for debugging and coverage.  IEEE rules are
+kept (no fast-math): a replay must equal the flight to the last bit.
+
+numba keys its cache on the file of a function alone, though the machine code also holds the kernels it calls from other files.
+So the cache folder carries a hash of the file and of everything of this package that it imports: a changed gravity model can
+never fly on as yesterday's machine code inside today's filter.
+"""
+
+import hashlib
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+F = TypeVar("F", bound=Callable)
+
+INTERPRETED = os.environ.get("LOWCOSTNAV_KERNELS", "compiled") == "interpreted"
+
+_PACKAGE = Path(__file__).parents[1]
+_IMPORT = re.compile(rb"^\s*(?:from|import)\s+lowcostnav_ros(?:\.([\w.]+))?(?:\s+import\s+([\w, ]+))?", re.MULTILINE)
+
+
+def kernel(function: F) -> F:
+    """Compile ``function`` with numba: cached, IEEE arithmetic, numpy division rules."""
+    if INTERPRETED:
+        return function
+    import numba
+    from numba.core import config
+
+    compiler = numba.njit(cache=True, fastmath=False, error_model="numpy")
+    file = Path(sys.modules[function.__module__].__file__ or "")
+    if config.DISABLE_JIT or _PACKAGE not in file.parents:
+        return compiler(function)
+    before, config.CACHE_DIR = config.CACHE_DIR, str(cache_root() / _closure_hash(file))
+    try:
+        return compiler(function)
+    finally:
+        config.CACHE_DIR = before
+
+
+@cache
+def cache_root() -> Path:
+    """Folder of the compiled kernels: NUMBA_CACHE_DIR, else the user's cache, else a temporary folder."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(os.environ["NUMBA_CACHE_DIR"])
+    root = Path(os.environ.get("XDG_CACHE_HOME") or Path(os.path.expanduser("~")) / ".cache") / "lowcostnav_ros"
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=root):
+            return root
+    except OSError:
+        return Path(tempfile.gettempdir()) / f"lowcostnav_ros_{os.getuid()}"
+
+
+@cache
+def _closure_hash(file: Path) -> str:
+    """Hash of a module's source and of every module of this package it imports, directly or not."""
+    seen: set[Path] = set()
+    waiting = [file]
+    while waiting:
+        path = waiting.pop()
+        if path not in seen and path.is_file():
+            seen.add(path)
+            waiting += _imports(path)
+    digest = hashlib.sha256()
+    for path in sorted(seen):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _imports(path: Path) -> tuple[Path, ...]:
+    found = []
+    for module, names in _IMPORT.findall(path.read_bytes()):
+        base = _PACKAGE.joinpath(*module.decode().split(".")) if module else _PACKAGE
+        found.append(base.with_suffix(".py"))
+        found += [base / f"{name.strip()}.py" for name in names.decode().split(",") if name.strip()]
+    return tuple(found)

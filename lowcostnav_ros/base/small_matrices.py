@@ -1,0 +1,83 @@
+"""Products and factors of small dense matrices as plain compiled loops.
+
+A filter's matrices are too small for a BLAS to pay, and a BLAS costs more than time: its kernels differ from machine to machine in the
+last bit, and numba's ``@`` pulls scipy.linalg, 16 MB, into every node.  These loops give the same bits everywhere.
+"""
+
+import numpy as np
+
+from lowcostnav_ros.base.kernels import kernel
+
+
+@kernel
+def matmul(A, B):
+    """A B for A (n, m) and B (m, p), shape (n, p)."""
+    n, m, p = A.shape[0], A.shape[1], B.shape[1]
+    C = np.zeros((n, p))
+    for i in range(n):
+        for k in range(m):
+            a = A[i, k]
+            if a != 0.0:  # dynamics and measurement rows are mostly zeros
+                for j in range(p):
+                    C[i, j] += a * B[k, j]
+    return C
+
+
+@kernel
+def matmul_transposed(A, B):
+    """A B' for A (n, m) and B (p, m), shape (n, p)."""
+    n, m, p = A.shape[0], A.shape[1], B.shape[0]
+    C = np.zeros((n, p))
+    for i in range(n):
+        for j in range(p):
+            total = 0.0
+            for k in range(m):
+                total += A[i, k] * B[j, k]
+            C[i, j] = total
+    return C
+
+
+@kernel
+def matvec(A, x):
+    """A x for A (n, m) and x (m,), shape (n,)."""
+    y = np.zeros(A.shape[0])
+    for i in range(A.shape[0]):
+        total = 0.0
+        for k in range(A.shape[1]):
+            total += A[i, k] * x[k]
+        y[i] = total
+    return y
+
+
+@kernel
+def turned(C, cov):
+    """C cov C': a covariance (m, m) in the axes that C (n, m) turns to, shape (n, n)."""
+    return matmul_transposed(matmul(C, cov), C)
+
+
+@kernel
+def cholesky(A):
+    """Lower factor L of a symmetric positive definite A = L L'; rows that are not positive definite come out as NaN."""
+    n = A.shape[0]
+    L = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            total = A[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i == j:
+                L[i, i] = np.sqrt(total) if total > 0.0 else np.nan
+            else:
+                L[i, j] = total / L[j, j]
+    return L
+
+
+@kernel
+def forward_solve(L, b):
+    """Solve L x = b for a lower triangular L (n, n) and b (n,)."""
+    x = b.copy()
+    for i in range(L.shape[0]):
+        for k in range(i):
+            x[i] -= L[i, k] * x[k]
+        x[i] /= L[i, i]
+    return x

@@ -1,0 +1,1 @@
+"""From names and files to things: settings, IMU profiles, station tables, almanacs, scenarios, and navigators as configured."""

@@ -1,0 +1,81 @@
+"""Navigators as configured: settings from the same YAML files the nodes read."""
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from lowcostnav_ros.base.settings import SettingsError, from_mapping, to_mapping
+from lowcostnav_ros.catalogue import config_files
+from lowcostnav_ros.catalogue.imu_by_name import with_imu_profile
+from lowcostnav_ros.navigators.base import Navigator
+
+Registry = Mapping[str, tuple[type, Callable[..., Navigator]]]
+"""Name to (settings class, navigator class), as :data:`lowcostnav_ros.navigators.registry.NAVIGATORS`."""
+
+_NODE_GROUPS = ("output.", "qos.", "input.")
+"""Parameters of the node around the estimator; they change no fused solution."""
+
+
+def build_navigators(names: Iterable[str], registry: Registry, config: Path | None, flown: Path | None = None) -> dict[str, Navigator]:
+    """Make fresh navigators.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names in the registry.
+    registry : mapping
+    config : Path or None
+        Directory that holds ``<name>.yaml`` for each; None takes ``flown``, then the package's own, and defaults where there is no file.
+    flown : Path, optional
+        Directory of settings that a recording carries, any or none of the files.
+
+    Raises
+    ------
+    SettingsError
+        When the directory or a file in it is missing or holds what cannot be used.
+    """
+    if config is not None and not config.is_dir():
+        raise SettingsError(f"Configuration directory {config} does not exist; give one that holds <navigator>.yaml files.")
+    return {name: _build(name, *registry[name], config, flown) for name in names}
+
+
+def _build(
+    name: str, settings_class: type, navigator_class: Callable[..., Navigator], config: Path | None, flown: Path | None
+) -> Navigator:
+    path = (config or config_files.config_dir()) / f"{name}.yaml"
+    if config is None and flown is not None and (flown / f"{name}.yaml").is_file():
+        path = flown / f"{name}.yaml"
+    if config is None and not path.exists():
+        return make_navigator(settings_class(), navigator_class)
+    values = {
+        key: value
+        for key, value in config_files.read_parameters(path, name).items()
+        if not key.startswith(_NODE_GROUPS) and key != "use_sim_time"
+    }
+    return make_navigator(from_mapping(settings_class, values, str(path)), navigator_class)
+
+
+def make_navigator(settings: Any, navigator_class: Callable[..., Navigator]) -> Navigator:
+    """Make a navigator from its settings, with the IMU profile and the station table they name, if any.
+
+    Raises
+    ------
+    ValueError
+        (SettingsError, StationError) when the profile or the station table is missing or cannot be flown on.
+    """
+    settings = with_imu_profile(settings)
+    stations_file = _stations_file(to_mapping(settings))
+    if not stations_file:
+        return navigator_class(settings)
+    from lowcostnav_ros.catalogue.equipment import load_stations
+
+    return navigator_class(settings, load_stations(stations_file))
+
+
+def _stations_file(values: dict[str, Any]) -> str:
+    """Return the one station table that DME and VOR settings name, empty for none; a VOR that is off needs none."""
+    names = [values.get("dme.stations_file", ""), values.get("vor.stations_file", "") if values.get("vor.enabled") else ""]
+    names = [name for name in names if name]
+    if len(set(names)) > 1:
+        raise SettingsError(f"'dme.stations_file' is {names[0]} and 'vor.stations_file' {names[1]}; put all stations into one table.")
+    return names[0] if names else ""

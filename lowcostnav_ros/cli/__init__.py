@@ -1,0 +1,1 @@
+"""The ``lowcostnav`` command: :mod:`.main`, and one file a job."""

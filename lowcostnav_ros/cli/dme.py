@@ -1,0 +1,165 @@
+"""The dme job: plan how DME stations carry a flight without GPS, and turn public navaid lists into station tables.
+
+    lowcostnav dme plan --airport 37.694,-121.820,-23 -o plan
+    lowcostnav dme plan --route "36.6,-121.9;37.0,-121.5;37.69,-121.82" --altitude-m 500,1500
+    lowcostnav dme import navaids.csv --near 37.7,-121.8 --within-nm 100 --undulation-m -32 -o stations.csv
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.report.plan_folder import write_plan
+
+DEFAULT_STATIONS = "dme_stations_bay_area.csv"
+EXIT_OK, EXIT_WORSE, EXIT_CANNOT_RUN = 0, 1, 2
+
+
+def add_arguments(dme: argparse.ArgumentParser) -> None:
+    """Add the sub-commands and their options to the parser of the job."""
+    verbs = dme.add_subparsers(dest="verb", metavar="VERB", required=True)
+    text = "Coverage, best pairs and expected error without GPS; exit status 1 when it exceeds 0.5 NM at every altitude."
+    plan = verbs.add_parser("plan", help="what the stations around a place or along a route are good for", description=text)
+    _let_places_begin_with_minus(plan)
+    where = plan.add_mutually_exclusive_group(required=True)
+    where.add_argument("--airport", metavar="LAT,LON[,HEIGHT]", help="degrees, and metres above sea level (default 0)")
+    where.add_argument("--route", metavar="FILE|LAT,LON;LAT,LON...", help="waypoints in degrees, or a CSV with lat_deg, lon_deg")
+    plan.add_argument("--stations", metavar="FILE", default=DEFAULT_STATIONS, help="station list, any format (default: %(default)s)")
+    plan.add_argument("--altitude-m", metavar="M[,M...]", help="above sea level (default: 500 ft, 1500 ft, 1 km, 2 km above the place)")
+    plan.add_argument("--speed-mps", type=float, default=46.3, help="speed over ground (default: %(default)s, 90 kt)")
+    plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the figures there")
+    table = verbs.add_parser("import", help="station table out of a public navaid list", description="Write a station table near a place.")
+    _let_places_begin_with_minus(table)
+    table.add_argument("source", help="OurAirports navaids.csv, X-Plane earth_nav.dat, FlightGear nav.dat or our own format")
+    table.add_argument("--near", metavar="LAT,LON", required=True, help="place in degrees")
+    table.add_argument("--within-nm", type=float, default=130.0, help="distance from it (default: %(default)g NM)")
+    table.add_argument("--undulation-m", type=float, default=0.0, help="mean sea level above the ellipsoid there (default: %(default)g m)")
+    table.add_argument("-o", "--output", metavar="FILE", required=True, help="table to write")
+
+
+def _let_places_begin_with_minus(parser: argparse.ArgumentParser) -> None:
+    """Let ``--route -17.7,177.4;...`` be a value: argparse takes only plain negative numbers for one, and half the world is south."""
+    parser._negative_number_matcher = re.compile(r"-\.?\d[-\d.,;\s]*$")
+
+
+def dme(arguments: argparse.Namespace) -> int:
+    """Do what the verb says; returns the exit status."""
+    return {"plan": _plan, "import": _import}[arguments.verb](arguments)
+
+
+def _plan(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.report.dme.plan import make_plan
+    from lowcostnav_ros.report.dme.tables import print_plan, write_json
+
+    waypoints, elevation = _place(arguments)
+    altitudes = _altitudes(arguments.altitude_m, elevation)
+    navaids = _read(arguments.stations, 0.0)
+    plan = make_plan(navaids, waypoints, altitudes, arguments.speed_mps, arguments.stations)
+    print_plan(plan)
+    if arguments.output:
+        from lowcostnav_ros.report.dme.figures import write_figures
+
+        write_plan(plan, Path(arguments.output), write_json, write_figures)
+    return EXIT_OK if plan.good_enough() else EXIT_WORSE
+
+
+def _import(arguments: argparse.Namespace) -> int:
+    import numpy as np
+
+    from lowcostnav_ros.base.units import NAUTICAL_MILE
+    from lowcostnav_ros.radionav.navaid_import import lost_longitude_signs, select_near, table_as_text
+
+    (lat, lon), *_ = _waypoints(arguments.near, "--near")
+    if not arguments.within_nm > 0.0:
+        raise SettingsError(f"--within-nm must be positive, got {arguments.within_nm:g}.")
+    navaids = _read(arguments.source, arguments.undulation_m)
+    table, notes = select_near(navaids, lat, lon, arguments.within_nm * NAUTICAL_MILE, arguments.source)
+    Path(arguments.output).write_text(table_as_text(table), encoding="utf-8")
+    for reason, count in sorted(navaids.left_out.items()):
+        notes.append(f"{count} rows of the list left out: {reason}.")
+    for station in lost_longitude_signs(navaids):
+        notes.append(f"{station.ident} at longitude {np.degrees(station.lon):.4f} stands alone; the sign of its longitude looks lost.")
+    print("\n".join([*notes, f"{len(table)} stations in {arguments.output}"]))
+    return EXIT_OK
+
+
+def _read(name: str, undulation_m: float):
+    from lowcostnav_ros.catalogue.config_files import find_config
+    from lowcostnav_ros.radionav.navaid_import import navaids_from_text
+
+    path = find_config(name)
+    return navaids_from_text(path.read_text(encoding="utf-8", errors="replace"), str(name), undulation_m)
+
+
+def _place(arguments: argparse.Namespace) -> tuple[list[tuple[float, float]], float]:
+    """Waypoints (rad), one for an airport, and the elevation of the place, m above sea level."""
+    if arguments.route:
+        path = Path(arguments.route)
+        text = _waypoint_file(path) if path.is_file() else arguments.route
+        waypoints = _waypoints(text, "--route")
+        if len(waypoints) < 2:
+            raise SettingsError(f"--route '{arguments.route}' needs two waypoints or more: a file, or LAT,LON;LAT,LON in quotes.")
+        return waypoints, 0.0
+    cells = arguments.airport.split(",")
+    elevation = _number(cells[2], "--airport", -500.0, 6000.0) if len(cells) == 3 else 0.0
+    return _waypoints(",".join(cells[:2] if len(cells) == 3 else cells), "--airport"), elevation
+
+
+def _waypoint_file(path: Path) -> str:
+    import csv
+
+    with path.open(newline="", encoding="utf-8") as lines:
+        rows = csv.DictReader(line for line in lines if not line.lstrip().startswith("#"))
+        if not {"lat_deg", "lon_deg"} <= set(rows.fieldnames or ()):
+            raise SettingsError(f"{path}: the first line must name the columns lat_deg and lon_deg.")
+        return ";".join(f"{row['lat_deg']},{row['lon_deg']}" for row in rows)
+
+
+def _waypoints(text: str, option: str) -> list[tuple[float, float]]:
+    import math
+
+    waypoints = []
+    for part in text.strip().strip(";").split(";"):
+        cells = part.split(",")
+        if len(cells) != 2:
+            raise SettingsError(f"{option}: '{part.strip()}' must be LAT,LON in degrees.")
+        waypoints.append((math.radians(_number(cells[0], option, -89.0, 89.0)), math.radians(_number(cells[1], option, -180.0, 180.0))))
+    return waypoints
+
+
+def _altitudes(text: str | None, elevation: float) -> list[float]:
+    from lowcostnav_ros.radionav.coverage import altitudes_above
+
+    if text is None:
+        return list(altitudes_above(elevation))
+    return sorted({_number(cell, "--altitude-m", elevation, 20_000.0) for cell in text.split(",")})
+
+
+def _number(text: str, option: str, low: float, high: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise SettingsError(f"{option}: '{text.strip()}' must be a number.") from None
+    if not low <= value <= high:
+        raise SettingsError(f"{option}: {value:g} must lie between {low:g} and {high:g}.")
+    return value
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run this job alone; return the exit status."""
+    parser = argparse.ArgumentParser(prog="lowcostnav dme", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_arguments(parser)
+    try:
+        return dme(parser.parse_args(argv))
+    except ValueError as error:
+        if not type(error).__module__.startswith("lowcostnav_ros"):
+            raise
+        print(error, file=sys.stderr)
+        return EXIT_CANNOT_RUN
+
+
+if __name__ == "__main__":
+    sys.exit(main())

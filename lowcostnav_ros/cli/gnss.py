@@ -1,0 +1,189 @@
+"""The gnss job: positions out of a receiver's RINEX files, and which satellites a place will see.
+
+    lowcostnav gnss locate station.05o station.05n --out positions.csv --page positions.html
+    lowcostnav gnss plan --almanac current.alm --place 38.7 -9.1 500 --start 2026-06-01T06:00 --hours 12 -o plan
+    lowcostnav gnss plan --almanac gps_galileo --place 38.7 -9.1 200 --canyon 1000 1000 250
+"""
+
+import argparse
+import datetime
+import math
+from pathlib import Path
+from typing import Any
+
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.report.plan_folder import write_plan
+
+EXIT_OK, EXIT_WORSE, EXIT_CANNOT_RUN = 0, 1, 2
+
+
+def add_arguments(gnss: argparse.ArgumentParser) -> None:
+    """Add the sub-commands and their options to the parser of the job."""
+    verbs = gnss.add_subparsers(dest="verb", metavar="VERB", required=True)
+    _add_locate(verbs)
+    _add_plan(verbs)
+
+
+def _add_locate(verbs: argparse._SubParsersAction) -> None:
+    text = "Position of every epoch of a RINEX 2 or 3 file from code alone, with an integrity verdict and what was left out by reason."
+    locate = verbs.add_parser("locate", help="positions with integrity verdicts out of RINEX files", description=text)
+    locate.add_argument("observations", metavar="OBS", help="observation file, plain or gzip")
+    locate.add_argument("navigation", metavar="NAV", nargs="+", help="navigation file; several are joined, such as one for each system")
+    locate.add_argument("--mask-deg", type=float, default=10.0, metavar="DEG", help="lowest elevation used (default: %(default)g)")
+    locate.add_argument("--no-ionosphere", action="store_true", help="do not take off the broadcast ionosphere")
+    locate.add_argument("--no-troposphere", action="store_true", help="do not take off the standard troposphere")
+    locate.add_argument("--integrity-sigmas", action="store_true", help="state the ionosphere by the bounds of integrity (larger HPL)")
+    locate.add_argument("--out", metavar="CSV", help="write one row per epoch there")
+    locate.add_argument("--page", metavar="HTML", help="write a page with charts there")
+
+
+def _add_plan(verbs: argparse._SubParsersAction) -> None:
+    text = "Satellites in view and dilutions of precision over some hours; exit status 1 when the position is not good all the time."
+    plan = verbs.add_parser("plan", help="satellites in view and their geometry at a place over a day", description=text)
+    plan.add_argument("--almanac", required=True, metavar="FILE|NAME", help="YUMA almanac, or nominal orbits: gps, galileo, gps_galileo")
+    plan.add_argument("--place", required=True, nargs=3, type=float, metavar=("LAT", "LON", "H"), help="degrees, m above the ellipsoid")
+    plan.add_argument("--start", metavar="TIME", help="UTC, such as 2026-06-01T06:00 (default: now)")
+    plan.add_argument("--hours", type=float, default=24.0, metavar="N", help="length (default: %(default)g)")
+    plan.add_argument("--step-s", type=float, default=60.0, metavar="S", help="time between looks (default: %(default)g)")
+    plan.add_argument("--mask-deg", type=float, default=5.0, metavar="DEG", help="lowest elevation (default: %(default)g)")
+    axis = ("HEIGHT", "WIDTH", "HEADING")
+    plan.add_argument("--canyon", nargs=3, type=float, metavar=axis, help="the place lies midway between cliffs: m, m, deg true")
+    plan.add_argument("--above-floor", type=float, default=0.0, metavar="M", help="height above the canyon's floor (default: 0)")
+    plan.add_argument("--pdop", type=float, default=6.0, help="PDOP above which a position is not good enough (default: %(default)g)")
+    plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the figures there")
+
+
+def gnss(arguments: argparse.Namespace) -> int:
+    """Do what the verb says; returns the exit status."""
+    return {"locate": _locate, "plan": _plan}[arguments.verb](arguments)
+
+
+def _locate(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
+    from lowcostnav_ros.report.gnss.track import print_track, summarise, write_csv
+
+    settings = correction_settings(arguments)
+    for path in (arguments.out, arguments.page):
+        if path and not Path(path).resolve().parent.is_dir():
+            raise SettingsError(f"The folder of {path} does not exist; create it first.")
+    observations, navigation = read_observations(arguments.observations), read_navigation(arguments.navigation)
+    located = located_with_progress(observations, navigation, settings, "locate")
+    summary = summarise(Path(arguments.observations).name, observations, navigation, located)
+    print_track(summary)
+    if arguments.out:
+        write_csv(summary, Path(arguments.out))
+        print(f"{len(located.located)} epochs in {arguments.out}")
+    if arguments.page:
+        from lowcostnav_ros.report.gnss.track_page import write_page
+
+        print(f"{arguments.page} ({write_page(summary, Path(arguments.page)) / 1e6:.1f} MB)")
+    return EXIT_OK
+
+
+def correction_settings(arguments: argparse.Namespace):
+    """Correction settings as the options say, checked."""
+    from lowcostnav_ros.base.settings import from_mapping
+    from lowcostnav_ros.gnss.correction import CorrectionSettings
+
+    values = {"mask_deg": arguments.mask_deg, "ionosphere": not arguments.no_ionosphere, "troposphere": not arguments.no_troposphere}
+    return from_mapping(CorrectionSettings, {**values, "integrity_sigmas": arguments.integrity_sigmas}, "locate")
+
+
+def located_with_progress(observations, navigation, settings, label: str):
+    """Locate a recording with a bar on a terminal.
+
+    Raises
+    ------
+    GnssError
+        When no epoch at all gives a position.
+    """
+    from lowcostnav_ros.cli.replay import progress_bar
+    from lowcostnav_ros.gnss import GnssError
+    from lowcostnav_ros.gnss.track import track
+    from lowcostnav_ros.report.gnss.words import counted
+
+    with progress_bar(label) as advance:
+        total = len(observations.epochs)
+        located = track(observations.epochs, navigation, settings, advance=advance and (lambda done: advance(done / total)))
+    if not any(one.result for one in located.located):
+        reasons = f"; satellites left out: {counted(located.rejected)}" if located.rejected else ""
+        raise GnssError(f"None of {total} epochs gives a position ({located.located[0].refusal[:-1]}{reasons}).")
+    return located
+
+
+def _plan(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.cli.replay import progress_bar
+    from lowcostnav_ros.gnss.sky_plan import plan_sky
+    from lowcostnav_ros.report.gnss.plan import GnssPlan, print_plan, write_json
+
+    lat_deg, lon_deg, height = arguments.place
+    _between("--place", lat_deg, -90.0, 90.0)
+    _between("--place", lon_deg, -180.0, 360.0)
+    _between("--place", height, -1000.0, 20_000.0)
+    _between("--pdop", arguments.pdop, 1.0, 1000.0)
+    _between("--hours", arguments.hours, 0.1, 24.0 * 31.0)
+    start = _start(arguments.start)
+    satellites, start_s, notes = _satellites(arguments.almanac, start)
+    lowest, hidden = _lowest(arguments)
+    place = math.radians(lat_deg), math.radians(lon_deg), height
+    with progress_bar("plan") as advance:
+        sky = plan_sky(satellites, place, lowest, arguments.hours, start_s, arguments.step_s, advance)
+    title = f"{Path(arguments.almanac).name}, {len(satellites)} satellites, from {lat_deg:g}, {lon_deg:g}, {height:g} m"
+    plan = GnssPlan(sky, title, hidden, start, arguments.pdop, lowest, notes)
+    print_plan(plan)
+    if arguments.output:
+        from lowcostnav_ros.report.gnss.plan_figures import write_figures
+
+        write_plan(plan, Path(arguments.output), write_json, write_figures)
+    return EXIT_OK if plan.good_enough() else EXIT_WORSE
+
+
+def _start(text: str | None) -> datetime.datetime:
+    if text is None:
+        return datetime.datetime.now(datetime.UTC).replace(second=0, microsecond=0)
+    try:
+        moment = datetime.datetime.fromisoformat(text)
+    except ValueError:
+        raise SettingsError(f"--start '{text}' is not a time; write it as 2026-06-01T06:00, in UTC.") from None
+    return moment.replace(tzinfo=datetime.UTC) if moment.tzinfo is None else moment.astimezone(datetime.UTC)
+
+
+def _satellites(named: str, start: datetime.datetime) -> tuple[Any, float, list[str]]:
+    """The satellites, the time of their constellation at the start, s, and what there is to say about them."""
+    from lowcostnav_ros.catalogue.equipment import load_almanac
+    from lowcostnav_ros.gnss.constellation import NAMES, TABLE_EPOCH_GPS_S, constellation_named
+    from lowcostnav_ros.gnss.gps_time import SECOND, gps_ns
+
+    gps = gps_ns(round(start.timestamp()) * SECOND)
+    if named in NAMES:
+        note = f"Nominal orbits of '{named}': this is what such a constellation gives on a day, not what is up on this one."
+        return constellation_named(named), gps / SECOND - TABLE_EPOCH_GPS_S, [note]
+    if not Path(named).suffix and not Path(named).exists():
+        raise SettingsError(f"--almanac {named} is neither a file nor one of {', '.join(NAMES)}.")
+    almanac = load_almanac(named)
+    return almanac.constellation(gps), 0.0, [*almanac.notes(), almanac.dated(gps)]
+
+
+def _lowest(arguments: argparse.Namespace) -> tuple[Any, str]:
+    """Lowest visible elevation by azimuth, rad, and what hides the sky, in words."""
+    import numpy as np
+
+    from lowcostnav_ros.base.settings import from_mapping
+    from lowcostnav_ros.gnss.canyon import CanyonSettings
+
+    _between("--mask-deg", arguments.mask_deg, 0.0, 89.0)
+    mask = math.radians(arguments.mask_deg)
+    if arguments.canyon is None:
+        return lambda azimuth: np.full(np.shape(azimuth), mask), f"mask {arguments.mask_deg:g} deg"
+    _between("--above-floor", arguments.above_floor, 0.0, 20_000.0)
+    cliff, width, heading = arguments.canyon
+    canyon = from_mapping(CanyonSettings, {"cliff_m": cliff, "width_m": width, "heading_deg": heading}, "--canyon").canyon()
+    if canyon is None:
+        raise SettingsError("--canyon: cliffs have a height above zero; leave the option out under an open sky.")
+    words = f"mask {arguments.mask_deg:g} deg, {arguments.above_floor:g} m above the floor of a canyon {cliff:g} m deep, {width:g} m wide"
+    return lambda azimuth: np.maximum(mask, canyon.lowest(arguments.above_floor, azimuth)), f"{words}, axis {heading:g} deg"
+
+
+def _between(option: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise SettingsError(f"{option}: {value:g} must lie between {low:g} and {high:g}.")

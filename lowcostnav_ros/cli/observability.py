@@ -1,0 +1,127 @@
+"""The observability job: rank and singular values of a navigator's measurements along a recording.
+
+lowcostnav observability flight --navigator ins_gnss --period 5 --json observability.json
+"""
+
+import argparse
+import json
+from collections.abc import Collection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lowcostnav_ros.base.settings import SettingsError
+
+if TYPE_CHECKING:
+    from lowcostnav_ros.navigators.base import Navigator
+    from lowcostnav_ros.studies.observability import Observability
+
+WEAK = 0.5
+"""A state counts as not told when less than this share of it lies in the observable space."""
+
+
+def add_arguments(job: argparse.ArgumentParser) -> None:
+    """Add the options of the job."""
+    job.add_argument("bag", help="bag directory, .mcap or .db3 file")
+    job.add_argument("--navigator", default="ins_gps", metavar="NAME", help="which to run (default: %(default)s)")
+    job.add_argument("--config", metavar="DIR", help="directory with <navigator>.yaml (default: the package's own)")
+    job.add_argument("--period", type=float, default=5.0, metavar="S", help="seconds between two looks (default: %(default)g)")
+    job.add_argument("--json", metavar="FILE", help="write rank, singular values and shares of the states over time as JSON")
+
+
+def observability(arguments: argparse.Namespace) -> int:
+    """Replay the bag through one navigator and print what its measurements could tell."""
+    if not 0.0 < arguments.period <= 3600.0:
+        raise SettingsError(f"--period must be above 0 and at most 3600 s, got {arguments.period:g}.")
+    if arguments.json and not Path(arguments.json).resolve().parent.is_dir():
+        raise SettingsError(f"The folder of {arguments.json} does not exist; create it first.")
+    navigator, found = watch_bag(Path(arguments.bag), arguments.navigator, arguments.config, arguments.period)
+    if not found:
+        raise SettingsError(f"{arguments.navigator} fused nothing in {arguments.bag}: it ended {navigator.mode}, {navigator.reason}.")
+    _print(navigator, found)
+    if arguments.json:
+        Path(arguments.json).write_text(json.dumps(as_plain(navigator, found), indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> "tuple[Navigator, list[Observability]]":
+    """Run a navigator over a recording and look every ``period_s`` seconds.
+
+    Raises
+    ------
+    ValueError
+        (BagError, SettingsError) when the recording lacks what the navigator needs.
+    """
+    from lowcostnav_ros.catalogue.building import build_navigators
+    from lowcostnav_ros.messages.bag import BagReader
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.replay.selection import check_names
+    from lowcostnav_ros.replay.session import Session
+    from lowcostnav_ros.studies.dynamics import dynamics_of
+    from lowcostnav_ros.studies.observability import Watch
+
+    check_names([name], list(NAVIGATORS))
+    try:
+        dynamics = dynamics_of(name)
+    except LookupError as reason:
+        raise SettingsError(f"Observability of {name} is not offered: {reason.args[0]}.") from None
+
+    with BagReader(bag) as reader:
+        folders = Path(config) if config else None, reader.settings_folder
+        navigator = build_navigators([name], NAVIGATORS, *folders)[name]
+        speakers = _speakers(navigator, reader.types)
+        reader.require(s for s, required in navigator.inputs.items() if required and s not in speakers.values())
+        flown = {**build_navigators(speakers, NAVIGATORS, *folders), name: navigator}
+        watch = Watch(navigator, dynamics, period_s)
+        session = Session(flown, rules=reader.decoder.rules)
+        heard = {source for one in flown.values() for source in one.inputs}
+        for measurement in reader.measurements(s for s in heard if s in reader.types):
+            session.feed(measurement)
+        session.finish()
+    return navigator, watch.finish()
+
+
+def _speakers(navigator: "Navigator", recorded: Collection[str]) -> dict[str, str]:
+    """Navigators that must run beside, by name, each with the topic it says which the recording lacks and the navigator needs."""
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.replay.links import output_topic
+
+    lacking = {source for source, required in navigator.inputs.items() if required and source not in recorded}
+    return {name: output_topic(name) for name in NAVIGATORS if output_topic(name) in lacking}
+
+
+def as_plain(navigator: "Navigator", found: "list[Observability]") -> dict[str, Any]:
+    """Everything as plain numbers: states, and for each instant rank, singular values and the share of each state."""
+    from lowcostnav_ros.studies.observability import filter_of
+
+    instants = [
+        {
+            "t_s": o.stamp_ns / 1e9,
+            "rows": o.rows,
+            "rank": o.rank,
+            "singular_values": o.singular_values.tolist(),
+            "share": o.share.tolist(),
+        }
+        for o in found
+    ]
+    return {"navigator": navigator.name, "states": list(filter_of(navigator).layout.labels), "instants": instants}
+
+
+def _print(navigator: "Navigator", found: "list[Observability]") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from lowcostnav_ros.studies.observability import filter_of
+
+    size, labels = filter_of(navigator).layout.size, filter_of(navigator).layout.labels
+    table = Table("t [s]", "rows", "rank", f"not told, of {size}", "largest and smallest counted singular value", box=None)
+    start_ns = found[0].stamp_ns
+    for o in found[:: max(1, len(found) // 20)]:
+        values = f"{o.singular_values[0]:.2g}, {o.singular_values[o.rank - 1]:.2g}"
+        table.add_row(f"{(o.stamp_ns - start_ns) / 1e9:.1f}", str(o.rows), str(o.rank), str(size - o.rank), values)
+    console = Console(width=100)
+    console.print(table)
+    share = sum(o.share for o in found) / len(found)
+    weak = [label for label, part in zip(labels, share, strict=True) if part < WEAK]
+    ranks = [o.rank for o in found]
+    console.print(f"{navigator.name}: rank {min(ranks)} to {max(ranks)} of {size} at single instants, mean {sum(ranks) / len(ranks):.1f}.")
+    console.print(f"hardly told within an instant: {', '.join(weak) or 'none'}", highlight=False)

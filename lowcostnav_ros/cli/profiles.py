@@ -1,0 +1,70 @@
+"""The profiles job: the IMU profiles there are, with their grade, and what a filter makes of one.
+
+lowcostnav profiles
+lowcostnav profiles crista
+lowcostnav profiles result/profile.yaml
+"""
+
+import argparse
+import dataclasses
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lowcostnav_ros.sensors.imu_profile import ImuProfile
+
+
+def add_arguments(job: argparse.ArgumentParser) -> None:
+    """Add the options of the job."""
+    job.add_argument("names", nargs="*", metavar="PROFILE", help="name of a shipped profile, or a profile file (default: list all shipped)")
+
+
+def profiles(arguments: argparse.Namespace) -> int:
+    """List profiles; of one that was asked for also what a filter takes from it."""
+    from lowcostnav_ros.catalogue.equipment import imu_profile_names, load_imu_profile
+
+    names = arguments.names or imu_profile_names()
+    _print_table({name: load_imu_profile(name) for name in names})
+    for name in arguments.names:
+        _print_settings(name)
+    if not arguments.names:
+        print("A navigator takes one by name: imu.profile in its settings; 'lowcostnav profiles NAME' shows the numbers.")
+    return 0
+
+
+def _print_table(found: "dict[str, ImuProfile]") -> None:
+    import numpy as np
+    from rich.console import Console
+    from rich.table import Table
+
+    from lowcostnav_ros.base.units import DEGREE, DEGREE_PER_HOUR, MILLI_G
+    from lowcostnav_ros.sensors.imu_grade import grade_of
+
+    gyros, accels = ("gyro turn-on\ndeg/h", "drift\ndeg/h", "white\ndeg/rt h"), ("accel turn-on\nmg", "drift\nmg", "white\nmg/rt Hz")
+    heads = ("profile", "grade", *gyros, *accels, "from")
+    table = Table(box=None, pad_edge=False)
+    for k, head in enumerate(heads):
+        table.add_column(head, justify="right" if 2 <= k <= 7 else "left", no_wrap=k < 8)
+    for name, profile in found.items():
+        gyro, accel = profile.gyro_noise(), profile.accel_noise()
+        values = (
+            gyro.turn_on_sigma / DEGREE_PER_HOUR,
+            gyro.bias_sigma / DEGREE_PER_HOUR,
+            60.0 * gyro.noise_density / DEGREE,
+            accel.turn_on_sigma / MILLI_G,
+            accel.bias_sigma / MILLI_G,
+            accel.noise_density / MILLI_G,
+        )
+        table.add_row(name, grade_of(profile) or "-", *(f"{np.max(v):.3g}" if np.any(v) else "-" for v in values), profile.source)
+    Console(width=None if sys.stdout.isatty() else 130).print(table, highlight=False)
+    print("Worst axis, one sigma; - is not stated. The grade is that of the gyro bias, turn-on and drift (Solimeno 2007, table 3.4).")
+
+
+def _print_settings(name: str) -> None:
+    from lowcostnav_ros.catalogue.imu_by_name import profile_settings
+
+    print(f"\n{name} in a filter's settings (imu.profile: {name}):")
+    for key, value in dataclasses.asdict(profile_settings(name)).items():
+        if key != "profile":
+            numbers = [f"{v:.6g}" for v in (value if isinstance(value, list) else [value])]
+            print(f"  imu.{key}: {numbers[0] if len(numbers) == 1 else '[' + ', '.join(numbers) + ']'}")

@@ -1,0 +1,103 @@
+"""The reproduce job: results of the theses beside the printed numbers."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from lowcostnav_ros.reproduce.registry import Entry
+    from lowcostnav_ros.reproduce.run import Record
+
+_STYLES = {"reproduced": "green", "differs": "yellow", "crashed": "bold red"}
+_EPILOG = """\
+exit status: 0 when everything ran, whatever the verdicts; 1 when a result crashed; 2 cannot run
+
+examples:
+  lowcostnav reproduce gebre --quick
+  lowcostnav reproduce GR16 GR17 --out results --json results.json"""
+
+
+def add_parsers(jobs: argparse._SubParsersAction) -> None:
+    """Declare ``lowcostnav reproduce``."""
+    text = "Compute the results of the theses again and set them beside the printed numbers, with a verdict each."
+    job = jobs.add_parser("reproduce", help=text, description=text, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+    job.add_argument("results", nargs="*", metavar="STUDY|ID", help="a study such as gebre, or ids such as GR16 (default: all)")
+    job.add_argument("--list", action="store_true", help="list the results and run nothing")
+    job.add_argument("--quick", action="store_true", help="fewer runs, all results in under two minutes")
+    job.add_argument("--seed", type=int, default=1, help="seed of everything random (default: 1)")
+    job.add_argument("--json", metavar="FILE", help="write the results as JSON")
+    job.add_argument("--out", metavar="DIR", help="write a page per study and its figures there")
+    job.add_argument("--workers", type=int, metavar="N", help="processes to use (default: every core); the numbers do not depend on it")
+    job.add_argument("--cluster", metavar="ADDRESS", help="dask scheduler to use instead, such as tcp://host:8786")
+
+
+def reproduce(arguments: argparse.Namespace) -> int:
+    """Run, print, write; 1 when a result crashed."""
+    from lowcostnav_ros.base.settings import SettingsError
+    from lowcostnav_ros.reproduce import cluster, page, registry, run
+
+    entries = registry.selected(arguments.results)
+    if arguments.list:
+        _list(entries)
+        return 0
+    if arguments.json and not Path(arguments.json).resolve().parent.is_dir():
+        raise SettingsError(f"The folder of {arguments.json} does not exist; create it first.")
+    if arguments.seed < 0 or (arguments.workers is not None and arguments.workers < 1):
+        raise SettingsError("The seed must not be negative, and at least one worker is needed.")
+    out = Path(arguments.out) if arguments.out else None
+    console = _console()
+    with cluster.runner(arguments.workers, arguments.cluster) as campaign:
+        context = registry.Context(arguments.quick, arguments.seed, campaign)
+        records = run.run_results(entries, context, out, lambda record: _print(record, console))
+    if arguments.json:
+        listed = {"results": [record.as_json(out) for record in records]}
+        Path(arguments.json).write_text(json.dumps(listed, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    if out is not None:
+        for path in page.write_pages(records, out, arguments.quick):
+            console.print(f"page in {path}", highlight=False)
+    return _conclude(records, console)
+
+
+def _list(entries: "list[Entry]") -> None:
+    from rich.table import Table
+
+    table = Table("id", "study", "result", "source", box=None)
+    for entry in entries:
+        table.add_row(entry.id, entry.study, entry.title, entry.source)
+    _console().print(table)
+
+
+def _console() -> "Console":
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else 140, soft_wrap=True, highlight=False)
+
+
+def _print(record: "Record", console: "Console") -> None:
+    from rich.markup import escape
+
+    entry, outcome = record.entry, record.outcome
+    style = _STYLES.get(outcome.verdict, "cyan")
+    console.print(f"{entry.id:<5} [{style}]{outcome.verdict}[/]  {escape(entry.title)}  [dim]{record.seconds:.1f} s[/]")
+    console.print(f"      thesis: {escape(entry.thesis)}")
+    console.print(f"      ours:   {escape(outcome.ours)}")
+    if outcome.reason:
+        console.print(f"      why:    {escape(outcome.reason)}")
+
+
+def _conclude(records: "list[Record]", console: "Console") -> int:
+    from collections import Counter
+
+    from lowcostnav_ros.reproduce.registry import CRASHED, VERDICTS
+
+    count = Counter(record.outcome.verdict for record in records)
+    seconds = sum(record.seconds for record in records)
+    console.print(", ".join(f"{count[v]} {v}" for v in VERDICTS if count[v]) + f" in {seconds:.0f} s")
+    for record in records:
+        if record.trace:
+            print(record.trace, file=sys.stderr)
+    return 1 if count[CRASHED] else 0

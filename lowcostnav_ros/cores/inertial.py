@@ -1,0 +1,411 @@
+"""The inertial core: strapdown mean and error covariance, carried through whole blocks of samples by one compiled call.
+
+Core error state (9), true minus estimated: position NED [m], velocity NED [m/s], attitude ``phi_n`` [rad] with
+``C_true = (I + [phi x]) C_est``.  Further blocks couple by their kind.  With f the specific force and C = C_nb:
+
+    d(dp)/dt  = P2P dp + dv
+    d(dv)/dt  = P2V dp + V2V dv - [f_n x] phi - C db_a - C diag(f_b) ds_a
+    d(phi)/dt = P2A dp + V2A dv - [w_in x] phi - C db_g - C diag(w_b) ds_g
+
+The blocks are the linearised navigation equations in metres (Solimeno (3-47), (3-51), (3-54); Gebre-Egziabher appendix A as
+corrected), checked against differences of the strapdown step in the tests.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.base.small_matrices import matvec
+from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
+from lowcostnav_ros.estimation.horizon import HOLE_NS
+from lowcostnav_ros.physics.earth import EARTH_RATE, displace, gravity, radii
+from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_to_dcm
+from lowcostnav_ros.physics.strapdown import strapdown_step
+from lowcostnav_ros.sensors.imu_profile import ImuNoise
+
+POS, VEL, ATT = slice(0, 3), slice(3, 6), slice(6, 9)
+CORE = 9
+COVARIANCE_STEP_NS = 100_000_000
+GAP_NS = HOLE_NS
+
+DEG = np.pi / 180.0
+MILLI_G = 9.80665e-3
+XYZ = "xyz"
+CONSTANT_S = 1e6
+"""Correlation time of an error that the data sheet calls constant."""
+PerAxis = float | list
+"""One number for all axes, or three, x y z."""
+
+
+def _axes(default: float, description: str, unit: str, minimum: float = 0.0, maximum: float | None = None) -> Any:
+    return setting(default, description, unit=unit, minimum=minimum, maximum=maximum, per_axis=True)
+
+
+@dataclass(frozen=True)
+class ImuSettings:
+    """Inertial sensor errors as a data sheet states them, each one number or three (x y z, FRD); the defaults are a vibrating-gyro unit
+    of automotive grade.
+    """
+
+    profile: str = setting("", "IMU profile (config/profiles, or a file): its numbers, save those below that are not the default.")
+    gyro_noise_dps_rthz: PerAxis = _axes(0.012, "Gyro white noise.", "deg/s/sqrt(Hz)", 1e-7, 10.0)
+    gyro_bias_dps: PerAxis = _axes(0.05, "Gyro in-run bias, Gauss-Markov sigma.", "deg/s", maximum=10.0)
+    gyro_bias_tau_s: PerAxis = _axes(300.0, "Correlation time of the gyro bias.", "s", 1.0)
+    gyro_turn_on_dps: PerAxis = _axes(0.1, "Gyro turn-on bias sigma.", "deg/s", maximum=10.0)
+    gyro_scale_ppm: PerAxis = _axes(0.0, "Gyro scale-factor sigma; 0 leaves the states out.", "ppm", maximum=1e5)
+    gyro_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the gyro scale factors.", "s", 1.0)
+    accel_noise_mg_rthz: PerAxis = _axes(0.25, "Accelerometer white noise.", "milli-g/sqrt(Hz)", 1e-6, 1e3)
+    accel_bias_mg: PerAxis = _axes(1.2, "Accelerometer in-run bias, Gauss-Markov sigma.", "milli-g", maximum=1e3)
+    accel_bias_tau_s: PerAxis = _axes(100.0, "Correlation time of the accelerometer bias.", "s", 1.0)
+    accel_turn_on_mg: PerAxis = _axes(5.0, "Accelerometer turn-on bias sigma.", "milli-g", maximum=1e3)
+    accel_scale_ppm: PerAxis = _axes(0.0, "Accelerometer scale-factor sigma; 0 leaves them out.", "ppm", maximum=1e5)
+    accel_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the accelerometer scale factors.", "s", 1.0)
+
+
+def of_axes(value: PerAxis) -> np.ndarray:
+    """x, y, z (3,) of a setting that holds one number for all axes or three."""
+    return np.full(3, value, dtype=float)
+
+
+def typical(value: PerAxis) -> float:
+    """Root mean square over the axes, for what needs one number only (a threshold, a first tilt)."""
+    return float(np.sqrt(np.mean(of_axes(value) ** 2))) if isinstance(value, list) else value
+
+
+def imu_settings(noise: ImuNoise) -> ImuSettings:
+    """Filter settings of an IMU profile's numbers, axis by axis; an error that is constant gets the correlation time of twelve days."""
+
+    def axes(values: np.ndarray, unit: float = 1.0) -> PerAxis:
+        listed = [float(v) / unit if np.isfinite(v) else CONSTANT_S for v in values]
+        return listed[0] if len(set(listed)) == 1 else listed
+
+    return ImuSettings(
+        gyro_noise_dps_rthz=axes(noise.gyro_noise_density, DEG),
+        gyro_bias_dps=axes(noise.gyro_bias_sigma, DEG),
+        gyro_bias_tau_s=axes(noise.gyro_bias_tau_s),
+        gyro_turn_on_dps=axes(noise.gyro_turn_on_sigma, DEG),
+        gyro_scale_ppm=axes(noise.gyro_scale_sigma, 1e-6),
+        gyro_scale_tau_s=axes(noise.gyro_scale_tau_s),
+        accel_noise_mg_rthz=axes(noise.accel_noise_density, MILLI_G),
+        accel_bias_mg=axes(noise.accel_bias_sigma, MILLI_G),
+        accel_bias_tau_s=axes(noise.accel_bias_tau_s),
+        accel_turn_on_mg=axes(noise.accel_turn_on_sigma, MILLI_G),
+        accel_scale_ppm=axes(noise.accel_scale_sigma, 1e-6),
+        accel_scale_tau_s=axes(noise.accel_scale_tau_s),
+    )
+
+
+def core_block(imu: ImuSettings) -> Block:
+    """The nine core states; their psd entries are the sensors' white noise, resolved in b when used."""
+    labels = (
+        *("position_north_m", "position_east_m", "position_down_m"),
+        *("velocity_north_mps", "velocity_east_mps", "velocity_down_mps"),
+        *("attitude_north_rad", "attitude_east_rad", "attitude_down_rad"),
+    )
+    accel = (of_axes(imu.accel_noise_mg_rthz) * MILLI_G) ** 2
+    gyro = (of_axes(imu.gyro_noise_dps_rthz) * DEG) ** 2
+    return Block("core", labels, Kind.CORE, (10.0,) * 3 + (1.0,) * 3 + (0.1,) * 3, np.inf, (0.0, 0.0, 0.0, *accel, *gyro))
+
+
+def bias_blocks(imu: ImuSettings, *, split_turn_on: bool = False) -> list[Block]:
+    """Accelerometer and gyro biases, and scale factors where the data sheet gives them.
+
+    One Gauss-Markov block per sensor whose start sigma holds the turn-on bias (15 states), or, with ``split_turn_on``, a random
+    constant beside the drift (the thesis's 27).  A Gauss-Markov state would pull a turn-on bias toward zero with its own correlation
+    time, so in the short form the drift is a random walk with the drift's short-term growth, 2 sigma^2 / tau.
+    """
+    blocks = []
+    drift = of_axes(imu.accel_bias_mg) * MILLI_G, of_axes(imu.gyro_bias_dps) * DEG
+    turn_ons = of_axes(imu.accel_turn_on_mg) * MILLI_G, of_axes(imu.gyro_turn_on_dps) * DEG
+    sensors = (
+        ("accel", "mps2", Kind.ACCEL_BIAS, drift[0], of_axes(imu.accel_bias_tau_s), turn_ons[0]),
+        ("gyro", "radps", Kind.GYRO_BIAS, drift[1], of_axes(imu.gyro_bias_tau_s), turn_ons[1]),
+    )
+    for name, unit, kind, sigma, tau, turn_on in sensors:
+        labels = [f"{name}_bias_{axis}_{unit}" for axis in XYZ]
+        if split_turn_on:
+            blocks.append(gauss_markov(f"{name}_drift", [f"{name}_drift_{axis}_{unit}" for axis in XYZ], kind, sigma, tau))
+            blocks.append(random_walk(f"{name}_bias", labels, kind, turn_on))
+        elif turn_on.any():
+            blocks.append(random_walk(f"{name}_bias", labels, kind, np.hypot(turn_on, sigma), sigma * np.sqrt(2.0 / tau)))
+        else:
+            blocks.append(gauss_markov(f"{name}_bias", labels, kind, sigma, tau))
+    scales = (
+        ("accel", Kind.ACCEL_SCALE, of_axes(imu.accel_scale_ppm), imu.accel_scale_tau_s),
+        ("gyro", Kind.GYRO_SCALE, of_axes(imu.gyro_scale_ppm), imu.gyro_scale_tau_s),
+    )
+    for name, kind, ppm, tau_s in scales:
+        if ppm.any():
+            blocks.append(gauss_markov(f"{name}_scale", [f"{name}_scale_{axis}" for axis in XYZ], kind, 1e-6 * ppm, tau_s))
+    return blocks
+
+
+@kernel
+def inertial_dynamics(nav, f_n, f_b, w_b, C, kind, axis, rate):
+    """Continuous error dynamics F (n, n) at a navigation state; the equations of the module head.
+
+    ``f_n`` mean specific force in n, ``f_b``, ``w_b`` mean corrected specific force and rate in b, ``C`` mean C_nb of the interval.
+    """
+    n = kind.shape[0]
+    F = np.zeros((n, n))
+    lat, height = nav[0], nav[2]
+    vn, ve, vd = nav[3], nav[4], nav[5]
+    rm, rn = radii(lat)
+    a, b = rm + height, rn + height
+    s, c = np.sin(lat), np.cos(lat)
+    t = s / c
+    wx, wz = EARTH_RATE * c, EARTH_RATE * s
+    # position, coordinates (R_M+h) dlat, (R_N+h) cos(lat) dlon, -dh
+    F[0, 0], F[0, 2], F[0, 3] = -vd / a, vn / a, 1.0
+    F[1, 0], F[1, 1], F[1, 2], F[1, 4] = ve * t / a, -(vd + vn * t) / b, ve / b, 1.0
+    F[2, 5] = 1.0
+    # velocity from position: earth rate and meridian convergence turn with latitude, gravity falls with height
+    F[3, 0] = (-2.0 * ve * wx - ve * ve / (b * c * c)) / a
+    F[3, 2] = vn * vd / (a * a) - ve * ve * t / (b * b)
+    F[4, 0] = (2.0 * (vn * wx - vd * wz) + ve * vn / (b * c * c)) / a
+    F[4, 2] = ve * (vd + vn * t) / (b * b)
+    F[5, 0] = 2.0 * ve * wz / a
+    F[5, 2] = 2.0 * gravity(lat, height) / (np.sqrt(rm * rn) + height) - ve * ve / (b * b) - vn * vn / (a * a)
+    # velocity from velocity: Coriolis and transport rate
+    F[3, 3], F[3, 4], F[3, 5] = vd / a, -2.0 * (wz + ve * t / b), vn / a
+    F[4, 3], F[4, 4], F[4, 5] = 2.0 * wz + ve * t / b, (vd + vn * t) / b, 2.0 * wx + ve / b
+    F[5, 3], F[5, 4] = -2.0 * vn / a, -2.0 * (wx + ve / b)
+    # velocity from attitude: -[f_n x]
+    F[3, 7], F[3, 8] = f_n[2], -f_n[1]
+    F[4, 6], F[4, 8] = -f_n[2], f_n[0]
+    F[5, 6], F[5, 7] = f_n[1], -f_n[0]
+    # attitude from position and velocity: the error of the rate of n
+    F[6, 0], F[6, 2], F[6, 4] = wz / a, -ve / (b * b), -1.0 / b
+    F[7, 2], F[7, 3] = vn / (a * a), 1.0 / a
+    F[8, 0], F[8, 2], F[8, 4] = (wx + ve / (b * c * c)) / a, ve * t / (b * b), t / b
+    # attitude from attitude: -[w_in x]
+    w0, w1, w2 = wx + ve / b, -vn / a, -wz - ve * t / b
+    F[6, 7], F[6, 8] = w2, -w1
+    F[7, 6], F[7, 8] = -w2, w0
+    F[8, 6], F[8, 7] = w1, -w0
+    for i in range(CORE, n):
+        F[i, i] = -rate[i]
+        k = axis[i]
+        for r in range(3):
+            if kind[i] == 1:
+                F[3 + r, i] = -C[r, k]
+            elif kind[i] == 2:
+                F[6 + r, i] = -C[r, k]
+            elif kind[i] == 3:
+                F[3 + r, i] = -C[r, k] * f_b[k]
+            elif kind[i] == 4:
+                F[6 + r, i] = -C[r, k] * w_b[k]
+        if kind[i] == 10 and k > 0:
+            F[i - 1, i] = 1.0
+    return F
+
+
+@kernel
+def noise_density(C, psd):
+    """Driving-noise density mapped to the states, G Q G' (n, n): sensor white noise turned to n, the rest on the diagonal."""
+    n = psd.shape[0]
+    GQG = np.zeros((n, n))
+    for i in range(3):
+        for j in range(3):
+            accel, gyro = 0.0, 0.0
+            for k in range(3):
+                accel += C[i, k] * psd[3 + k] * C[j, k]
+                gyro += C[i, k] * psd[6 + k] * C[j, k]
+            GQG[3 + i, 3 + j] = accel
+            GQG[6 + i, 6 + j] = gyro
+    for i in range(3):
+        GQG[i, i] = psd[i]
+    for i in range(CORE, n):
+        GQG[i, i] = psd[i]
+    return GQG
+
+
+@kernel
+def sensor_errors(estimate, kind, axis):
+    """Sum the estimated sensor errors over the blocks: rows accel bias, gyro bias, accel scale, gyro scale, shape (4, 3)."""
+    total = np.zeros((4, 3))
+    for i in range(CORE, kind.shape[0]):
+        if 1 <= kind[i] <= 4:
+            total[kind[i] - 1, axis[i]] += estimate[i]
+    return total
+
+
+@kernel
+def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd):
+    """Carry P over the interval gathered in ``sums`` and clear it; estimates of Gauss-Markov states decay, those of a chain add up.
+
+    ``sums`` (19,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3).
+    """
+    dt = sums[0]
+    if dt <= 0.0:
+        return
+    C = sums[4:13].reshape(3, 3) / dt
+    F = inertial_dynamics(nav, sums[1:4] / dt, sums[13:16] / dt, sums[16:19] / dt, C, kind, axis, rate)
+    kalman.predict_covariance(P, kalman.transition(F, dt), noise_density(C, psd), dt)
+    for i in range(CORE, kind.shape[0]):
+        if rate[i] > 0.0:
+            estimate[i] *= np.exp(-rate[i] * dt)
+        if kind[i] == 10 and axis[i] > 0:
+            estimate[i - 1] += estimate[i] * dt
+    sums[:] = 0.0
+
+
+@kernel
+def mean_step(nav, last, f, w, dt):
+    """One strapdown step from mean specific force and rate; ``last`` (6,) holds the previous sample's for coning and sculling."""
+    strapdown_step(nav, f * dt, w * dt, last[0:3] * dt, last[3:6] * dt, dt)
+    last[0:3] = f
+    last[3:6] = w
+
+
+@kernel
+def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, stamps, f_m, w_m, start, step_ns, output_ns):
+    """Carry mean and covariance through inertial samples ``start``...; stop after the one on which an output falls due.
+
+    Returns the index of the next sample and the stamp reached.  Covariance steps fall on a grid of stamps, never on the cut of a block.
+    """
+    errors = sensor_errors(estimate, kind, axis)
+    for k in range(start, stamps.shape[0]):
+        dt = (stamps[k] - t_ns) * 1e-9
+        f = (f_m[k] - errors[0]) / (1.0 + errors[2])
+        w = (w_m[k] - errors[1]) / (1.0 + errors[3])
+        mean_step(nav, last, f, w, dt)
+        C = quat_to_dcm(nav[6:10])
+        sums[0] += dt
+        f_n = matvec(C, f)
+        for r in range(3):
+            sums[1 + r] += f_n[r] * dt
+            sums[13 + r] += f[r] * dt
+            sums[16 + r] += w[r] * dt
+            for j in range(3):
+                sums[4 + 3 * r + j] += C[r, j] * dt
+        due = stamps[k] // output_ns != t_ns // output_ns
+        if due or stamps[k] // step_ns != t_ns // step_ns:
+            covariance_step(nav, sums, P, estimate, kind, axis, rate, psd)
+            errors = sensor_errors(estimate, kind, axis)
+        t_ns = stamps[k]
+        if due:
+            return k + 1, t_ns
+    return stamps.shape[0], t_ns
+
+
+@kernel
+def predict_mean(t_ns, nav, last, errors, stamps, f_m, w_m):
+    """Mean propagation alone, in place, through samples beyond the horizon: the output predictor."""
+    for k in range(stamps.shape[0]):
+        dt = (stamps[k] - t_ns) * 1e-9
+        mean_step(nav, last, (f_m[k] - errors[0]) / (1.0 + errors[2]), (w_m[k] - errors[1]) / (1.0 + errors[3]), dt)
+        t_ns = stamps[k]
+    return t_ns
+
+
+@kernel
+def turn_covariance(P, heading):
+    """Turn the covariance of tilt and heading errors with a correction of the heading, rad, in place.
+
+    How the attitude errors hang together with the sensor errors was gathered along the heading believed until now, and belongs to the
+    body.  Left in n through a large correction (a low-cost unit before its first turn), those correlations point where the sensor no
+    longer is, and the filter takes for observed what is not.  So far the left-invariant filter (Barrau and Bonnabel, IEEE TAC 62, 2017);
+    position and velocity stay, and so does what a tilt would turn: aids measure them in n, and an ellipsoid that is flat, as a barometer
+    leaves it in an outage, would be thinned along its length.
+    """
+    c, s = np.cos(heading), np.sin(heading)
+    n = P.shape[0]
+    for j in range(n):
+        north, east = P[6, j], P[7, j]
+        P[6, j], P[7, j] = c * north - s * east, s * north + c * east
+    for i in range(n):
+        north, east = P[i, 6], P[i, 7]
+        P[i, 6], P[i, 7] = c * north - s * east, s * north + c * east
+    P[7, 6] = P[6, 7]
+
+
+class InertialCore:
+    """Mean state, estimates of all further blocks and covariance of a navigator that integrates an IMU.
+
+    Attributes
+    ----------
+    nav : ndarray (10,)
+        lat, lon [rad], height [m], velocity NED [m/s], q_nb.
+    estimate : ndarray (n,)
+        Current estimates of the block states; the first nine are unused (they live in ``nav``).
+    P : ndarray (n, n)
+    t_ns : int
+    """
+
+    def __init__(self, layout: Layout, variance_ceiling: np.ndarray | None = None) -> None:
+        self.layout = layout
+        self.nav = np.zeros(10)
+        self.estimate = np.zeros(layout.size)
+        self.P = layout.initial_covariance()
+        self.t_ns = 0
+        self.guard_actions = 0
+        self._last = np.zeros(6)
+        self._sums = np.zeros(19)
+        self._floor = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2
+        self._ceiling = np.full(layout.size, 1e14) if variance_ceiling is None else variance_ceiling
+
+    def start(self, t_ns: int, nav: np.ndarray, core_covariance: np.ndarray) -> None:
+        """Begin at a state with the covariance of the nine core states; all other blocks at their initial sigma."""
+        self.nav[:] = nav
+        self.t_ns = int(t_ns)
+        self.estimate[:] = 0.0
+        self.P = self.layout.initial_covariance()
+        self.P[:CORE, :CORE] = core_covariance
+        self._last[:] = 0.0
+        self._sums[:] = 0.0
+
+    def advance(self, block, start: int, output_ns: int) -> int:
+        """Run samples of an ImuBlock from index ``start``; return the next index (an output is due when short of the end)."""
+        layout = self.layout
+        following, t_ns = run_block(
+            *(self.t_ns, self.nav, self._last, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd),
+            *(block.stamps_ns, block.specific_force_b, block.angular_rate_b, start, COVARIANCE_STEP_NS, output_ns),
+        )
+        self.t_ns = int(t_ns)
+        return following
+
+    def settle(self) -> None:
+        """Bring the covariance to the time of the mean (before an aid)."""
+        layout = self.layout
+        covariance_step(self.nav, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd)
+
+    def correct(self, dx: np.ndarray) -> None:
+        """Inject a correction (n,): the estimate moves, the error state is zero again."""
+        nav = self.nav
+        nav[0], nav[1], nav[2] = displace(nav[0], nav[1], nav[2], dx[POS])
+        nav[3:6] += dx[VEL]
+        nav[6:10] = quat_apply_phi_n(nav[6:10], dx[ATT])
+        turn_covariance(self.P, dx[8])
+        self.estimate[CORE:] += dx[CORE:]
+        self.guard_actions += kalman.guard_covariance(self.P, self._floor, self._ceiling)
+
+    def errors(self) -> np.ndarray:
+        """Estimated sensor errors, shape (4, 3): accel bias, gyro bias, accel scale, gyro scale."""
+        return sensor_errors(self.estimate, self.layout.kind, self.layout.axis)
+
+    def corrected(self, specific_force_b: np.ndarray, angular_rate_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Take the estimated sensor errors out of a sample."""
+        e = self.errors()
+        return (specific_force_b - e[0]) / (1.0 + e[2]), (angular_rate_b - e[1]) / (1.0 + e[3])
+
+    def predicted(self, block) -> tuple[int, np.ndarray]:
+        """Mean state at the end of ``block`` (samples beyond the horizon, or None), leaving this state alone."""
+        nav = self.nav.copy()
+        if block is None:
+            return self.t_ns, nav
+        t_ns = predict_mean(
+            self.t_ns, nav, self._last.copy(), self.errors(), block.stamps_ns, block.specific_force_b, block.angular_rate_b
+        )
+        return int(t_ns), nav
+
+
+def dynamics_now(navigator) -> np.ndarray:
+    """Continuous error dynamics F (n, n) of an inertial navigator at its state and latest corrected sample (``force_b``, ``rate_b``)."""
+    core, layout = navigator.core, navigator.layout
+    C, force_b, rate_b = quat_to_dcm(core.nav[6:10]), navigator.force_b, navigator.rate_b
+    return inertial_dynamics(core.nav, C @ force_b, force_b, rate_b, C, layout.kind, layout.axis, layout.rate)

@@ -1,0 +1,161 @@
+"""Graphs of nodes: the YAML files in ``config/graphs``, checked, and the command that brings one up.
+
+A graph names its nodes; what every one of them shares stands at the top::
+
+    scenario: livermore          # simulators take their settings from this scenario
+    real_time_factor: 1.0        # 2.0 flies twice as fast as the clock on the wall
+    lossless: false              # true: publishing waits, nothing is lost (recordings for regression)
+    nodes:
+      - executable: ins_gps      # one of the executables of the package
+        name: ins_gps            # node name, default the executable
+        config: ins_gps.yaml     # in config/ or a path, default config/<executable>.yaml if there is one
+        parameters: {input.silent_after_s: 2.0}
+        respawn: true            # start again when it dies
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lowcostnav_ros.base.settings import nearest
+from lowcostnav_ros.catalogue.config_files import config_dir
+from lowcostnav_ros.graph.wiring import EXECUTABLES, SIMULATION, SOURCES
+
+TOP_KEYS = ("scenario", "domain", "lossless", "real_time_factor", "nodes")
+NODE_KEYS = ("executable", "name", "config", "parameters", "respawn")
+
+
+class GraphError(ValueError):
+    """A graph that cannot be run; the message is one sentence that says what to do."""
+
+
+@dataclass(frozen=True)
+class GraphNode:
+    """One node: its executable, name, parameter file (or None), parameter values, and whether it is started again when it dies."""
+
+    executable: str
+    name: str
+    config: Path | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    respawn: bool = True
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A checked graph; ``domain`` None means any free one."""
+
+    name: str
+    nodes: tuple[GraphNode, ...]
+    scenario: str = ""
+    domain: int | None = None
+    lossless: bool = False
+    real_time_factor: float = 1.0
+
+    def node(self, name: str) -> GraphNode:
+        """Return a node by name; raises GraphError when there is none."""
+        for node in self.nodes:
+            if node.name == name:
+                return node
+        raise GraphError(f"{self.name}: no node '{name}'{nearest(name, [n.name for n in self.nodes])}.")
+
+    def with_parameters(self, name: str, **values: Any) -> "Graph":
+        """Return a copy in which one node has further parameter values (a double underscore stands for the dot)."""
+        node, dotted = self.node(name), {key.replace("__", "."): value for key, value in values.items()}
+        changed = replace(node, parameters={**node.parameters, **dotted})
+        return replace(self, nodes=tuple(changed if n.name == name else n for n in self.nodes))
+
+    def without(self, *names: str) -> "Graph":
+        """Return a copy without some nodes."""
+        for name in names:
+            self.node(name)
+        return replace(self, nodes=tuple(n for n in self.nodes if n.name not in names))
+
+
+def graph_names() -> list[str]:
+    """Names of the graphs that come with the package."""
+    return sorted(p.stem for p in (config_dir() / "graphs").glob("*.yaml"))
+
+
+def load_graph(name_or_path: str | Path) -> Graph:
+    """Read a graph.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        The name of a graph of the package (``livermore``) or the path of a YAML file.
+
+    Raises
+    ------
+    GraphError
+        When it is missing or cannot be run, with what to do.
+    """
+    path = Path(name_or_path)
+    if path.suffix not in (".yaml", ".yml"):
+        path = config_dir() / "graphs" / f"{name_or_path}.yaml"
+    if not path.is_file():
+        raise GraphError(f"No graph '{name_or_path}'{nearest(str(name_or_path), graph_names())}; or give the path of a YAML file.")
+    try:
+        content = yaml.safe_load(path.read_text())
+    except yaml.YAMLError as error:
+        raise GraphError(f"{path.name} is not YAML: {' '.join(str(error).split())}.") from error
+    return parse_graph(content, path.stem, path.parent)
+
+
+def parse_graph(content: Any, name: str, folder: Path | None = None) -> Graph:
+    """Check the content of a graph file; ``folder`` is where relative config paths are looked up after the package's own."""
+    _mapping(content, name, TOP_KEYS)
+    if not isinstance(content.get("nodes"), list) or not content["nodes"]:
+        raise GraphError(f"{name}: give at least one node under 'nodes'.")
+    factor = content.get("real_time_factor", 1.0)
+    if isinstance(factor, bool) or not isinstance(factor, int | float) or not 0.01 <= factor <= 1000.0:
+        raise GraphError(f"{name}: 'real_time_factor' must be a number from 0.01 to 1000, got {factor!r}.")
+    domain = content.get("domain")
+    if domain is not None and (isinstance(domain, bool) or not isinstance(domain, int) or not 1 <= domain <= 100):
+        raise GraphError(f"{name}: 'domain' must be a whole number from 1 to 100, got {domain!r}.")
+    if not isinstance(content.get("lossless", False), bool):
+        raise GraphError(f"{name}: 'lossless' must be true or false, got {content['lossless']!r}.")
+    scenario = str(content.get("scenario") or "")
+    nodes = tuple(_node(entry, name, scenario, folder) for entry in content["nodes"])
+    names = [node.name for node in nodes]
+    for one in names:
+        if names.count(one) > 1:
+            raise GraphError(f"{name}: two nodes are called '{one}'; give one of them another 'name'.")
+    return Graph(name, nodes, scenario, domain, content.get("lossless", False), float(factor))
+
+
+def _node(entry: Any, where: str, scenario: str, folder: Path | None) -> GraphNode:
+    if isinstance(entry, str):
+        entry = {"executable": entry}
+    _mapping(entry, f"{where}: a node", NODE_KEYS)
+    executable = entry.get("executable")
+    if executable not in EXECUTABLES:
+        raise GraphError(f"{where}: unknown executable '{executable}'{nearest(str(executable), EXECUTABLES)}.")
+    parameters = entry.get("parameters") or {}
+    if not isinstance(parameters, Mapping):
+        raise GraphError(f"{where}: 'parameters' of {executable} must be names and values, got {parameters!r}.")
+    config = _config(entry.get("config"), executable, where, scenario, folder)
+    # a flight that starts again from its beginning would jump back in time, so its source stays dead
+    respawn = entry.get("respawn", executable not in SOURCES)
+    return GraphNode(executable, str(entry.get("name", executable)), config, dict(parameters), bool(respawn))
+
+
+def _config(given: str | None, executable: str, where: str, scenario: str, folder: Path | None) -> Path | None:
+    if given is None:
+        default = config_dir() / f"{executable}.yaml"
+        # the scenario sets its simulators; the file of defaults would set them back
+        return default if default.is_file() and not (scenario and executable in SIMULATION) else None
+    for candidate in (config_dir() / given, *([folder / given] if folder else []), Path(given)):
+        if candidate.is_file():
+            return candidate
+    raise GraphError(f"{where}: the config file '{given}' of {executable} is neither in {config_dir()} nor a path that exists.")
+
+
+def _mapping(content: Any, where: str, keys: tuple[str, ...]) -> None:
+    if not isinstance(content, Mapping):
+        raise GraphError(f"{where}: expected names and values, got {type(content).__name__}.")
+    for key in content:
+        if key not in keys:
+            raise GraphError(f"{where}: unknown entry '{key}'{nearest(str(key), keys)}.")

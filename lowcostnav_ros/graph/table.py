@@ -1,0 +1,58 @@
+"""A running graph at a glance: one line a node."""
+
+from typing import TYPE_CHECKING
+
+from lowcostnav_ros.graph.runner import GraphRunner
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+COLOURS = ("green", "yellow", "red", "red")
+
+
+def table(runner: GraphRunner) -> "Table":
+    """Return a rich table: node, mode or state, inputs with their rates, processor, memory, restarts."""
+    from rich.table import Table
+
+    view = Table(title=f"{runner.graph.name}, ROS domain {runner.domain}", title_justify="left")
+    for title, justify in (
+        ("node", "left"),
+        ("state", "left"),
+        ("inputs", "left"),
+        ("CPU %", "right"),
+        ("MB", "right"),
+        ("restarts", "right"),
+    ):
+        view.add_column(title, justify=justify)
+    total = 0.0
+    for name, process in runner.processes.items():
+        cpu = 100.0 * process.cpu_share()
+        total += cpu
+        level, state = state_of(runner, name)
+        cells = [f"[{COLOURS[level]}]{state}[/]", inputs_of(runner, name), f"{cpu:.1f}", f"{process.rss_mb():.0f}", str(process.restarts)]
+        view.add_row(name, *cells)
+    view.caption = f"processor together {total:.0f} % of one core; logs in {runner.log_dir}"
+    return view
+
+
+def state_of(runner: GraphRunner, name: str) -> tuple[int, str]:
+    """Return (level, sentence) for a node: dead, its worst row, its mode, or how far it has flown."""
+    process = runner.processes[name]
+    if not process.alive:
+        return 2, "stopped" if process.given_up else "dead, starting again"
+    rows = [row for key, row in list(runner.rows.items()) if key.startswith(f"{name}: ")]
+    if not rows:
+        return 1, "starting"
+    worst = max(rows, key=lambda row: row["level"])
+    for row in rows:
+        if row["name"].endswith((": navigator", ": source", ": recording")) and row["level"] >= worst["level"]:
+            return row["level"], row["message"]
+    return worst["level"], worst["message"] if worst["level"] else "ok"
+
+
+def inputs_of(runner: GraphRunner, name: str) -> str:
+    """Return the inputs of a node with their rates, e.g. ``imu/data_raw 100 Hz``."""
+    prefix = f"{name}: input "
+    rows = [row for key, row in list(runner.rows.items()) if key.startswith(prefix)]
+    shown = [f"{row['name'].removeprefix(prefix)} {float(row['values']['rate_hz']):.0f} Hz" for row in rows[:6]]
+    return ", ".join(shown) + (f" and {len(rows) - 6} more" if len(rows) > 6 else "")

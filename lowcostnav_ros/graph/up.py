@@ -1,0 +1,92 @@
+"""The command behind ``lowcostnav up``: a graph on a terminal."""
+
+import signal
+import sys
+import time
+from pathlib import Path
+
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.graph.description import Graph, GraphError
+from lowcostnav_ros.graph.runner import WATCH_S, GraphRunner
+from lowcostnav_ros.graph.table import table
+
+EXIT_OK, EXIT_TROUBLE, EXIT_CANNOT_RUN = 0, 1, 2
+DRAW_S = 1.0
+
+
+class _Stop(Exception):
+    """Somebody asked for the end."""
+
+
+def up(graph: Graph, out: Path | None = None, show: bool | None = None, until_finished: bool = False) -> int:
+    """Bring a graph up and keep it up until Ctrl-C, or until its flight is finished.
+
+    Parameters
+    ----------
+    graph : Graph
+    out : Path, optional
+        Where the recording goes.
+    show : bool, optional
+        Draw a live table; default only on a terminal, elsewhere events are printed.
+    until_finished : bool
+        Stop when the source has finished.
+
+    Returns
+    -------
+    int
+        0 all went well, 1 a node died on the way (restarted or not), 2 the graph cannot run (the sentence is on stderr).
+    """
+    show = sys.stdout.isatty() if show is None else show
+    before = {number: signal.signal(number, _raise_stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with GraphRunner(graph, out=out, say=(lambda _: None) if show else print) as runner:
+            try:
+                _watch(runner, show, until_finished)
+            except _Stop:
+                pass
+            finally:
+                for number in before:
+                    signal.signal(number, signal.SIG_IGN)  # the nodes are being stopped in order; a second Ctrl-C must not break that
+        died = [event for event in runner.events if "died" in event or "killed" in event]
+        for event in died:
+            print(event, file=sys.stderr)
+        return EXIT_TROUBLE if died else EXIT_OK
+    except _Stop:
+        return EXIT_OK
+    except (GraphError, SettingsError, RuntimeError) as error:
+        print(error, file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _raise_stop(*_: object) -> None:
+    raise _Stop
+
+
+def _watch(runner: GraphRunner, show: bool, until_finished: bool) -> None:
+    if not show:
+        _follow(runner, until_finished, lambda: None)
+        return
+    from rich.live import Live
+
+    with Live(table(runner), refresh_per_second=4, transient=False) as live:
+        drawn = [0.0]
+
+        def draw() -> None:
+            if time.monotonic() - drawn[0] >= DRAW_S:
+                drawn[0] = time.monotonic()
+                live.update(table(runner))
+
+        _follow(runner, until_finished, draw)
+
+
+def _follow(runner: GraphRunner, until_finished: bool, each) -> None:
+    if until_finished:
+        runner.wait_until_finished(each=each)
+        return
+    while True:
+        runner.watch()
+        each()
+        time.sleep(WATCH_S)

@@ -1,0 +1,1 @@
+"""The attitude and heading reference and its filters."""

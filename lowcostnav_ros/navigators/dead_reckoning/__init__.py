@@ -1,0 +1,1 @@
+"""DME-aided dead reckoning."""

@@ -1,0 +1,1 @@
+"""The supervisor: which solution is flown, and why."""

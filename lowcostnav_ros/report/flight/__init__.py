@@ -1,0 +1,1 @@
+"""The page of a flight: map, errors in their sigmas, modes, tables."""

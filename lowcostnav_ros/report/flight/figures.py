@@ -1,0 +1,242 @@
+"""The figures of a report: which columns go into which chart."""
+
+import numpy as np
+
+from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
+from lowcostnav_ros.report.chart import Band, Curve, Dots, TimeAxis, time_chart
+from lowcostnav_ros.report.flight.map_chart import Ellipse, Station, Track, map_chart
+from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
+
+TRUTH_COLOUR = "#222222"
+COLOURS = {"ahrs": "#b4579a", "dead_reckoning": "#d55e00", "ins_gps": "#0072b2", "supervisor": "#009e73"}
+DASHES = {"supervisor": "7 4"}
+"""The supervisor flies on another navigator's solution: dashed, so that one sees which."""
+_SPARE = ("#7a5195", "#8c6d31", "#56b4e9", "#5f7f3a")
+HALF = 474
+ELLIPSE_EVERY_S = 60.0
+GAP_S = 5.0
+"""A curve is broken where nothing was estimated for longer than this."""
+
+ERROR_TITLES = {
+    "north_m": "North error [m]",
+    "east_m": "East error [m]",
+    "down_m": "Down error [m]",
+    "vn_mps": "North velocity error [m/s]",
+    "ve_mps": "East velocity error [m/s]",
+    "vd_mps": "Down velocity error [m/s]",
+    "roll_deg": "Roll error [deg]",
+    "pitch_deg": "Pitch error [deg]",
+    "heading_deg": "Heading error [deg]",
+    "wind_north_mps": "North wind error [m/s]",
+    "wind_east_mps": "East wind error [m/s]",
+}
+
+
+def colour_of(name: str, names: list[str]) -> str:
+    """Colour of a navigator, the same in all figures."""
+    others = [n for n in names if n not in COLOURS]
+    return COLOURS.get(name) or _SPARE[others.index(name) % len(_SPARE)]
+
+
+def ground_map(result: Result) -> str:
+    """Map with truth, fixes, recorded and replayed solutions, stations, and two-sigma ellipses without GPS."""
+    names = list(result.navigators)
+    tracks = []
+    if len(result.truth.get("t_s", ())):
+        tracks.append(Track(result.truth["lat_deg"], result.truth["lon_deg"], TRUTH_COLOUR, "truth", 2.4))
+    if len(result.gps.get("t_s", ())):
+        for kind, colour, label in (("no", "#9aa5ad", "GPS fixes"), ("yes", "#e0a030", "withheld fixes")):
+            rows = result.gps["withheld"] == kind
+            if rows.any():
+                tracks.append(Track(result.gps["lat_deg"][rows], result.gps["lon_deg"][rows], colour, label, dots=True))
+    for name, columns in result.recorded.items():
+        tracks.append(Track(columns["lat_deg"], columns["lon_deg"], "#777777", f"{name} recorded", 3.2, "2 3"))
+    ellipses = []
+    for name, navigator in result.navigators.items():
+        if _known(navigator.solutions, "lat_deg"):
+            place = navigator.solutions["lat_deg"], navigator.solutions["lon_deg"]
+            tracks.append(Track(*place, colour_of(name, names), name, dash=DASHES.get(name)))
+            ellipses += _ellipses(navigator, colour_of(name, names), result.summary["without_gps"]["intervals_s"])
+    stations = [Station(s["ident"], s["lat_deg"], s["lon_deg"]) for s in result.summary.get("stations", [])]
+    return map_chart(tracks, stations, ellipses)
+
+
+def _ellipses(navigator: NavigatorResult, colour: str, outages: list[list[float]]) -> list[Ellipse]:
+    columns, out = navigator.solutions, []
+    for start, end in outages:
+        for t in np.arange(start, end + 0.5, ELLIPSE_EVERY_S):
+            row = int(np.searchsorted(columns["t_s"], t))
+            names = ("lat_deg", "lon_deg", "sigma_north_m", "sigma_east_m")
+            values = [float(columns[n][row]) for n in names] if row < len(columns["t_s"]) else [np.nan]
+            if np.isfinite(values).all():
+                out.append(Ellipse(*values, colour))
+    return out
+
+
+def error_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list[str]:
+    """Errors inside their one- and two-sigma bands, one chart per component that has any."""
+    errors = navigator.errors
+    charts = []
+    for name, title in ERROR_TITLES.items():
+        if _known(errors, name):
+            rows = np.isfinite(errors[name])  # withheld fixes give position and velocity in turns
+            t, values, sigma = _broken(errors["t_s"][rows], errors[name][rows], errors[f"sigma_{name}"][rows])
+            items = [Band(t, sigma, colour), Curve(t, values, colour, "error in 1 and 2 sigma")]
+            width = 960 if name in ("north_m", "east_m", "heading_deg") else HALF
+            charts.append(time_chart(title, axis, items, width=width))
+    return charts
+
+
+def requirement_figures(result: Result, axis: TimeAxis) -> list[str]:
+    """Horizontal and vertical error of all navigators under the limits of the precision-approach categories."""
+    names, charts = list(result.navigators), []
+    ends = np.array([axis.start_s, axis.end_s])
+    for column, (title, side) in {"north_m": ("Horizontal error [m]", 0), "down_m": ("Vertical error [m]", 1)}.items():
+        curves, largest = [], 0.0
+        for name, navigator in result.navigators.items():
+            errors = navigator.errors
+            if _known(errors, column):
+                size = np.abs(errors["down_m"]) if side else np.hypot(errors["north_m"], errors["east_m"])
+                rows = np.isfinite(size)
+                t, values, _ = _broken(errors["t_s"][rows], size[rows], size[rows])
+                curves.append(Curve(t, values, colour_of(name, names), name, 1.3, DASHES.get(name)))
+                largest = max(largest, float(size[rows].max()))
+        highest = CATEGORIES_M["I"][side]
+        lines = [Curve(ends, np.full(2, limits[side]), "#c0392b", f"cat {name}", 1.1, dash)
+                 for (name, limits), dash in zip(CATEGORIES_M.items(), ("2 3", "5 4", None), strict=True)]  # fmt: skip
+        top = 1.05 * min(max(largest, highest), 3.0 * highest)
+        charts.append(time_chart(title, axis, [*lines, *curves], limits=(0.0, top)) if curves else "")
+    return charts
+
+
+def attitude_figures(result: Result, axis: TimeAxis) -> list[str]:
+    """Roll, pitch and heading of all navigators over the truth."""
+    charts = []
+    for column, title in (("roll_deg", "Roll [deg]"), ("pitch_deg", "Pitch [deg]"), ("heading_deg", "True heading [deg]")):
+        items = [Curve(*_track_of(result.truth, column), TRUTH_COLOUR, "truth", 2.2)] if _known(result.truth, column) else []
+        items += _solution_curves(result, column)
+        limits = (0.0, 360.0) if column == "heading_deg" else None
+        charts.append(time_chart(title, axis, items, limits=limits))
+    return charts
+
+
+def motion_figures(result: Result, axis: TimeAxis) -> list[str]:
+    """Height and ground speed."""
+    charts = []
+    for column, title in (("height_m", "Height above the ellipsoid [m]"), ("speed_mps", "Ground speed [m/s]")):
+        truth = _with_speed(result.truth)
+        items = [Curve(*_track_of(truth, column), TRUTH_COLOUR, "truth", 2.2)] if _known(truth, column) else []
+        charts.append(time_chart(title, axis, [*items, *_solution_curves(result, column)]))
+    return charts
+
+
+def wind_figures(result: Result, axis: TimeAxis) -> list[str]:
+    """Wind components (velocity of the air mass) of all navigators over the truth."""
+    charts = []
+    for column, title in (("wind_north_mps", "Wind toward north [m/s]"), ("wind_east_mps", "Wind toward east [m/s]")):
+        estimates = _solution_curves(result, column)
+        true = [Curve(*_track_of(result.truth_wind, column), "#8a8f94", "truth", 1.0)] if _known(result.truth_wind, column) else []
+        charts.append(time_chart(title, axis, [*true, *estimates]) if estimates else "")
+    return charts
+
+
+def state_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list[str]:
+    """Biases and whatever else a navigator reports by name, each with its one- and two-sigma lines."""
+    states = navigator.states
+    charts = []
+    for name in dict.fromkeys(states["state"].tolist()) if states else ():
+        rows = states["state"] == name
+        t, value, sigma = states["t_s"][rows], states["value"][rows], states["sigma"][rows]
+        edges = [Curve(t, value + k * s * sigma, colour, width=0.7, dash="3 3" if k == 2 else "1 2") for k in (1, 2) for s in (-1.0, 1.0)]
+        low, high = np.nanquantile(value - 2.0 * sigma, 0.04), np.nanquantile(value + 2.0 * sigma, 0.96)
+        limits = (float(low), float(high)) if high > low else None  # the first seconds' sigmas would flatten all the rest
+        charts.append(time_chart(str(name), axis, [*edges, Curve(t, value, colour)], width=HALF, height=120, limits=limits))
+    return charts
+
+
+def aid_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list[str]:
+    """Innovations inside two sigma and test ratios, accepted and refused told apart, per aid and component."""
+    aids = navigator.aids
+    if not aids or len(aids["t_s"]) == 0:
+        return []
+    computed = np.isfinite(aids["innovation"])
+    keys = dict.fromkeys(zip(aids["aid"][computed].tolist(), aids["label"][computed].tolist(), strict=True))
+    charts = []
+    for aid, label in keys:
+        rows = computed & (aids["aid"] == aid) & (aids["label"] == label)
+        t, y, used = aids["t_s"][rows], aids["innovation"][rows], aids["accepted"][rows] == "yes"
+        t_band, _, sigma = _broken(t, y, aids["sigma"][rows], gap_s=60.0)
+        dots = [Dots(t[used], y[used], colour, "used"), Dots(t[~used], y[~used], "#c0392b", "refused", 3.2)]
+        title = f"{aid}: {label} innovation"
+        charts.append(time_chart(title, axis, [Band(t_band, sigma, "#8a8f94"), *dots], width=HALF, height=130))
+    return charts
+
+
+def integrity_figure(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> str:
+    """Horizontal error below its protection levels, and the alarm."""
+    integrity, errors = navigator.integrity, navigator.errors
+    if not _known(integrity, "hpl_m"):
+        return ""
+    top = float(np.nanquantile(integrity["hpl_m"], 0.95)) * 1.2
+    items = []
+    for column, label, dash in (("hpl_m", "protection level", None), ("lasting_hpl_m", "against a lasting fault", "4 3")):
+        if _known(integrity, column):
+            t, level, _ = _broken(integrity["t_s"], integrity[column], integrity[column])
+            items.append(Curve(t, level, "#444444", label, 1.2, dash))
+    if _known(errors, "north_m"):
+        horizontal = np.hypot(errors["north_m"], errors["east_m"])
+        t, error, _ = _broken(errors["t_s"], horizontal, horizontal)
+        items.append(Curve(t, error, colour, "error"))
+    alarmed = integrity["t_s"][integrity["alarm"] != ""]
+    if len(alarmed):
+        items.append(Curve(np.full(2, alarmed[0]), np.array([0.0, top]), "#c0392b", "alarm", 1.6, "2 2"))
+    return time_chart("Horizontal error and protection level [m]", axis, items, limits=(0.0, top))
+
+
+def ratio_figure(navigator: NavigatorResult, axis: TimeAxis) -> str:
+    """Test ratios of all aids of a navigator, gate at 1."""
+    aids = navigator.aids
+    if not aids or not np.isfinite(aids["test_ratio"]).any():
+        return ""
+    names = [n for n in dict.fromkeys(aids["aid"].tolist()) if np.isfinite(aids["test_ratio"][aids["aid"] == n]).any()]
+    palette = ("#0072b2", "#d55e00", "#009e73", "#b4579a", "#8c6d31", "#56b4e9", "#7a5195", "#5f7f3a")
+    items = [Curve(np.array([axis.start_s, axis.end_s]), np.ones(2), "#c0392b", "gate", 1.2, "5 4")]
+    for k, name in enumerate(names):
+        rows = (aids["aid"] == name) & np.isfinite(aids["test_ratio"])
+        t, first = np.unique(aids["t_s"][rows], return_index=True)
+        items.append(Dots(t, np.minimum(aids["test_ratio"][rows][first], 3.0), palette[k % len(palette)], name, 2.0))
+    top = min(3.0, max(1.3, float(np.nanmax(aids["test_ratio"]))))
+    return time_chart("Test ratio (refused above 1)", axis, items, height=130, limits=(0.0, 1.04 * top))
+
+
+def _solution_curves(result: Result, column: str) -> list[Curve]:
+    names = list(result.navigators)
+    curves = []
+    for name, navigator in result.navigators.items():
+        columns = _with_speed(navigator.solutions)
+        if _known(columns, column):
+            curves.append(Curve(*_track_of(columns, column), colour_of(name, names), name, 1.3, DASHES.get(name)))
+    return curves
+
+
+def _with_speed(columns: Columns) -> Columns:
+    return {**columns, "speed_mps": np.hypot(columns["vn_mps"], columns["ve_mps"])} if "vn_mps" in columns else columns
+
+
+def _track_of(columns: Columns, column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values of a column, broken at gaps and, for a heading, where it passes north."""
+    t, values, _ = _broken(columns["t_s"], columns[column], columns[column])
+    if column == "heading_deg":
+        values = values.copy()
+        values[np.flatnonzero(np.abs(np.diff(values)) > 180.0)] = np.nan
+    return t, values
+
+
+def _broken(t: np.ndarray, values: np.ndarray, sigma: np.ndarray, gap_s: float = GAP_S) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Insert one NaN wherever nothing comes for longer than ``gap_s``."""
+    at = np.flatnonzero(np.diff(t) > gap_s) + 1
+    return np.insert(t, at, t[at - 1] + 1e-3), np.insert(values, at, np.nan), np.insert(sigma, at, np.nan)
+
+
+def _known(columns: Columns, name: str) -> bool:
+    return name in columns and len(columns[name]) > 0 and bool(np.isfinite(columns[name]).any())

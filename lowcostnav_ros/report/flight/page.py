@@ -1,0 +1,140 @@
+"""The page: header, sentences, figures, tables, in one self-contained HTML file."""
+
+import datetime
+import json
+from pathlib import Path
+from typing import Any
+
+from lowcostnav_ros.replay.words import sentence
+from lowcostnav_ros.report.chart import TimeAxis
+from lowcostnav_ros.report.document import details, document, section
+from lowcostnav_ros.report.flight import figures, html_tables
+from lowcostnav_ros.report.flight.result_folder import Result, read_result
+from lowcostnav_ros.report.flight.timeline import timeline
+from lowcostnav_ros.report.svg import escape
+
+WALL_CLOCK_S = 1.0e8
+"""Stamps from here on are seconds since 1970 and are shown as a date too."""
+
+_NOTE = (
+    '<p class="note">Shaded: no GPS fix, or fewer than four satellites, for more than 3 s. '
+    "Red ticks: a measurement was refused, or its innovation limited.</p>"
+)
+
+_REQUIREMENTS = (
+    '<p class="note">Red lines: what precision approaches of category III, II and I ask for. Alert limits: safety-of-life (SOL) and public '
+    "regulated (PRS) service. An alert is on while the navigator's own sigma, times what its error may pass with half the service's "
+    "integrity risk each way, is beyond a limit.</p>"
+)
+
+
+def write_page(folder: Path, output: Path, title: str | None = None) -> int:
+    """Write the report of a replay's result folder; return its size in bytes.
+
+    Parameters
+    ----------
+    folder : Path
+        Written by ``replay --out``.
+    output : Path
+        The HTML file.
+    title : str, optional
+        Heading; the name of the bag where None.
+
+    Raises
+    ------
+    ReportError
+        When the folder is no result of a replay.
+    """
+    page = page_of(read_result(folder), title)
+    output.write_text(page, encoding="utf-8")
+    return len(page.encode())
+
+
+def page_of(result: Result, title: str | None = None) -> str:
+    """The page as text."""
+    summary = result.summary
+    axis = TimeAxis(summary["first_stamp_s"], summary["last_stamp_s"], [tuple(i) for i in summary["without_gps"]["intervals_s"]])
+    name = title or (summary.get("bag") or {}).get("name") or "simulated flight"
+    sections = [
+        _header(summary, name),
+        section("In a sentence", _sentences(summary)),
+        section("Map", figures.ground_map(result)),
+        section("Modes and refused measurements", timeline(list(result.navigators.values()), axis), _NOTE),
+        section("Errors", *_error_tables(summary)),
+        section("Accuracy and requirements", *_requirements(result, axis)),
+        *_per_navigator(result, axis),
+        section("Attitude", *figures.attitude_figures(result, axis)),
+        section("Height and speed", *figures.motion_figures(result, axis)),
+        section("Wind (velocity of the air mass)", *figures.wind_figures(result, axis)),
+        section("Inputs, aids, speed", html_tables.inputs(summary), html_tables.aids(summary), html_tables.runs(summary)),
+        details("Settings", f"<pre>{escape(json.dumps(summary.get('settings', {}), indent=1))}</pre>"),
+    ]
+    return document(name, sections)
+
+
+def _header(summary: dict[str, Any], name: str) -> str:
+    bag = summary.get("bag") or {}
+    lost = summary["without_gps"]["total_s"]
+    facts = {
+        "bag": f"sha256 {bag['sha256'][:16]}" if bag else "simulated stream, no bag",
+        "settings": summary["settings_hash"],
+        "duration": f"{summary['duration_s']:.1f} s",
+        "stamps": f"{summary['first_stamp_s']:.2f} to {summary['last_stamp_s']:.2f} s",
+        "date": _date(summary["first_stamp_s"]),
+        "without GPS": f"{lost:.0f} s in {len(summary['without_gps']['intervals_s'])} outage(s)" if lost else "never",
+        "reference": _reference(summary),
+        "software": f"lowcostnav_ros {summary['version']}",
+    }
+    cells = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts.items())
+    withheld = "".join(f'<p class="note">{escape(text)}</p>' for text in summary["withheld"])
+    left_out = "".join(f'<p class="note">{escape(n)} left out: {escape(r)}</p>' for n, r in summary.get("left_out", {}).items())
+    return f"<header><h1>{escape(name)}</h1><dl>{cells}</dl>{withheld}{left_out}</header>"
+
+
+def _reference(summary: dict[str, Any]) -> str:
+    kinds = {n["errors"]["reference"] for n in summary["navigators"].values()} - {None}
+    return " and ".join(sorted(kinds)) or "none"
+
+
+def _date(stamp_s: float) -> str:
+    if stamp_s < WALL_CLOCK_S:
+        return "not in the stamps"
+    return f"{datetime.datetime.fromtimestamp(stamp_s, tz=datetime.UTC):%Y-%m-%d %H:%M:%S} UTC"
+
+
+def _sentences(summary: dict[str, Any]) -> str:
+    names = list(summary["navigators"])
+    items = []
+    for name, navigator in summary["navigators"].items():
+        text = sentence(name, navigator, summary["without_gps"]["total_s"])
+        rest = escape(text.removeprefix(name))
+        items.append(f'<li style="border-color:{figures.colour_of(name, names)}"><b>{escape(name)}</b>{rest}</li>')
+    return f'<ul class="sentences">{"".join(items)}</ul>'
+
+
+def _error_tables(summary: dict[str, Any]) -> list[str]:
+    everything = details("All error statistics", html_tables.errors(summary))
+    return [html_tables.overview(summary), html_tables.intervals(summary), everything]
+
+
+def _requirements(result: Result, axis: TimeAxis) -> list[str]:
+    tables = [html_tables.accuracy(result.summary), html_tables.approaches(result.summary), html_tables.alarms(result.summary)]
+    if not any(tables):
+        return []
+    each = details("Every time beyond an alert limit", html_tables.exceedances(result.summary))
+    return [*figures.requirement_figures(result, axis), *tables, each, _REQUIREMENTS]
+
+
+def _per_navigator(result: Result, axis: TimeAxis) -> list[str]:
+    names = list(result.navigators)
+    sections = []
+    for name, navigator in result.navigators.items():
+        colour = figures.colour_of(name, names)
+        states = details("Biases and other states, with 1 and 2 sigma", "".join(figures.state_figures(navigator, axis, colour)))
+        innovations = "".join(figures.aid_figures(navigator, axis, colour))
+        aids = details("Innovations per aid, in their own 1 and 2 sigma", innovations)
+        errors = figures.error_figures(navigator, axis, colour)
+        integrity = figures.integrity_figure(navigator, axis, colour)
+        content = [*errors, integrity, figures.ratio_figure(navigator, axis), aids, states]
+        sections.append(section(f"{name}: errors in their sigmas" if errors else name, *content))
+    return sections

@@ -1,0 +1,1 @@
+"""Results of Gebre-Egziabher (2004), one function a result."""

@@ -1,0 +1,1 @@
+"""Results of Solimeno (2007), one function a result."""

@@ -1,0 +1,201 @@
+"""Estimated sensor errors and receiver clock in the INS/GPS thesis (SR44 to SR47)."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lowcostnav_ros.base.seeds import stream
+from lowcostnav_ros.catalogue.equipment import load_imu_profile
+from lowcostnav_ros.gnss.accuracy import relative_error
+from lowcostnav_ros.gnss.receiver_clock import CLOCKS, simulate
+from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
+from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight, epochs_of, fed, imu_of, navigator_of, started, truth_of
+from lowcostnav_ros.reproduce.solimeno.gps_only import SEEDS, root_mean_square, runs
+from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
+from lowcostnav_ros.sensors.imu_profile import ImuProfile
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+HD = Case("tight", "HD")
+NONE = [0.0, 0.0, 0.0]
+PARTS = {
+    "bias": ("turn_on_bias_deg_per_h", "turn_on_bias_mps2"),
+    "drift": ("bias_drift_deg_per_h", "bias_drift_mps2"),
+    "scale": ("scale_factor_ppm", "scale_factor_ppm"),
+}
+"""Fields of a profile's gyros and accelerometers by kind of error, named as the filter's states are."""
+EXCITED = 0.75
+"""Share of its first sigma to which a scale factor's must fall for its axis to count as excited."""
+
+
+def only(profile: ImuProfile, part: str) -> ImuProfile:
+    """The same unit with a single kind of error: every error source has a random stream of its own, so it stays the same error."""
+    off = [names for name, names in PARTS.items() if name != part]
+    gyro = replace(profile.gyro, noise_density_deg_per_h_per_rt_hz=NONE, **{g: NONE for g, _ in off})
+    accel = replace(profile.accelerometer, noise_density_mg_per_rt_hz=NONE, **{a: NONE for _, a in off})
+    return replace(profile, gyro=gyro, accelerometer=accel)
+
+
+def true_errors(case: Case, part: str) -> tuple[np.ndarray, np.ndarray]:
+    """What the simulator put into the accelerometers and gyros of a case, (n, 3) each at 100 Hz, m/s^2, rad/s or of the scale."""
+    truth = truth_of(case.dataset, case.duration_s)
+    ones = np.full_like(truth.specific_force_b, 1.0 if part == "scale" else 0.0)
+    block = imu_of(only(load_imu_profile(case.grade), part), replace(truth, specific_force_b=ones, angular_rate_b=ones), case.seed)
+    return block.specific_force_b - ones, block.angular_rate_b - ones
+
+
+def true_clock(case: Case) -> np.ndarray:
+    """Bias, m, and drift, m/s, of the simulated receiver clock at its epochs, 10 Hz from the first truth stamp on, (n, 2)."""
+    choice, rng = GnssRawSimulatorSettings(clock=case.clock), stream(case.seed, "gnss.clock")
+    state = np.array([choice.clock_bias_m, choice.clock_drift_mps]) * rng.standard_normal(2)
+    return simulate(CLOCKS[choice.clock], 1.0 / choice.rate_hz, round(case.duration_s * choice.rate_hz) + 1, rng, state)
+
+
+def cases(context: Context, case: Case, flights: Sequence[Flight]) -> list[Case]:
+    """The cases that :func:`runs` flew, with their seeds."""
+    return [replace(case, seed=seed % 2**31) for seed in context.seeds("solimeno.flights", len(flights))]
+
+
+def errors_over_size(context: Context, dataset: str, parts: Sequence[str], size_of: str) -> dict[str, np.ndarray]:
+    """RMS error of the sum of some estimates over the RMS size of a true error, by axis over all flights, (3,) of either sensor.
+
+    One means that nothing was learnt of an error of that size.
+    """
+    flights = runs(context, replace(HD, dataset=dataset))
+    out = {}
+    for k, sensor in enumerate(("accel", "gyro")):
+        missed, size = np.zeros(3), np.zeros(3)
+        for case, flight in zip(cases(context, replace(HD, dataset=dataset), flights), flights, strict=True):
+            late = flight.t_s > SETTLED_S
+            rows = np.round(100.0 * flight.t_s[late]).astype(int)
+            true = {part: true_errors(case, part)[k][rows] for part in {*parts, size_of}}
+            estimate = sum(flight.state(f"{sensor}_{part}")[late] for part in parts)
+            missed += np.mean((estimate - sum(true[part] for part in parts)) ** 2, axis=0)
+            size += np.mean(true[size_of] ** 2, axis=0)
+        out[sensor] = np.sqrt(missed / size)
+    return out
+
+
+def told(case: Case) -> dict[str, np.ndarray]:
+    """The filter's sigma of the scale factors at the end of a flight over that at its start, (3,) of either sensor."""
+    truth, profile = truth_of(case.dataset, case.duration_s), load_imu_profile(case.grade)
+    navigator = started(navigator_of(case, profile), truth, case)
+    fed(navigator, imu_of(profile, truth, case.seed), epochs_of(case, truth))
+    share = np.sqrt(np.diag(navigator.P)) / navigator.layout.sigma0
+    return {sensor: share[navigator.layout[f"{sensor}_scale"]] for sensor in ("accel", "gyro")}
+
+
+def by_axis(values: np.ndarray) -> str:
+    """Three numbers."""
+    return ", ".join(f"{v:.2f}" for v in values)
+
+
+@result(
+    "SR44",
+    "Turn-on biases learnt in flight",
+    source="Table 7.6, Figure 7.28",
+    thesis="error at the end: accelerometers X 25.2, Y 5.0, Z 8.8 %; gyros X 9.1, Y 53.8, Z 7.1 %",
+    tolerance="median over axes and seeds at most 30 %, that of a single axis at most 60 %",
+)
+def turn_on(context: Context) -> Outcome:
+    """Low-cost IMU, high dynamics, residual of the turn-on states at the end of the flight."""
+    flights = runs(context, HD)
+    errors = []
+    for case, flight in zip(cases(context, HD, flights), flights, strict=True):
+        true = np.concatenate([e[-1] for e in true_errors(case, "bias")])
+        estimate = np.concatenate([flight.state(f"{sensor}_bias")[-1] for sensor in ("accel", "gyro")])
+        errors.append([100.0 * relative_error(a, b) for a, b in zip(estimate, true, strict=True)])
+    axes = np.median(errors, axis=0)
+    text = f"median {np.median(errors):.0f} %; by axis " + ", ".join(f"{a:.0f}" for a in axes) + " % (accelerometers, gyros; x y z), "
+    text += f"quarters of all {np.quantile(errors, 0.25):.0f} and {np.quantile(errors, 0.75):.0f} % ({len(flights)} seeds)"
+    within = float(np.median(errors)) <= 30.0 and float(axes.max()) <= 60.0
+    return judged(text, within, figure=partial(draw_turn_on, flights[0], cases(context, HD, flights)[0]))
+
+
+@result(
+    "SR45",
+    "Bias drifts estimated in flight",
+    source="section 7.4.4, Figure 7.29",
+    thesis="gyros good, accelerometers poor",
+    tolerance="error over size: gyros below accelerometers, on both flights",
+)
+def drift(context: Context) -> Outcome:
+    """Low-cost IMU.  A drift and a turn-on bias act alike, and only their sum is told apart from zero: its error counts.
+
+    The size it is measured by is that of the drift.
+    """
+    parts, within = [], True
+    for dataset in ("LD", "HD"):
+        total = errors_over_size(context, dataset, ("bias", "drift"), "drift")
+        alone = errors_over_size(context, dataset, ("drift",), "drift")
+        gyros, accels = root_mean_square(total["gyro"]), root_mean_square(total["accel"])
+        within &= gyros < accels
+        text = f"{dataset}: gyros {gyros:.2f} (x y z {by_axis(total['gyro'])}), accelerometers {accels:.2f} ({by_axis(total['accel'])}), "
+        text += f"drift states alone {root_mean_square(alone['gyro']):.2f} and {root_mean_square(alone['accel']):.2f}"
+        parts.append(text)
+    return judged(f"error of turn-on bias and drift together over the size of the drift: {'; '.join(parts)} ({SEEDS} seeds)", within)
+
+
+@result(
+    "SR46",
+    "Scale factors estimated in flight",
+    source="section 7.4.4, Figure 7.30",
+    thesis="follow the truth, similar quality of both sensors",
+    tolerance="error over size below 0.75 for both, within a factor of 2 of each other, on the axes that the flight excites",
+)
+def scale(context: Context) -> Outcome:
+    """Low-cost IMU, low dynamics, which excite an axis of either sensor more than HD's steady turns do.
+
+    An axis counts as excited where the filter's own sigma of its scale factor falls by a quarter.
+    """
+    parts, found = [], {}
+    for dataset in ("LD", "HD"):
+        case = replace(HD, dataset=dataset)
+        sigma = context.once(f"solimeno.told.{dataset}", lambda case=case: context.run(told, [case])[0])
+        error = errors_over_size(context, dataset, ("scale",), "scale")
+        for sensor, name in (("gyro", "gyros"), ("accel", "accelerometers")):
+            excited = sigma[sensor] <= EXCITED
+            found[dataset, sensor] = root_mean_square(error[sensor][excited]) if excited.any() else np.inf
+            axes = " ".join(np.array(list("xyz"))[excited])
+            parts.append(f"{dataset} {name} {found[dataset, sensor]:.3f} on {axes or 'no axis'} (x y z {by_axis(error[sensor])})")
+    gyros, accels = found["LD", "gyro"], found["LD", "accel"]
+    why = "our flights turn seldom or steadily: a gyro's scale factor shows in the few changes of rate, against a bias drift of 0.05 deg/s"
+    return judged("; ".join(parts) + f" ({SEEDS} seeds)", max(gyros, accels) < 0.75 and 0.5 < gyros / accels < 2.0, why)
+
+
+@result(
+    "SR47",
+    "Receiver clock estimated in flight",
+    source="section 7.4.4, Figure 7.31",
+    thesis="bias and drift extremely accurate at all times despite large true values",
+    tolerance="bias RMS below 5 m, drift RMS below 0.3 m/s",
+)
+def clock(context: Context) -> Outcome:
+    """Tight coupling, high dynamics."""
+    flights = runs(context, HD)
+    missed, largest = [], 0.0
+    for case, flight in zip(cases(context, HD, flights), flights, strict=True):
+        rows = np.flatnonzero(flight.t_s > SETTLED_S)
+        true = true_clock(case)[np.round(10.0 * flight.t_s[rows]).astype(int)]
+        missed.append(np.mean((flight.state("clock")[rows] - true) ** 2, axis=0))
+        largest = max(largest, float(np.abs(true[:, 0]).max()))
+    bias, drift_mps = np.sqrt(np.mean(missed, axis=0))
+    text = f"bias RMS {bias:.2f} m, drift RMS {drift_mps:.3f} m/s; true bias up to {largest / 1e3:.0f} km"
+    return judged(text, bias < 5.0 and drift_mps < 0.3)
+
+
+def draw_turn_on(flight: Flight, case: Case, figure: "Figure") -> None:
+    """Figure 7.28: estimated turn-on biases over time and their true values."""
+    true = true_errors(case, "bias")
+    for axes, sensor, values, unit in zip(figure.subplots(2, 1, sharex=True), ("accel", "gyro"), true, ("m/s^2", "rad/s"), strict=True):
+        lines = axes.plot(flight.t_s, flight.state(f"{sensor}_bias"))
+        for line, value in zip(lines, values[-1], strict=True):
+            axes.axhline(value, color=line.get_color(), linestyle=":")
+        axes.set(ylabel=f"{sensor} [{unit}]")
+        axes.grid(alpha=0.3)
+    axes.set(xlabel="time [s]")
+    figure.suptitle("Turn-on biases, estimated and true (dotted)")

@@ -1,0 +1,1 @@
+"""Campaigns and covariance studies over the navigators' own models; what a thesis computes without flying it."""
