@@ -14,6 +14,7 @@ test: lint unit ## everything that must hold before a commit
 lint: venv
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
+	$(BIN)/mypy
 
 unit: venv
 	$(BIN)/python -m pytest -q -n 2
@@ -30,5 +31,5 @@ $(STAMP): requirements.txt requirements-test.txt setup.py setup.cfg pyproject.to
 	@touch $@
 
 clean: ## remove what was built, keep the virtual environment
-	rm -rf build install log dist out *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf build install log dist out *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -82,6 +82,8 @@ setup(
             "AHRS>=0.3.1",
             "ruff>=0.6",
             "import-linter>=2.0",
+            "mypy>=1.15",
+            "types-PyYAML>=6.0",
         ],
     },
     entry_points={"console_scripts": ["lowcostnav = lowcostnav_ros.cli.main:main", *(f"{n} = {NAME}.nodes.{n}:main" for n in NODES)]},

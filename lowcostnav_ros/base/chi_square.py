@@ -4,6 +4,7 @@ scipy.stats would do it too, but costs every node tens of megabytes and a second
 """
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 
 _PRECISION = 1e-12
@@ -52,7 +53,7 @@ def noncentrality(false_alarm: float, missed: float, dof: int) -> float:
     return _falling_root(lambda value: lower_tail_noncentral(limit, dof, value), missed, 10.0 * limit + 1000.0)
 
 
-def _falling_root(function, value: float, high: float) -> float:
+def _falling_root(function: Callable[[float], float], value: float, high: float) -> float:
     """Argument at which a falling function has a value, by bisection from zero to ``high``."""
     low = 0.0
     while high - low > _PRECISION * high:

@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 F = TypeVar("F", bound=Callable)
 
@@ -32,9 +32,9 @@ def kernel(function: F) -> F:
     if INTERPRETED:
         return function
     import numba
-    from numba.core import config
 
-    compiler = numba.njit(cache=True, fastmath=False, error_model="numpy")
+    config: Any = numba.core.config
+    compiler: Any = numba.njit(cache=True, fastmath=False, error_model="numpy")
     file = Path(sys.modules[function.__module__].__file__ or "")
     if config.DISABLE_JIT or _PACKAGE not in file.parents:
         return compiler(function)

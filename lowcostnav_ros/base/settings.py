@@ -198,9 +198,9 @@ def _flatten(values: Mapping[str, Any], known: Mapping[str, Declared], prefix: s
 def _build(cls: type[S], flat: dict[str, Any], prefix: str) -> S:
     hints = typing.get_type_hints(cls)
     arguments = {}
-    for field in dataclasses.fields(cls):
+    for field in dataclasses.fields(cls):  # type: ignore[arg-type]
         kind = hints[field.name]
-        if dataclasses.is_dataclass(kind) and not isinstance(kind, types.GenericAlias):
+        if isinstance(kind, type) and dataclasses.is_dataclass(kind) and not isinstance(kind, types.GenericAlias):
             arguments[field.name] = _build(kind, flat, f"{prefix}{field.name}.")
         elif prefix + field.name in flat:
             arguments[field.name] = flat[prefix + field.name]

@@ -77,7 +77,8 @@ class MagnetometerCollection:
             self.rejected += 1
             return self.progress()
         expected = quat_to_dcm(q_nb).T @ self._field_n / self.strength
-        cell = tuple(int(v) for v in np.floor(expected * CELLS_PER_UNIT))
+        x, y, z = (int(v) for v in np.floor(expected * CELLS_PER_UNIT))
+        cell = x, y, z
         if self._filled.get(cell, 0) < PER_CELL:
             first = cell not in self._filled
             self._filled[cell] = self._filled.get(cell, 0) + 1

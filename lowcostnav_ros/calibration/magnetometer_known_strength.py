@@ -12,6 +12,7 @@ curved one in the hard iron itself.
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -130,7 +131,7 @@ class _Problem:
         inverse[self.free] = np.linalg.inv(np.linalg.qr(rows, mode="r"))
         inverse[:3] = self._of_hard_iron(parameters) @ inverse
         sigma = np.linalg.norm(inverse, axis=1)
-        data_only = np.linalg.qr(rows[: len(self.measured)], mode="r")
+        data_only: Any = np.linalg.qr(rows[: len(self.measured)], mode="r")
         residual = self._residual(parameters)
         return sigma, condition_number(data_only), float(np.sqrt(np.mean(residual**2)))
 

@@ -175,7 +175,9 @@ def level_turn_fit(measured: np.ndarray, horizontal: float, minimum_swept_deg: f
     )  # fmt: skip
 
 
-def _sigmas(x, upper, rows, right, strength, centre, half) -> np.ndarray:
+def _sigmas(
+    x: np.ndarray, upper: np.ndarray, rows: np.ndarray, right: np.ndarray, strength: float, centre: np.ndarray, half: np.ndarray
+) -> np.ndarray:
     """Standard deviations of hard iron then factors, shape (2 d,).
 
     The residuals of the squared equation are larger where the field is, so their actual squares weight the covariance (White 1980).

@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -186,7 +187,7 @@ def _attitude(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.nda
         q_nb = columns["quaternion"][k] if "quaternion" in columns else euler_to_quat(*columns["euler"][k])
         force = columns["force"][k] if known else np.zeros(3)
         attitude = m.Attitude(stamp_ns, topic.topic, q_nb, _variances(columns["sigma"][k]), columns["rate"][k], force)
-        message = encode.imu_attitude(attitude, specific_force_known=known)
+        message: Any = encode.imu_attitude(attitude, specific_force_known=known)
         yield stamp_ns, topic.topic, message.__msgtype__, to_cdr(message)
 
 

@@ -284,7 +284,7 @@ def _unit(unit: Any, dimension: str, where: str) -> tuple[float, float]:
     return UNITS[dimension][unit]
 
 
-def _numbers(values: Any, size: int, where: str) -> tuple[float, ...]:
+def _numbers(values: Any, size: int, where: str) -> Any:
     good = isinstance(values, list) and len(values) == size and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
     if not good:
         raise ConvertError(f"{where}: expected {size} number{'s' if size > 1 else ''}, got {values!r}.")

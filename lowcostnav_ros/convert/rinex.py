@@ -160,9 +160,9 @@ def _truth(stamps_ns: list[int], reference_e: np.ndarray) -> list[Record]:
     """Truth of a receiver at rest, at each stamp and shortly before it, with its origin."""
     stamps = sorted({t for stamp in stamps_ns for t in (stamp - _BRIDGE_NS, stamp)})
     origin, n = LocalFrame(*ecef_to_geodetic(reference_e)), len(stamps)
-    place = (np.full(n, value) for value in (origin.lat, origin.lon, origin.height))
+    lat, lon, height = (np.full(n, value) for value in (origin.lat, origin.lon, origin.height))
     still = np.zeros((n, 3))
-    block = TruthBlock(np.array(stamps), *place, still, np.tile((1.0, 0.0, 0.0, 0.0), (n, 1)), still, still, still)
+    block = TruthBlock(np.array(stamps), lat, lon, height, still, np.tile((1.0, 0.0, 0.0, 0.0), (n, 1)), still, still, still)
     records = [(stamps[0], "truth/origin", topics.NAV_SAT_FIX, to_cdr(encode.origin_fix(stamps[0], origin)))]
     for row, stamp in enumerate(stamps):
         records.append((stamp, "truth/odometry", topics.ODOMETRY, to_cdr(encode.truth_odometry(block, row, origin))))

@@ -23,7 +23,7 @@ class StationSlots:
 
     def index(self, station: str) -> int | None:
         """State that holds the error of a station, None when no state does."""
-        return None if station not in self._seats else self._rows.start + self._seats[station]
+        return None if self._rows is None or station not in self._seats else self._rows.start + self._seats[station]
 
     def take(self, station: str, now_ns: int, P: np.ndarray, estimate: np.ndarray) -> int | None:  # noqa: N803 - the covariance is P
         """Return the state of a station, seating it afresh in ``P`` (n, n) and ``estimate`` (n,) if need be; None without states."""

@@ -7,6 +7,7 @@ U.S. Coast Guard Navigation Center, YUMA almanac format; IS-GPS-200, 20.3.3.5.1.
 
 import re
 from collections import Counter
+from typing import Any
 
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.ephemeris import Ephemeris
@@ -54,7 +55,8 @@ def parse_yuma(text: str, near_gps: int) -> tuple[list[Ephemeris], Counter]:
     GnssError
         When nothing in the text can be used.
     """
-    almanacs, rejected = [], Counter()
+    almanacs: list[Ephemeris] = []
+    rejected: Counter[str] = Counter()
     for block in re.split(r"(?m)^\s*\*{4,}.*$", text)[1:]:
         values = _values(block)
         missing = sorted(set(_LABELS.values()) - set(values))
@@ -75,7 +77,7 @@ def _values(block: str) -> dict[str, float]:
     for line in block.splitlines():
         match = _LINE.match(line)
         label = next((key for key in _LABELS if match and match[1].lower().startswith(key)), None)
-        if label:
+        if match and label:
             try:
                 found[_LABELS[label]] = float(match[2])
             except ValueError:
@@ -86,5 +88,5 @@ def _values(block: str) -> dict[str, float]:
 def _almanac(v: dict[str, float], near_gps: int) -> Ephemeris:
     toa_ns = from_week(full_week(int(v["week"]), near_gps), v["toa"])
     shape = (v["sqrt_a"], v["eccentricity"], v["mean_anomaly"], v["node"], v["inclination"], v["perigee"], v["node_rate"])
-    clock = {"af0": v["af0"], "af1": v["af1"], "ura_m": 1000.0, "healthy": v["health"] == 0.0, "valid_s": _VALID_S}
+    clock: dict[str, Any] = {"af0": v["af0"], "af1": v["af1"], "ura_m": 1000.0, "healthy": v["health"] == 0.0, "valid_s": _VALID_S}
     return Ephemeris(GPS, int(v["id"]), toa_ns, toa_ns, *shape, **clock)

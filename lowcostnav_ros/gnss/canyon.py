@@ -71,7 +71,7 @@ class Level:
     dops: Dops
 
 
-def climb(canyon: Canyon, constellation: Constellation, heights_m: Sequence[float], t_s: float = 0.0) -> list[Level]:
+def climb(canyon: Canyon, constellation: Constellation, heights_m: Sequence[float] | np.ndarray, t_s: float = 0.0) -> list[Level]:
     """Visible satellites and DOPs at some heights; ``t_s`` s after the constellation's epoch, no time passes on the way."""
     position, _ = constellation.states(t_s)
     levels = []

@@ -33,8 +33,11 @@ _GPS_ARGUMENTS_DEG = np.array([
 class Satellites(Protocol):
     """Satellites wherever their orbits come from: letters of their systems, their numbers, and ``states`` as :class:`Constellation` has."""
 
-    system: np.ndarray
-    sat_id: np.ndarray
+    @property
+    def system(self) -> np.ndarray: ...
+
+    @property
+    def sat_id(self) -> np.ndarray: ...
 
     def __len__(self) -> int: ...
 

@@ -87,8 +87,8 @@ def corrected(
         sigma = np.hypot(sigma, [ephemeris.ura_m for ephemeris in used])
         rows = _above_mask(elevation, math.radians(settings.mask_deg), rejected)
     measured = np.isfinite(doppler)
-    columns = (pseudorange, np.where(measured, doppler, 0.0), sigma, np.full(len(raw), settings.doppler_sigma_mps), raw.cn0)
-    columns = (raw.system, raw.sat_id, *columns, position, velocity, np.ones(len(raw), dtype=bool), measured)
+    observed = (pseudorange, np.where(measured, doppler, 0.0), sigma, np.full(len(raw), settings.doppler_sigma_mps), raw.cn0)
+    columns = (raw.system, raw.sat_id, *observed, position, velocity, np.ones(len(raw), dtype=bool), measured)
     valid_ns = raw.gps_ns - round(clock_m / SPEED_OF_LIGHT * SECOND)
     return GnssEpoch(unix_ns(valid_ns), source, *(column[rows] for column in columns))
 

@@ -24,6 +24,7 @@ MAX_ITERATIONS = 20
 CONVERGED_M = 1.0e-4
 LOWEST_M, HIGHEST_M = -20.0e3, 100.0e3
 """Heights outside belong to the second solution of the equations, or to wrong data."""
+NO_GEOMETRY = "Singular satellite geometry: no {} (lines of sight on one cone); wait for another satellite."
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +150,11 @@ def solve(
     ranges, los = line_of_sight(x[:3], epoch.sat_pos_e[rows])
     residuals = epoch.pseudorange_m[rows] - ranges - x[3 + clock]
     geometry = design(los @ dcm_ne(lat, lon).T, clock)
+    weighted, flat = cofactor(geometry, weight), cofactor(geometry)
+    if weighted is None or flat is None:
+        raise GnssError(NO_GEOMETRY.format("position"))
     clocks = {str(s): float(x[3 + k]) for s, k in zip(epoch.system[rows], clock, strict=True)}
-    cov_n, plain = cofactor(geometry, weight)[:3, :3], of_cofactor(cofactor(geometry))
+    cov_n, plain = weighted[:3, :3], of_cofactor(flat)
     test = residual_test(residuals, weight, unknowns, probability)
     return PointFix(x[:3], lat, lon, height, clocks, cov_n, rows, residuals, geometry, weight, plain, test, iterations)
 
@@ -172,7 +176,7 @@ def _iterate(epoch: GnssEpoch, rows: np.ndarray, clock: np.ndarray, weight: np.n
         H = design(los, clock)
         inverse = cofactor(H, weight / np.trace(weight))
         if inverse is None:
-            raise GnssError("The satellites stand so that they give no position (lines of sight on one cone); wait for another one.")
+            raise GnssError(NO_GEOMETRY.format("position"))
         step = inverse @ H.T @ (weight / np.trace(weight)) @ (epoch.pseudorange_m[rows] - ranges - x[3 + clock])
         x = x + step
         if np.linalg.norm(step[:3]) < CONVERGED_M:
@@ -201,7 +205,7 @@ def solve_velocity(
     H, weight = design(los @ C_ne.T), np.diag(epoch.sigma_mps[rows] ** -2.0)
     inverse = cofactor(H, weight)
     if inverse is None:
-        raise GnssError("The satellites stand so that they give no velocity (lines of sight on one cone); wait for another one.")
+        raise GnssError(NO_GEOMETRY.format("velocity"))
     innovation = epoch.doppler_mps[rows] - rates
     x = inverse @ H.T @ weight @ innovation
     residuals = innovation - H @ x

@@ -12,6 +12,7 @@ T. Walter and P. Enge, "Weighted RAIM for precision approach", ION GPS (1995).
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,7 @@ class RaimResult:
     vpl_m: float
 
 
-def check(epoch: GnssEpoch, settings: RaimSettings | None = None, **solve_options) -> RaimResult:
+def check(epoch: GnssEpoch, settings: RaimSettings | None = None, **solve_options: Any) -> RaimResult:
     """Solve an epoch, test it, and leave out one faulty satellite if that can be told.
 
     Parameters

@@ -7,6 +7,7 @@ W. Gurtner, RINEX 2.10 and 2.11; W. Gurtner and L. Estey, RINEX 3.00 to 3.05.
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.ionosphere import Klobuchar
@@ -37,7 +38,7 @@ class Header:
         pairs = ((self.first("ION ALPHA"), self.first("ION BETA"), 2), (three.get("GPSA"), three.get("GPSB"), 5))
         for alpha, beta, start in pairs:
             if alpha and beta:
-                rows = [tuple(number(line[start + 12 * k : start + 12 + 12 * k]) for k in range(4)) for line in (alpha, beta)]
+                rows: list[Any] = [tuple(number(line[start + 12 * k : start + 12 + 12 * k]) for k in range(4)) for line in (alpha, beta)]
                 return Klobuchar(*rows) if all(math.isfinite(v) for row in rows for v in row) else None
         return None
 

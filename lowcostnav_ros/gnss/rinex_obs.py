@@ -157,7 +157,8 @@ class _Version2:
 
     def _epoch(self, line: str, satellites: str, body: list[str], rejected: Counter) -> Iterator[RawEpoch]:
         try:
-            gps = from_calendar(*(int(line[k : k + 3]) for k in (0, 3, 6, 9, 12)), float(line[15:26]))
+            year, month, day, hour, minute = (int(line[k : k + 3]) for k in (0, 3, 6, 9, 12))
+            gps = from_calendar(year, month, day, hour, minute, float(line[15:26]))
         except ValueError:
             rejected["impossible date"] += 1
             return

@@ -122,18 +122,19 @@ class _Follower:
         satellites = len(raw)
         raw = self._without_jumps(raw)
         try:
-            epoch, result = self._located(raw, self._good[1] if self._good else None)
+            used, result = self._located(raw, self._good[1] if self._good else None)
         except GnssError as error:
             self.out.located.append(Located(raw.gps_ns, satellites, self._held(raw), None, None, str(error)))
             return
         clock_m = next(iter(result.fix.clocks_m.values()))
         if result.verdict in TRUSTED:
             self._good = raw.gps_ns, result.fix.position_e, clock_m
+        epoch: GnssEpoch | None = used
         if result.verdict == raim.FAULTY:
             epoch = self._held(raw)  # a wrong position takes off the wrong delays and the wrong satellites
         else:
             self._watch_clock(raw.gps_ns, clock_m)
-        velocity = _velocity(epoch, result) if result.verdict != raim.FAULTY else None
+        velocity = _velocity(used, result) if result.verdict != raim.FAULTY else None
         self.out.located.append(Located(raw.gps_ns, satellites, epoch, result, velocity))
 
     def _without_jumps(self, raw: RawEpoch) -> RawEpoch:

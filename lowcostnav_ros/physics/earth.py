@@ -8,6 +8,7 @@ Solimeno (2007), Low-cost INS/GPS data fusion, IST Lisbon: section 3.1, Table 3.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -170,13 +171,13 @@ class LocalFrame:
         self.origin_e = geodetic_to_ecef(self.lat, self.lon, self.height)
         self.C_le = dcm_ne(self.lat, self.lon)
 
-    def to_ned(self, lat: np.ndarray, lon: np.ndarray, height: np.ndarray) -> np.ndarray:
+    def to_ned(self, lat: np.ndarray | float, lon: np.ndarray | float, height: np.ndarray | float) -> np.ndarray:
         """Coordinates in this frame, m: shape (3,) for one point, (n, 3) for columns of n."""
-        lat, lon, height = np.broadcast_arrays(*(np.asarray(a, float) for a in (lat, lon, height)))
-        xyz = _columns_to_ecef(lat.ravel().copy(), lon.ravel().copy(), height.ravel().copy())
-        return ((xyz - self.origin_e) @ self.C_le.T).reshape(*lat.shape, 3)
+        columns = np.broadcast_arrays(*(np.asarray(a, float) for a in (lat, lon, height)))
+        xyz = _columns_to_ecef(*(column.ravel().copy() for column in columns))
+        return ((xyz - self.origin_e) @ self.C_le.T).reshape(*columns[0].shape, 3)
 
-    def from_ned(self, ned: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def from_ned(self, ned: np.ndarray) -> tuple[Any, Any, Any]:
         """Geodetic (lat, lon, height) of coordinates in this frame: floats for shape (3,), columns for (n, 3)."""
         ned = np.asarray(ned, float)
         lat, lon, height = _columns_to_geodetic(np.ascontiguousarray(ned.reshape(-1, 3) @ self.C_le + self.origin_e))
@@ -190,7 +191,7 @@ class LocalFrame:
         return self.C_le @ dcm_ne(lat, lon).T
 
 
-def horizon_distance(height: np.ndarray, k: float = 4.0 / 3.0) -> np.ndarray:
+def horizon_distance(height: np.ndarray | float, k: float = 4.0 / 3.0) -> np.ndarray:
     """Ground distance to the radio horizon, m, from ``height`` m over a smooth earth of ``k`` times its true radius.
 
     ``k`` = 4/3 is the customary allowance for refraction; 1 gives the geometric horizon.  A height below ground counts as zero.
@@ -199,7 +200,8 @@ def horizon_distance(height: np.ndarray, k: float = 4.0 / 3.0) -> np.ndarray:
     return radius * np.arccos(radius / (radius + np.maximum(height, 0.0)))
 
 
-def line_of_sight_clear(height_a: np.ndarray, height_b: np.ndarray, ground_distance: np.ndarray, k: float = 4.0 / 3.0) -> np.ndarray:
+def line_of_sight_clear(
+    height_a: np.ndarray | float, height_b: np.ndarray | float, ground_distance: np.ndarray | float, k: float = 4.0 / 3.0) -> np.ndarray:
     """Whether two antennas see each other over a smooth earth: their horizons reach each other.
 
     Parameters

@@ -135,12 +135,12 @@ class MagneticReference:
     @property
     def source(self) -> str:
         """Where the declination comes from, for people."""
-        return f"{self.model.name} {self.model.year:.1f}" if self.override is None else "given by hand"
+        return f"{self.model.name} {self.model.year:.1f}" if self.override is None and self.model else "given by hand"
 
     def at(self, lat: float, lon: float, height: float) -> LocalField:
         """Expected field at a place: rad, rad, m above the ellipsoid."""
         if self.model is None:
-            return LocalField(self.override)
+            return LocalField(self.override or 0.0)  # the constructor refuses to have neither
         field_n = self.model.field_n(lat, lon, min(max(height, LOWEST_HEIGHT), HIGHEST_HEIGHT))
         declination = declination_of(field_n) if self.override is None else self.override
         return LocalField(declination, float(np.linalg.norm(field_n)))

@@ -11,7 +11,7 @@ Gebre-Egziabher (2004), Design and performance analysis of a low-cost aided dead
 
 import math
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Process(Protocol):
         """Standard deviation at switch-on."""
 
 
-def _require(process: Process, *, positive: tuple[str, ...] = ()) -> None:
+def _require(process: Any, *, positive: tuple[str, ...] = ()) -> None:
     """Refuse negative or non-finite numbers; those named must also not be zero."""
     for field in fields(process):
         value = getattr(process, field.name)

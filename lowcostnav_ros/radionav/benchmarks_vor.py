@@ -17,7 +17,7 @@ REQUIREMENT_M = 0.5 * NAUTICAL_MILE
 """Position error allowed after half an hour without GPS."""
 
 
-def vor_cross_track(distance_m: np.ndarray, bearing_error: np.ndarray) -> np.ndarray:
+def vor_cross_track(distance_m: np.ndarray | float, bearing_error: np.ndarray | float) -> np.ndarray:
     """Return the cross-track error ``d tan(error)``, m, at ``distance_m`` from a VOR whose bearing is off by ``bearing_error`` rad.
 
     Raises

@@ -7,6 +7,7 @@ Coordinates are metres north and east of the airport.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def double(half_baseline_m: float = RADIUS_M, beyond_m: float = 0.0, approach_co
     return np.array([beyond_m * ahead - half_baseline_m * right, beyond_m * ahead + half_baseline_m * right])
 
 
-def hdop_map(stations: np.ndarray, north: np.ndarray, east: np.ndarray) -> np.ndarray:
+def hdop_map(stations: np.ndarray, north: np.ndarray | float, east: np.ndarray | float) -> np.ndarray:
     """Return the HDOP at every point of a grid.
 
     Parameters
@@ -72,7 +73,9 @@ def hdop_of_sums(nn: np.ndarray, ee: np.ndarray, ne: np.ndarray) -> np.ndarray:
     return np.where(singular, np.inf, np.sqrt((nn + ee) / np.where(singular, 1.0, determinant)))
 
 
-def track_errors(stations: np.ndarray, position: np.ndarray, course: float, sigma_m: float = NOISE_M) -> tuple[float, float]:
+def track_errors(
+    stations: np.ndarray, position: Sequence[float] | np.ndarray, course: float, sigma_m: float = NOISE_M
+) -> tuple[float, float]:
     """Return the 1-sigma in-track and cross-track errors, m, of a fix at ``position`` (2,) flying ``course`` (rad).
 
     Both are ``inf`` where the lines of sight are parallel.

@@ -96,7 +96,8 @@ def select_near(
     StationError
         When there is none; a lost sign of the longitude is named.
     """
-    chosen, notes = [], []
+    chosen: list[Station] = []
+    notes: list[str] = []
     for station in near(navaids.stations, lat, lon, within_m):
         clash = _clash(station, chosen)
         if clash:

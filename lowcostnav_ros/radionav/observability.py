@@ -29,7 +29,7 @@ class Track:
     air_east: np.ndarray
 
 
-def fly(time_s: np.ndarray, start: Sequence[float], heading: np.ndarray, airspeed: np.ndarray) -> Track:
+def fly(time_s: np.ndarray, start: Sequence[float], heading: np.ndarray, airspeed: np.ndarray | float) -> Track:
     """Integrate heading (rad) and airspeed (m/s) in still air from ``start`` (2,), north east m, by the trapezoidal rule."""
     air_n = np.broadcast_to(airspeed * np.cos(heading), time_s.shape)
     air_e = np.broadcast_to(airspeed * np.sin(heading), time_s.shape)

@@ -66,7 +66,7 @@ def route_over(waypoints: Sequence[tuple[float, float]], speed: float, step_s: f
     begin_s = 0.0
     for number, (a, b) in enumerate(zip(waypoints[:-1], waypoints[1:], strict=True), 1):
         frame = LocalFrame(*a)
-        chord = frame.to_ned(*b, 0.0)
+        chord = frame.to_ned(b[0], b[1], 0.0)
         length = float(np.linalg.norm(chord))
         if not 1.0 <= length <= LONGEST_LEG_M:
             said = "has no length; remove the repeated waypoint" if length < 1.0 else f"is {length / 1000:.0f} km long; check its waypoints"
@@ -77,7 +77,8 @@ def route_over(waypoints: Sequence[tuple[float, float]], speed: float, step_s: f
         course = [_course(place, chord, frame) for place in zip(lat, lon, strict=True)]
         columns.append(np.column_stack((begin_s + share * length / speed, lat, lon, course)))
         begin_s += length / speed
-    return Route(*np.vstack(columns).T, speed)
+    time_s, lat, lon, course = np.vstack(columns).T
+    return Route(time_s, lat, lon, course, speed)
 
 
 def _course(place: tuple[float, float], chord: np.ndarray, frame: LocalFrame) -> float:

@@ -209,5 +209,5 @@ def selected(names: Sequence[str], entries: Sequence[Entry] | None = None) -> li
 
 
 def _natural(text: str) -> tuple[str, int, str]:
-    match = re.match(r"([^0-9]*)([0-9]*)(.*)", text)
-    return match[1], int(match[2] or 0), match[3]
+    head, digits, tail = re.findall(r"^([^0-9]*)([0-9]*)(.*)", text)[0]
+    return head, int(digits or 0), tail

@@ -15,6 +15,7 @@ from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.physics import atmosphere
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.stochastic import GaussMarkov
 from lowcostnav_ros.sensors.drift import DriftBank
 from lowcostnav_ros.sensors.sampling import SampleClock, to_body
@@ -130,7 +131,7 @@ class AirDataSimulator:
         seen_pressure = self._air(altitude + drift[1])[0] + settings.static_noise_pa * float(normals[0])
         tas = max(math.sqrt(air_b @ air_b) + float(drift[0]) + settings.airspeed_noise_mps * float(normals[1]), 0.0)
         rho = float(atmosphere.density(pressure, kelvin))
-        static_variance = (rho * atmosphere.STANDARD_GRAVITY * settings.altitude_error_m) ** 2 + settings.static_noise_pa**2
+        static_variance = (rho * STANDARD_GRAVITY * settings.altitude_error_m) ** 2 + settings.static_noise_pa**2
         speed_variance = settings.airspeed_error_mps**2 + settings.airspeed_noise_mps**2
         static = Pressure(stamp_ns, f"{prefix}/static_pressure", seen_pressure, static_variance)
         impact_pa = float(atmosphere.impact_from_tas(tas, pressure, kelvin))

@@ -32,8 +32,9 @@ class LowPass:
             self._dynamics = np.array([[-w, w]])  # x' = A x + B u as [A B]
         else:
             self._dynamics = np.array([[0.0, 1.0, 0.0], [-w * w, -2.0 * DAMPING * w, w * w]])
-        self._first_ns: int | None = None
-        self._step: np.ndarray | None = None
+        self._first_ns = 0
+        self._begun = False
+        self._step = np.empty(0)
 
     def mean_output(self, stamps_ns: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Filter, continuing from call to call.
@@ -51,11 +52,11 @@ class LowPass:
             Means of the output over the same intervals.
         """
         settled = 0
-        if len(stamps_ns) and self._first_ns is None:
-            self._first_ns, settled = int(stamps_ns[0]), 1
+        if len(stamps_ns) and not self._begun:
+            self._first_ns, self._begun, settled = int(stamps_ns[0]), True, 1
             self._state = np.zeros((len(self._dynamics), values.shape[1]))
             self._state[0] = values[0]
-        if len(stamps_ns) > settled and self._step is None:
+        if len(stamps_ns) > settled and not self._step.size:
             self._prepare(1e-9 * (int(stamps_ns[settled]) - self._first_ns))
         if len(stamps_ns) == settled:
             return values

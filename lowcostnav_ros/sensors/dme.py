@@ -71,7 +71,8 @@ class DmeSimulator:
         self._choose_at_s = 0.0
         self._open: list[tuple[Slot, Station]] = []
         self._turn = 0
-        self._start_ns: int | None = None
+        self._start_ns = 0
+        self._begun = False
         self._flown = DistanceFlown()
         self._variance = settings.bias_m**2 + settings.drift_m**2 + settings.noise_m**2
 
@@ -83,10 +84,10 @@ class DmeSimulator:
         """
         if len(truth) == 0:
             return []
-        if self._start_ns is None:
-            self._start_ns = int(truth.stamps_ns[0])
+        if not self._begun:
+            self._start_ns, self._begun = int(truth.stamps_ns[0]), True
         flown_m = self._flown.at(truth)
-        replies = []
+        replies: list[SlantRange] = []
         while True:
             due_ns, reply = self._next_event()
             row = int(np.searchsorted(truth.stamps_ns, due_ns))

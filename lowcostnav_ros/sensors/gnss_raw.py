@@ -139,7 +139,8 @@ class GnssRawSimulator:
         switch_on = np.array([settings.clock_bias_m, settings.clock_drift_mps])
         self.clock_state = switch_on * self._clock_rng.standard_normal(2)
         self._reset_m = 0.0
-        self._start_ns: int | None = None
+        self._start_ns = 0
+        self._begun = False
         self._selection: np.ndarray | None = None
         self._selected_for: tuple = ()
 
@@ -147,9 +148,9 @@ class GnssRawSimulator:
         """Return the epochs whose time falls in ``truth``."""
         if len(truth) == 0:
             return []
-        if self._start_ns is None:
+        if not self._begun:
             self._date(int(truth.stamps_ns[0]))
-            self._start_ns = int(truth.stamps_ns[0])  # after it: what is refused once is refused again
+            self._start_ns, self._begun = int(truth.stamps_ns[0]), True  # after it: what is refused once is refused again
         rows, n = self._clock.rows(truth.stamps_ns), len(self.constellation)
         normals = self._noise_rng.standard_normal((len(rows), 2 * n + 1))
         slow = self._slow.draw(len(rows))

@@ -1,11 +1,19 @@
 """What a simulated receiver hands over and when: nothing during an outage, everything else after its latency."""
 
 from collections.abc import Sequence
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from lowcostnav_ros.base.settings import SettingsError
 
-M = TypeVar("M")
+
+class Stamped(Protocol):
+    """What is valid at a time."""
+
+    @property
+    def stamp_ns(self) -> int: ...
+
+
+M = TypeVar("M", bound=Stamped)
 
 
 def outage_windows(outages_s: Sequence[float]) -> list[tuple[float, float]]:
@@ -42,13 +50,14 @@ class Reception(Generic[M]):
     def __init__(self, latency_s: float, outages_s: Sequence[float]) -> None:
         self._latency_ns = round(latency_s * 1e9)
         self._outages = outage_windows(outages_s)
-        self._start_ns: int | None = None
+        self._start_ns = 0
+        self._begun = False
         self._pending: list[M] = []
 
     def begin(self, stamp_ns: int) -> None:
         """Count outages from ``stamp_ns``; only the first call does."""
-        if self._start_ns is None:
-            self._start_ns = stamp_ns
+        if not self._begun:
+            self._start_ns, self._begun = stamp_ns, True
 
     def in_outage(self, stamp_ns: int) -> bool:
         """Whether nothing is received at ``stamp_ns``; after :meth:`begin`."""

@@ -41,7 +41,8 @@ class DistanceFlown:
     """Distance over ground since the first truth row ever seen; a running sum, so independent of how the truth was cut."""
 
     def __init__(self) -> None:
-        self._flown_m, self._last_ns = 0.0, None
+        self._flown_m = 0.0
+        self._last_ns: int | None = None
 
     def at(self, truth: TruthBlock) -> np.ndarray:
         """Return the distance up to each row (n,), m; every row must be given once, in order."""

@@ -51,7 +51,7 @@ def run_campaign(
         return _in_processes(function, cases, workers, progress)
 
 
-def _one(function: Callable, cases: Sequence, index: int, progress: "_Progress") -> Result:
+def _one(function: Callable[[Case], Result], cases: Sequence[Case], index: int, progress: "_Progress") -> Result:
     try:
         result = function(cases[index])
     except Exception as error:

@@ -31,13 +31,13 @@ def dynamics_of(name: str) -> Callable[[Any], np.ndarray]:
     raise LookupError(NOT_OFFERED.get(name, "its error dynamics are not known"))
 
 
-def _satellites_alone(navigator) -> np.ndarray:
+def _satellites_alone(navigator: Any) -> np.ndarray:
     from lowcostnav_ros.navigators.gnss_only import motion_dynamics
 
     return motion_dynamics(navigator.layout.size, navigator.layout.rate)
 
 
-def _dead_reckoning(navigator) -> np.ndarray:
+def _dead_reckoning(navigator: Any) -> np.ndarray:
     """Position moves by vertical velocity, wind, heading and airspeed errors; every other state decays by its own rate."""
     layout = navigator.state.layout
     F = -np.diag(layout.rate)

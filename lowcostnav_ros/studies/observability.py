@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.estimation.aiding import Innovation
 from lowcostnav_ros.gnss.observability import observability_matrix
 from lowcostnav_ros.physics.earth import radii
@@ -82,12 +83,12 @@ class Watch:
     period_s : float
     """
 
-    def __init__(self, navigator, dynamics: Callable[[Any], np.ndarray], period_s: float = 1.0) -> None:
+    def __init__(self, navigator: Any, dynamics: Callable[[Any], np.ndarray], period_s: float = 1.0) -> None:
         self.navigator, self.period_ns = navigator, round(1e9 * period_s)
         self.found: list[Observability] = []
         self._dynamics = dynamics
         self._rows: list[np.ndarray] = []
-        self._stamp_ns: int | None = None
+        self._stamp_ns = 0
         self._next_ns = 0
         self._use_aid = navigator.use_aid
         navigator.use_aid = self._watched
@@ -98,7 +99,7 @@ class Watch:
         self.navigator.use_aid = self._use_aid
         return self.found
 
-    def _watched(self, aid, measurement) -> bool:
+    def _watched(self, aid: Any, measurement: Measurement) -> bool:
         if measurement.stamp_ns != self._stamp_ns:
             self._judge()
             self._stamp_ns = measurement.stamp_ns
@@ -123,7 +124,7 @@ def filter_of(navigator: Any) -> Any:
     return navigator.core if hasattr(navigator, "core") else navigator.state
 
 
-def _rows_of(aid, measurement, host) -> Iterator[np.ndarray]:
+def _rows_of(aid: Any, measurement: Measurement, host: Any) -> Iterator[np.ndarray]:
     """Measurement rows an aid has just used: kept by those that fuse part of a message, computed anew by the others."""
     if hasattr(aid, "fused_rows"):
         yield aid.fused_rows

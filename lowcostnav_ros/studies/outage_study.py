@@ -6,7 +6,9 @@ grade, GPS 2 m at 1 Hz, every other sensor as its simulator's defaults have it, 
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +58,7 @@ class Case:
     """One choice of aids: the flight it is tried on and the settings that differ from the bare navigator's."""
 
     flight: str
-    settings: dict[str, object]
+    settings: Mapping[str, object]
 
 
 _AIRSPEED = {"airdata.enabled": True, "airdata.bias_mps": 2.6}
@@ -94,7 +96,7 @@ def fly(flight: str, seed: int) -> tuple[TruthBlock, list[Measurement]]:
     return Simulation(scenario_from_text(FLIGHTS[flight], flight, seed=seed)).whole()
 
 
-def navigator(case: Case) -> InsGps:
+def navigator(case: Case) -> Any:
     """Return the navigator with the aids of a case and no others."""
     bare = {"imu.profile": "automotive", "baro.enabled": False, "magnetic.enabled": False, "airdata.enabled": False}
     return make_navigator(from_mapping(InsGpsSettings, {**bare, **case.settings}), InsGps)
@@ -120,7 +122,7 @@ def errors_of(case: Case, truth: TruthBlock, heard: list[Measurement]) -> list[O
 
 def _error(truth: TruthBlock, solutions: list[NavSolution], at_s: float) -> OutageError:
     limit_ns = truth.stamps_ns[0] + round(1e9 * at_s)
-    last = next(s for s in reversed(solutions) if s.stamp_ns <= limit_ns)
+    last: Any = next(s for s in reversed(solutions) if s.stamp_ns <= limit_ns)
     row = int(np.searchsorted(truth.stamps_ns, last.stamp_ns))
     north, east, down = difference_n(last.lat, last.lon, last.height, truth.lat[row], truth.lon[row], truth.height[row])
     heading = wrap(quat_to_euler(last.q_nb)[2] - quat_to_euler(truth.q_nb[row])[2])

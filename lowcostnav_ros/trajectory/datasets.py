@@ -206,7 +206,7 @@ def _piece(
     stamps_ns = stamps(settings.start_ns, settings.rate_hz, rows)
     t = (stamps_ns - settings.start_ns) * 1.0e-9
     fine = np.interp(np.arange(_FINE * (len(t) - 1) + 1) / _FINE, np.arange(len(t)), t)
-    track = integrate_position(*position, velocity_of(profile(fine))[0], np.diff(fine[::2]))
+    track = integrate_position(position[0], position[1], position[2], velocity_of(profile(fine))[0], np.diff(fine[::2]))
     quarters = profile(fine[::2])
     force, rate = (_boole(x) for x in exact_imu(quarters, track[:, 0].copy(), track[:, 2].copy()))
     quats = eulers_to_quat(attitude_of(quarters)[0])

@@ -52,7 +52,8 @@ def drawn_motion(
     stamps_ns = np.round(np.arange(1, count + 1) * (1e9 * dt)).astype(np.int64)
     none = np.zeros((count, 3))
     level = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
-    return TruthBlock(stamps_ns, *(path[:, k].copy() for k in range(3)), path[:, 3:6].copy(), level, none, none, none)
+    lat, lon, height = path[:, :3].T.copy()
+    return TruthBlock(stamps_ns, lat, lon, height, path[:, 3:6].copy(), level, none, none, none)
 
 
 @kernel

@@ -4,8 +4,9 @@ Each manoeuvre is a generator: it is sent the aircraft's state, changes the :cla
 """
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, radii
 from lowcostnav_ros.physics.rotation import wrap
@@ -188,7 +189,7 @@ class Guidance:
         self.order.heading = self._heading + float(wrap(course - crab - self._heading))
 
 
-_FLIERS = {
+_FLIERS: dict[type[m.Manoeuvre], Callable[[Guidance, Any], Flying]] = {
     m.Straight: Guidance._straight,
     m.Turn: Guidance._turn,
     m.Heading: Guidance._turn_to,

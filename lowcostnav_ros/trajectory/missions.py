@@ -1,6 +1,7 @@
 """Standard missions near Livermore, California, where the dead-reckoning flights of 1999-2001 were made."""
 
 import dataclasses
+from typing import Any
 
 from lowcostnav_ros.base.settings import SettingsError, nearest
 from lowcostnav_ros.trajectory.truth_settings import StartSettings, TruthSettings
@@ -42,7 +43,7 @@ MISSIONS: dict[str, tuple[StartSettings, tuple[str, ...]]] = {
 }
 
 
-def standard(name: str, **changes: object) -> TruthSettings:
+def standard(name: str, **changes: Any) -> TruthSettings:
     """Settings of a standard mission at its own start; ``changes`` replace top-level fields (``kind='jsbsim'``).
 
     Raises

@@ -7,8 +7,9 @@ incidence above the airflow.  The wind is added to the velocity over ground.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -114,11 +115,11 @@ class SegmentMotion:
 
     def position(self) -> tuple[float, float, float]:
         """Position (lat, lon rad, height m) at the end of what has been planned, for manoeuvres that aim at a point."""
-        begin, *where = self._reached
+        begin, lat, lon, height = self._reached
         steps = math.ceil((self.duration_s - begin) / _PLAN_STEP_S)
         if steps:
             halves = np.linspace(begin, self.duration_s, 2 * steps + 1)
-            track = integrate_position(*where, self.at(halves)[0], np.diff(halves[::2]))
+            track = integrate_position(lat, lon, height, self.at(halves)[0], np.diff(halves[::2]))
             self._reached = (self.duration_s, *track[-1])
         return self._reached[1:]
 
@@ -330,7 +331,7 @@ def _lose_height(motion: SegmentMotion, s: m.Approach, slope: float) -> None:
     raise SettingsError(f"the approach begins {excess:.0f} m too high for its glide path; begin lower or farther out.")
 
 
-_PLANNERS = {
+_PLANNERS: dict[type[m.Manoeuvre], Callable[[SegmentMotion, Any], None]] = {
     m.Straight: _straight,
     m.Turn: _turn,
     m.Heading: _heading,

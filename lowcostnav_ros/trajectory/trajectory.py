@@ -159,5 +159,6 @@ def _states(motion: Motion, stamps_ns: np.ndarray, start_ns: int, position: np.n
     vel_n, q_nb, wind_n = motion.at(halves)
     track = integrate_position(position[0], position[1], position[2], vel_n, np.diff(t))
     none = np.zeros((len(t), 3))
-    block = TruthBlock(stamps_ns, *track.T.copy(), vel_n[::2].copy(), q_nb[::2].copy(), none, none, wind_n[::2].copy())
+    lat, lon, height = track.T.copy()
+    block = TruthBlock(stamps_ns, lat, lon, height, vel_n[::2].copy(), q_nb[::2].copy(), none, none, wind_n[::2].copy())
     return block, track

@@ -83,10 +83,10 @@ def vector_matching(context: Context) -> Outcome:
 def convergence(context: Context) -> Outcome:
     """One attitude, steps of 0.1 and 1."""
     truth = euler_to_quat(35.0 * DEGREE, 12.0 * DEGREE, 110.0 * DEGREE)
-    seen = [quat_rotate(quat_conjugate(truth), v) for v in (FIELD_N, GRAVITY_N)]
+    field_b, gravity_b = [quat_rotate(quat_conjugate(truth), v) for v in (FIELD_N, GRAVITY_N)]
     histories, left = {}, {}
     for step in (0.1, 1.0):
-        history = vectors.match_history(np.array([1.0, 0.0, 0.0, 0.0]), FIELD_N, GRAVITY_N, *seen, step, 100, vectors.RIGHT)
+        history = vectors.match_history(np.array([1.0, 0.0, 0.0, 0.0]), FIELD_N, GRAVITY_N, field_b, gravity_b, step, 100, vectors.RIGHT)
         histories[step] = history * np.sign(history @ truth)[:, np.newaxis]
         left[step] = np.array([np.linalg.norm(rotvec_from_quat(_product(quat_conjugate(truth), q))) for q in history]) / DEGREE
     needed = {step: int(np.argmax(angle < 1.0)) for step, angle in left.items()}

@@ -10,6 +10,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
@@ -99,7 +100,7 @@ def open_loop(white_heading: str = "pos") -> History:
     return run(np.zeros((layout.size, layout.size)), step, FLIGHT_S)
 
 
-def worst_ratio(ours: np.ndarray, printed: np.ndarray) -> float:
+def worst_ratio(ours: ArrayLike, printed: ArrayLike) -> float:
     """Return the largest relative deviation."""
     return float(np.max(np.abs(np.asarray(ours, float) / np.asarray(printed, float) - 1.0)))
 

@@ -243,7 +243,7 @@ def _draw_synthetic(figure: Any, context: Context) -> None:
     for name, record in records.items():
         chart = allan_chart(record, 1.0)
         left.plot(chart.tau_s, chart.deviation, colours[name], label=name, linewidth=1.0)
-    chart = allan_chart(sum(records.values()), 1.0)
+    chart = allan_chart(np.sum(list(records.values()), axis=0), 1.0)
     left.plot(chart.tau_s, chart.deviation, "k", label="sum", linewidth=1.0)
     legend(left)
     right = axes(figure, (1, 2, 2), x="averaging time [s]", y="Allan deviation [deg/s]", title="white + Gauss-Markov", log=True)

@@ -205,7 +205,7 @@ def sights() -> list[Sight]:
 
 def crossing() -> np.ndarray:
     """Both crossings (2, 2) of the range circles, the one south of the stations first."""
-    a, b = sights()[:2]
+    a, b = (sight for sight in sights() if isinstance(sight, Range))
     found = rho_rho(a, b, BACK_SOLVED_GUESS)
     return np.array([found.position, found.mirror])
 

@@ -149,7 +149,8 @@ def ranges(flight: Flight, case: Case, table: StationTable) -> list[SlantRange]:
         error_m = {ident: error.draw(flight.flown_m[second]) for ident, error in errors.items()}
         for k in case.asked(second):
             station = listed[k]
-            true_m, _ = range_and_direction(*flight.place[second], station.lat, station.lon, station.height)
+            lat, lon, height = flight.place[second]
+            true_m, _ = range_and_direction(lat, lon, height, station.lat, station.lon, station.height)
             measured_m = true_m + error_m[station.ident]
             out.append(SlantRange(START_NS + second * SECOND_NS, "dme/range", station.ident, measured_m, variance))
     return out

@@ -9,12 +9,12 @@ and wind; counted whole it is (315 m)^2.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.measurements import NavSolution
+from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.cores.reckoning_model import CLIMB, carry_covariance, layout_of, move
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SCHEMES = ("one", "two", "scanning")
+OPEN_LOOP = "open loop"
+"""The scheme that asks no station."""
 WHOLE_M = math.hypot(0.17 * NAUTICAL_MILE, NOISE_M)
 """Sigma of a range with its bias: what a filter without bias states must give it."""
 SETTLED_S = 120
@@ -100,19 +102,20 @@ def reduced_track(flight: flights.Flight, case: Case | None, sigma_m: float) -> 
     start = np.array(displaced_start(flight))
     args = layout.kind, layout.axis, rate, layout.psd, free, flight.air_n(), seconds, towers, np.array([m.range_m for m in heard])
     places, covariance = fly_reduced(start, estimate, np.diag(sigma**2), *args, sigma_m**2, WALK)
-    return Track(errors(flight, places), covariance)
+    return Track(errors(flight.place, places), covariance)
 
 
 def displaced_start(flight: flights.Flight) -> tuple[float, float, float]:
     """Return the first position a navigator is told: off by 2 m, 1 sigma."""
-    error = POSITION_SIGMA_M * flights.stream(flight.seed, "start").standard_normal(3)
+    error = POSITION_SIGMA_M * stream(flight.seed, "start").standard_normal(3)
     error[2] = 0.0
-    return displace(*flight.place[0], error)
+    lat, lon, height = flight.place[0]
+    return displace(lat, lon, height, error)
 
 
-def errors(flight: flights.Flight, places: np.ndarray) -> np.ndarray:
+def errors(truth: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Return true minus estimated position, north east m, shape (n + 1, 2)."""
-    return np.array([difference_n(*true, *ours)[0:2] for true, ours in zip(flight.place, places, strict=True)])
+    return np.array([difference_n(*true, *ours)[0:2] for true, ours in zip(truth, places, strict=True)])
 
 
 def live_settings(model: str) -> DeadReckoningSettings:
@@ -123,41 +126,41 @@ def live_settings(model: str) -> DeadReckoningSettings:
     )
 
 
-def live_track(flight: flights.Flight, case: Case, model: str = "full") -> Track:
+def live_track(flight: flights.Flight, case: Case | None, model: str = "full") -> Track:
     """Replay the flight to the live navigator, measurement by measurement."""
     table = flights.stations()
     navigator = DeadReckoning(live_settings(model), table)
     navigator.start_at(flights.START_NS, *displaced_start(flight), POSITION_SIGMA_M)
     navigator.state.know_wind(flight.wind_n[0], WIND_SIGMA_MPS)
-    measurements = [*flights.air_measurements(flight), *flights.ranges(flight, case, table)]
+    measurements = [*flights.air_measurements(flight), *(flights.ranges(flight, case, table) if case else ())]
     solutions = navigator.feed_all(sorted(measurements, key=lambda m: (m.stamp_ns, m.source)))
     return _as_track(flight, solutions)
 
 
-def _as_track(flight: flights.Flight, solutions: list[NavSolution]) -> Track:
+def _as_track(flight: flights.Flight, solutions: Sequence[Any]) -> Track:
     """Solutions on whole seconds beside the truth; the last ones, still behind the fusion horizon, are missing."""
     by_second = {(s.stamp_ns - flights.START_NS) // flights.SECOND_NS: s for s in solutions}
     picked = [by_second[k] for k in range(min(by_second), max(by_second) + 1)]
-    error = [difference_n(*flight.place[k], s.lat, s.lon, s.height)[0:2] for k, s in enumerate(picked, min(by_second))]
-    return Track(np.array(error), np.array([s.cov_pos[0:2, 0:2] for s in picked]))
+    places = np.array([(s.lat, s.lon, s.height) for s in picked])
+    return Track(errors(flight.place[min(by_second) :][: len(picked)], places), np.array([s.cov_pos[0:2, 0:2] for s in picked]))
 
 
 @dataclass(frozen=True)
 class Job:
-    """One flight of one navigator: ``scheme`` None is open loop; ``sigma_m`` of a range for the reduced filter, None flies the live one."""
+    """One flight of one navigator: ``sigma_m`` of a range is for the reduced filter, None flies the live one."""
 
     seed: int
-    scheme: str | None
+    scheme: str
     sigma_m: float | None = None
 
 
 def track_of(job: Job) -> Track:
     """Fly one job; the flight and its ranges depend on the seed and the scheme alone."""
-    flight, case = flights.fly(job.seed), Case(job.scheme) if job.scheme else None
+    flight, case = flights.fly(job.seed), None if job.scheme == OPEN_LOOP else Case(job.scheme)
     return live_track(flight, case) if job.sigma_m is None else reduced_track(flight, case, job.sigma_m)
 
 
-def campaign(context: Context, runs: int, schemes: Sequence[str | None], sigma_m: float | None) -> dict[str | None, list[Track]]:
+def campaign(context: Context, runs: int, schemes: Sequence[str], sigma_m: float | None) -> dict[str, list[Track]]:
     """Fly many seeds by every scheme, once in a run of results.
 
     A compiled flight takes less than its way to another process and back, so those stay here.
@@ -210,7 +213,7 @@ def likeness(a: list[Track], b: list[Track]) -> float:
 )
 def open_loop_flights(context: Context) -> Outcome:
     """A hundred flights without DME."""
-    tracks = campaign(context, 100, (None,), 0.0)[None]
+    tracks = campaign(context, 100, (OPEN_LOOP,), 0.0)[OPEN_LOOP]
     error = np.array([track.horizontal() for track in tracks])
     crossed_s = np.array([first_crossing(np.arange(len(row)), row, LIMIT_M) for row in error])
     early = float(np.mean(crossed_s < 900.0))
@@ -263,7 +266,7 @@ def draw_methods(figure: "Figure", seed: int, tracks: dict[str, list[Track]]) ->
     plan, final, curves = figure.subplots(1, 3, width_ratios=(1, 1, 1.3))
     flight = flights.fly(seed)
     truth = flights.AIRPORT.to_ned(*flight.place.T)[:, 0:2] / NAUTICAL_MILE
-    solutions = {"open loop": track_of(Job(seed, None, 0.0)), **{WORDS[scheme]: t[0] for scheme, t in tracks.items()}}
+    solutions = {"open loop": track_of(Job(seed, OPEN_LOOP, 0.0)), **{WORDS[scheme]: t[0] for scheme, t in tracks.items()}}
     for name, track in solutions.items():
         place = truth[: len(track.error_m)] - track.error_m / NAUTICAL_MILE
         for axes in (plan, final):

@@ -6,7 +6,7 @@ sigmas of table 7.1, white range noise 0.004 NM.  The thesis does not print wher
 literally, model "B" puts them in, as the text asks; no single model matches every figure.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -143,8 +143,9 @@ def one_receiver(context: Context) -> Outcome:
     north, east = history.sigma(NORTH)[times], history.sigma(EAST)[times]
     literal = horizontal(context, Case("one", model="L"))[[29, 299, 1199, 1799]]
     worst = max(worst_ratio(north, (205, 203, 218, 277)), worst_ratio(east, (291, 385, 304, 228)), worst_ratio(literal, (156, 66, 60, 59)))
-    P0, *rest = study(Case("one"))
-    shares = {name: part.sigma(NORTH, EAST)[1200] for name, part in error_budget({"start": P0}, *rest)[1].items()}
+    P0, step, steps, updates = study(Case("one"))
+    _, parts = error_budget({"start": P0}, step, steps, updates)
+    shares = {name: part.sigma(NORTH, EAST)[1200] for name, part in parts.items()}
     horizontal_m = horizontal(context, Case("one"))[1200]
     ours = (
         f"N-S {_slashed(north)} m, E-W {_slashed(east)} m with the range biases in the row; left out: {_slashed(literal)} m horizontally, "
@@ -154,7 +155,7 @@ def one_receiver(context: Context) -> Outcome:
     return judged(ours, worst < 0.05 and bounded, figure=lambda figure: draw_components(figure, history))
 
 
-def _slashed(values: np.ndarray) -> str:
+def _slashed(values: Iterable[float]) -> str:
     return "/".join(f"{value:.0f}" for value in values)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,8 +35,10 @@ EXCITED = 0.75
 def only(profile: ImuProfile, part: str) -> ImuProfile:
     """The same unit with a single kind of error: every error source has a random stream of its own, so it stays the same error."""
     off = [names for name, names in PARTS.items() if name != part]
-    gyro = replace(profile.gyro, noise_density_deg_per_h_per_rt_hz=NONE, **{g: NONE for g, _ in off})
-    accel = replace(profile.accelerometer, noise_density_mg_per_rt_hz=NONE, **{a: NONE for _, a in off})
+    no_gyro: dict[str, Any] = {gyro: NONE for gyro, _ in off}
+    no_accel: dict[str, Any] = {accel: NONE for _, accel in off}
+    gyro = replace(profile.gyro, noise_density_deg_per_h_per_rt_hz=NONE, **no_gyro)
+    accel = replace(profile.accelerometer, noise_density_mg_per_rt_hz=NONE, **no_accel)
     return replace(profile, gyro=gyro, accelerometer=accel)
 
 
@@ -155,7 +157,7 @@ def scale(context: Context) -> Outcome:
     parts, found = [], {}
     for dataset in ("LD", "HD"):
         case = replace(HD, dataset=dataset)
-        sigma = context.once(f"solimeno.told.{dataset}", lambda case=case: context.run(told, [case])[0])
+        sigma = context.once(f"solimeno.told.{dataset}", partial(context.run, told, [case]))[0]
         error = errors_over_size(context, dataset, ("scale",), "scale")
         for sensor, name in (("gyro", "gyros"), ("accel", "accelerometers")):
             excited = sigma[sensor] <= EXCITED

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,7 @@ SETTLED_S = 60.0
 turn-on biases, up to 1.2 deg/s, are learnt; one minute is the least that can mean, and all results use it."""
 PIECE = 10
 """Inertial samples fed at a time."""
-NO_LAG = HorizonSettings(lag_s=0.0)
+NO_LAG: Any = HorizonSettings(lag_s=0.0)
 SCHEDULES = {"full": FULL_AVAILABILITY, "gaps": FOUR_GAPS, "all": ()}
 GAPS_S = {3: (120.0, 160.0), 2: (240.0, 280.0), 1: (360.0, 400.0), 0: (480.0, 520.0)}
 """Start and end of the gap with so many satellites."""
@@ -129,8 +130,14 @@ def epochs_of(case: Case, truth: TruthBlock) -> list[GnssEpoch]:
     """Satellite observations of a case; both constellations together use up to sixteen satellites, one alone up to nine."""
     both = case.constellation == "gps_galileo"
     schedule = [] if both and case.schedule == "full" else list(SCHEDULES[case.schedule])
-    plan = {"schedule": schedule, "max_satellites": 0 if both else 9, "select_every_s": 30.0}
-    settings = GnssRawSimulatorSettings(seed=case.seed, constellation=case.constellation, clock=case.clock, **plan)
+    settings = GnssRawSimulatorSettings(
+        seed=case.seed,
+        constellation=case.constellation,
+        clock=case.clock,
+        schedule=schedule,
+        max_satellites=0 if both else 9,
+        select_every_s=30.0,
+    )
     return GnssRawSimulator(settings).simulate(truth)
 
 
@@ -152,10 +159,10 @@ def gps_only_settings(case: Case) -> GnssOnlySettings:
 
 def inertial_settings(case: Case, imu: ImuSettings) -> InsGnssSettings:
     """Settings of the INS/GNSS filter of a case; the thesis takes the errors of the GPS filter for white and screens nothing."""
-    now = {"horizon": NO_LAG, "gps": GpsSettings(latency_s=0.0), "loose": LooseSettings(behind_s=0.0)}
+    now: dict[str, Any] = {"horizon": NO_LAG, "gps": GpsSettings(latency_s=0.0), "loose": LooseSettings(behind_s=0.0)}
     coupling = "tight" if case.navigator == "tight" else "loose"
     source = "gnss_only" if case.navigator == "loose" else "epochs"
-    chosen = {"coupling": coupling, "loose_source": source, "tuning": case.tuning, "gnss": gnss_settings(case)}
+    chosen: dict[str, Any] = {"coupling": coupling, "loose_source": source, "tuning": case.tuning, "gnss": gnss_settings(case)}
     plain = InsGnssSettings(imu=imu, **chosen, **now)
     if case.tuning == "consistent":
         return plain
@@ -226,7 +233,7 @@ def part(block: ImuBlock, first: int, last: int) -> ImuBlock:
     return ImuBlock.of(block.source, block.stamps_ns[rows], block.specific_force_b[rows], block.angular_rate_b[rows])
 
 
-def flight_of(truth: TruthBlock, solutions: Sequence[NavSolution]) -> Flight:
+def flight_of(truth: TruthBlock, solutions: Sequence[Any]) -> Flight:
     """Errors of solutions against the truth at their stamps."""
     rows = np.searchsorted(truth.stamps_ns, [s.stamp_ns for s in solutions])
     errors, sigmas, scores = [], [], []

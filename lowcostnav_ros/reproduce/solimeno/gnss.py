@@ -1,6 +1,7 @@
 """GPS error budget, satellite geometry, canyon and computational load of the INS/GPS thesis (SR9 to SR21)."""
 
 import math
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -97,7 +98,7 @@ def effective_geometry(_: Context) -> Outcome:
     return _elevation_outcome(FIGURE_2_6, correlated=True)
 
 
-def _elevation_outcome(table: dict[int, tuple[float, ...]], correlated: bool) -> Outcome:
+def _elevation_outcome(table: Mapping[int, tuple[float, ...]], correlated: bool) -> Outcome:
     ours = {el: [getattr(elevation_dops(el, correlated), n) for n in NAMES] for el in table}
     worst = max(abs(a / b - 1.0) for el in table for a, b in zip(ours[el], table[el], strict=True))
     low, high = min(table), max(table)
@@ -229,7 +230,7 @@ def canyon_longitudes(_: Context) -> Outcome:
     return judged(text, within, figure=lambda f: figures.counts(f, every, {lon: _counts(lon, gps_24(), every) for lon in LONGITUDES}))
 
 
-def _counts(lon: int, constellation: Constellation, heights_m: np.ndarray) -> tuple[int, ...]:
+def _counts(lon: int, constellation: Constellation, heights_m: Sequence[float] | np.ndarray) -> tuple[int, ...]:
     return tuple(len(level.visible) for level in climb(Canyon(lon=math.radians(lon)), constellation, heights_m))
 
 

@@ -5,10 +5,10 @@ the rows of the satellites in use there: no chance enters, so one flight is enou
 them where they differ.  What tells the last states apart is small, such as the differing correlation times of the axes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -73,7 +73,7 @@ def true_rows(case: Case, nav: np.ndarray, epoch: GnssEpoch, layout: Layout) -> 
 def true_ranks(case: Case) -> tuple[np.ndarray, np.ndarray]:
     """Time, s, and rank at the true state, every :data:`PERIOD_S` from the first epoch on; nothing where there is no satellite."""
     truth, layout = truth_of(case.dataset, case.duration_s), layout_of(case)
-    epochs: Sequence[GnssEpoch] = epochs_of(case, truth)
+    epochs = epochs_of(case, truth)
     rows = np.searchsorted(truth.stamps_ns, [epoch.stamp_ns for epoch in epochs])
     t_s = 1e-9 * (truth.stamps_ns[rows] - truth.stamps_ns[0])
     chosen = np.flatnonzero(np.round(10.0 * t_s).astype(int) % round(10.0 * PERIOD_S) == 0)
@@ -98,7 +98,7 @@ def flown_ranks(case: Case) -> tuple[np.ndarray, np.ndarray]:
     return (np.array([o.stamp_ns for o in found]) - truth.stamps_ns[0]) * 1e-9, np.array([o.rank for o in found])
 
 
-def ranks(context: Context, function=true_ranks, **choice) -> tuple[np.ndarray, np.ndarray]:
+def ranks(context: Context, function: Callable = true_ranks, **choice: Any) -> tuple[np.ndarray, np.ndarray]:
     """Ranks along one flight, computed once in a run; a quick run flies the first three minutes where there are no gaps."""
     duration_s = 180.0 if context.quick and choice.get("schedule") != "gaps" else 600.0
     case = Case(**choice, duration_s=duration_s)
