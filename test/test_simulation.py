@@ -1,6 +1,7 @@
 """Whole simulated flights: scenarios are checked, repeatable, and carry what they promise."""
 
 import itertools
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ from sensors_truth import flat
 
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.catalogue.equipment import load_imu_profile, load_stations
+from lowcostnav_ros.physics.geomagnetism import decimal_year
 from lowcostnav_ros.simulation.equipment import build
-from lowcostnav_ros.simulation.scenario import decimal_year, scenario_from_text
+from lowcostnav_ros.simulation.scenario import scenario_from_text
 from lowcostnav_ros.simulation.simulator import Simulation
 
 SCENARIOS = sorted((Path(__file__).parents[1] / "config/scenarios").glob("*.yaml"))
@@ -99,8 +101,8 @@ def test_changes_replace_what_the_text_says():
 
 
 def test_decimal_year_of_known_moments():
-    assert decimal_year(0.0) == 1970.0
-    assert decimal_year(1_719_878_400.0) == pytest.approx(2024.5, abs=1e-9)  # 2 July 2024: the middle of a leap year
+    assert decimal_year(datetime.fromtimestamp(0.0, UTC)) == 1970.0
+    assert decimal_year(datetime.fromtimestamp(1_719_878_400.0, UTC)) == pytest.approx(2024.5, abs=1e-9)  # 2 July 2024: the middle of a leap year
 
 
 @pytest.mark.parametrize(

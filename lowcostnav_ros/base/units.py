@@ -19,7 +19,9 @@ DEGREE_PER_HOUR = DEGREE / 3600.0
 """rad/s."""
 DEGREE_PER_ROOT_HOUR = DEGREE / 60.0
 """rad/s/sqrt(Hz), the angle random walk of gyro data sheets."""
-MILLI_G = 9.80665e-3
+STANDARD_GRAVITY = 9.80665
+"""m/s^2, one g by definition."""
+MILLI_G = STANDARD_GRAVITY / 1000.0
 """m/s^2."""
 HECTOPASCAL = 100.0
 """Pa; one millibar is the same."""
@@ -29,6 +31,8 @@ GAUSS = 1.0e-4
 """T."""
 ZERO_CELSIUS = 273.15
 """K."""
+SPEED_OF_LIGHT = 299_792_458.0
+"""m/s."""
 
 
 def kelvin(celsius: float) -> float:

@@ -1,7 +1,7 @@
 """Signals: names of the systems, carrier frequencies, and what the ionosphere does to a carrier (Solimeno 2007, section 2.3.3)."""
 
-SPEED_OF_LIGHT = 299792458.0
-"""m/s."""
+from lowcostnav_ros.base.units import SPEED_OF_LIGHT as SPEED_OF_LIGHT  # of this module too
+
 L1_HZ = 1575.42e6
 """GPS L1 and Galileo E1 carrier, Hz."""
 L2_HZ = 1227.60e6

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from lowcostnav_ros.base.units import STANDARD_GRAVITY
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.gps_time import SECOND, unix_ns
 
@@ -29,7 +30,7 @@ _SEASON = np.array([
     [0.0, 0.25e-3, 0.32e-3, 0.81e-3, 0.62e-3],
     [0.0, 0.33, 0.46, 0.74, 0.30],
 ])  # fmt: skip
-_K1, _K2, _RD, _GM, _G = 77.604, 382000.0, 287.054, 9.784, 9.80665
+_K1, _K2, _RD, _GM, _G = 77.604, 382000.0, 287.054, 9.784, STANDARD_GRAVITY
 _COLDEST_DAY_NORTH, _COLDEST_DAY_SOUTH = 28.0, 211.0
 TOP_M = 20000.0
 """Height above which the model is not used; what lies above delays by less than 0.15 m."""

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY  # of this module too
 from lowcostnav_ros.physics.rotation import wrap
 
 WGS84_A = 6378137.0
@@ -27,8 +28,6 @@ MEAN_RADIUS = 6371008.8
 """Mean radius (2a + b)/3, m."""
 EARTH_RATE = 7.2921155e-5
 """Rotation rate of the earth, rad/s."""
-STANDARD_GRAVITY = 9.80665
-"""Standard acceleration of gravity (the unit g), m/s^2."""
 
 _CORE_RADIUS = 1.0e5  # m; the closed form of Table 3.1 needs a point outside the ellipsoid's evolute (43 km)
 _MIN_COS_LAT = 1.0e-12  # keeps longitude finite on the pole itself

@@ -25,13 +25,11 @@ _CELL_HEIGHT = 2_000.0  # m
 
 def decimal_year(date: float | Date | datetime) -> float:
     """Date as a decimal year (2026.5); a number is taken to be one already."""
-    if isinstance(date, datetime):
-        day = (date.replace(tzinfo=None) - datetime(date.year, 1, 1)).total_seconds() / 86_400.0
-    elif isinstance(date, Date):
-        day = float((date - Date(date.year, 1, 1)).days)
-    else:
+    if not isinstance(date, Date):
         return float(date)
-    return date.year + day / (Date(date.year + 1, 1, 1) - Date(date.year, 1, 1)).days
+    first = Date(date.year, 1, 1)
+    since = date.replace(tzinfo=None) - datetime(date.year, 1, 1) if isinstance(date, datetime) else date - first
+    return date.year + since / (Date(date.year + 1, 1, 1) - first)
 
 
 def model_name(date: float | Date | datetime) -> str:

@@ -7,13 +7,14 @@ be asked twice a minute, and one receiver that alternates between two stations g
 
 from dataclasses import dataclass
 
+from lowcostnav_ros.base.units import SPEED_OF_LIGHT
+
 SEARCH_S = 4.0
 REPLY_S = 1.0
 SEARCH_PULSES_PER_S = 135
 TRACK_PULSES_PER_S = 25
 TRANSPONDER_PULSES_PER_S = 3000
 TRANSPONDER_DELAY_S = 50.0e-6
-SPEED_OF_LIGHT = 299_792_458.0
 SCHEMES = ("one_receiver", "two_receivers", "scanning")
 
 PULSES_PER_FIX = int(SEARCH_S * SEARCH_PULSES_PER_S + REPLY_S * TRACK_PULSES_PER_S)

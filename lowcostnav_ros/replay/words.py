@@ -4,7 +4,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-METRES_PER_NM = 1852.0
+from lowcostnav_ros.base.units import NAUTICAL_MILE
+
 LESS = {"sparse": "with fewer than four satellites", "no solution": "without a solution"}
 """Modes in which there is less than a GPS position, as a sentence says them."""
 HONEST = (0.5, 1.5)
@@ -14,7 +15,7 @@ HONEST = (0.5, 1.5)
 def distance(metres: float) -> str:
     """A distance as a pilot would say it: metres, from 2000 m on kilometres and nautical miles."""
     if metres >= 2000.0:
-        return f"{metres / 1000.0:.1f} km ({metres / METRES_PER_NM:.1f} NM)"
+        return f"{metres / 1000.0:.1f} km ({metres / NAUTICAL_MILE:.1f} NM)"
     return f"{metres:.0f} m" if metres >= 10.0 else f"{metres:.1f} m"
 
 

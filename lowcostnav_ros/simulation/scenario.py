@@ -1,13 +1,14 @@
 """A scenario: one flight and the sensors aboard, as YAML text."""
 
-import datetime
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 import yaml
 
 from lowcostnav_ros.base.settings import SettingsError, from_mapping, group, nearest, setting
+from lowcostnav_ros.physics.geomagnetism import decimal_year
 from lowcostnav_ros.sensors.airdata import AirDataSimulatorSettings
 from lowcostnav_ros.sensors.dme import DmeSimulatorSettings
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
@@ -92,7 +93,7 @@ def _completed(values: dict[str, Any], where: str) -> dict[str, Any]:
     for name in SENSORS:
         values[name] = {"seed": values.get("seed", 1), **_section(values, name, where)}
     if isinstance(stamp_s, int | float):
-        values["magnetometer"] = {"decimal_year": decimal_year(stamp_s), **values["magnetometer"]}
+        values["magnetometer"] = {"decimal_year": decimal_year(datetime.fromtimestamp(stamp_s, UTC)), **values["magnetometer"]}
     for name in ("gps", "gps_attitude", "vor"):
         outages = values[name].get("outages_s")
         if isinstance(outages, list):
@@ -111,11 +112,3 @@ def _section(values: Mapping[str, Any], name: str, where: str) -> dict[str, Any]
     if not isinstance(section, Mapping):
         raise SettingsError(f"{where}: section '{name}' must hold names and values, got {section!r}.")
     return dict(section)
-
-
-def decimal_year(stamp_s: float) -> float:
-    """Return the decimal year of a time in seconds since 1970 UTC."""
-    moment = datetime.datetime.fromtimestamp(stamp_s, datetime.UTC)
-    start = datetime.datetime(moment.year, 1, 1, tzinfo=datetime.UTC)
-    end = datetime.datetime(moment.year + 1, 1, 1, tzinfo=datetime.UTC)
-    return moment.year + (moment - start) / (end - start)

@@ -7,6 +7,8 @@ rate error a pitch command, pitch error elevator.  Airspeed error makes throttle
 import math
 from dataclasses import dataclass
 
+from lowcostnav_ros.base.units import STANDARD_GRAVITY
+
 ROLL_RATE = math.radians(8.0)
 """Largest rate of the bank command, rad/s."""
 CLIMB_ACCELERATION = 1.0
@@ -19,7 +21,6 @@ SLOW_BY = 3.0
 """Airspeed below its target, m/s, at which climbing begins to give way; twice that far it has given way entirely."""
 _BANK_PER_HEADING = 1.2
 _CLIMB_PER_HEIGHT = 0.15
-_GRAVITY = 9.80665
 
 
 @dataclass(slots=True)
@@ -91,7 +92,7 @@ class Autopilot:
         self._pitch = min(0.3, max(-0.2, self._pitch + 0.2 * missing * dt))
         pitch_error = self._pitch + 0.5 * missing - see.pitch
         self._elevator = _limit(self._elevator - 2.5 * pitch_error * dt, 0.8)
-        turning = _GRAVITY / see.airspeed * math.tan(_limit(see.roll, 1.0)) * math.sin(see.roll)  # pitch rate of a level turn
+        turning = STANDARD_GRAVITY / see.airspeed * math.tan(_limit(see.roll, 1.0)) * math.sin(see.roll)  # pitch rate of a level turn
         return self._elevator - 4.0 * pitch_error + 0.8 * (see.pitch_rate - turning)
 
     def _speed(self, want: Wanted, see: Seen, dt: float) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.base.units import FOOT
 from lowcostnav_ros.physics.rotation import eulers_to_quat
 from lowcostnav_ros.trajectory.autopilot import Autopilot, Seen, Wanted
 from lowcostnav_ros.trajectory.guidance import Fix, Guidance, reference_heights
@@ -22,7 +23,6 @@ from lowcostnav_ros.trajectory.wind import Wind
 
 AIRCRAFT = "c172p"
 """The Cessna 172P; its sister c172x has 2.9 degrees of play in the elevator linkage and hunts in pitch under any autopilot."""
-FOOT = 0.3048
 CONTROL_HZ = 50
 """Least rate of the autopilot and of the integration."""
 LONGEST_S = 6.0 * 3600.0

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.replay.columns import position_difference_n
 from lowcostnav_ros.report import svg
 
-METRES_PER_NM = 1852.0
 WIDTH, MARGIN = 960, 46
 MAX_POINTS = 1800
 FARTHEST_NM = 200.0
@@ -134,7 +134,7 @@ def _stations(ground: _Ground, stations: Sequence[Station]) -> tuple[str, list[s
             hexagon = " ".join(f"{x + 6 * math.cos(k * math.pi / 3):.1f},{y + 6 * math.sin(k * math.pi / 3):.1f}" for k in range(6))
             parts.append(svg.element("polygon", points=hexagon, class_="station"))
             parts.append(svg.text(x + 9, y + 4, s.ident, class_="station-name"))
-        elif (distance := math.hypot(north, east) / METRES_PER_NM) <= FARTHEST_NM:
+        elif (distance := math.hypot(north, east) / NAUTICAL_MILE) <= FARTHEST_NM:
             outside.append(f"{s.ident} {distance:.0f} NM, {math.degrees(math.atan2(east, north)) % 360:03.0f}\N{DEGREE SIGN}")
     return "".join(parts), outside
 
@@ -153,15 +153,15 @@ def _graticule(ground: _Ground) -> str:
     """Grid lines every round number of nautical miles from the south-west corner's round values, labelled on the edges."""
     parts = []
     right, base = WIDTH - MARGIN, ground.height - MARGIN
-    ticks = svg.nice_ticks(ground.west / METRES_PER_NM, ground.east / METRES_PER_NM, 8)
+    ticks = svg.nice_ticks(ground.west / NAUTICAL_MILE, ground.east / NAUTICAL_MILE, 8)
     for value in ticks:
-        x = MARGIN + (value * METRES_PER_NM - ground.west) * ground.scale
+        x = MARGIN + (value * NAUTICAL_MILE - ground.west) * ground.scale
         parts.append(svg.element("line", x1=f"{x:.1f}", x2=f"{x:.1f}", y1=MARGIN, y2=base, class_="grid"))
         parts.append(svg.text(x, base + 14, svg.tick_label(value, ticks), class_="tick", text_anchor="middle"))
     step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
-    first = math.ceil(ground.south / METRES_PER_NM / step)
-    for value in [k * step for k in range(first, math.floor(ground.north / METRES_PER_NM / step) + 1)]:
-        y = MARGIN + (ground.north - value * METRES_PER_NM) * ground.scale
+    first = math.ceil(ground.south / NAUTICAL_MILE / step)
+    for value in [k * step for k in range(first, math.floor(ground.north / NAUTICAL_MILE / step) + 1)]:
+        y = MARGIN + (ground.north - value * NAUTICAL_MILE) * ground.scale
         parts.append(svg.element("line", x1=MARGIN, x2=right, y1=f"{y:.1f}", y2=f"{y:.1f}", class_="grid"))
         parts.append(svg.text(MARGIN - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick", text_anchor="end"))
     parts.append(svg.element("rect", x=MARGIN, y=MARGIN, width=right - MARGIN, height=base - MARGIN, class_="frame"))
@@ -179,7 +179,7 @@ def _side(angle: float, letters: str) -> str:
 def _scale_bar(ground: _Ground) -> str:
     """Two bars, one in nautical miles and one in kilometres, each about a sixth of the width."""
     parts = []
-    for row, (unit, metres) in enumerate((("NM", METRES_PER_NM), ("km", 1000.0))):
+    for row, (unit, metres) in enumerate((("NM", NAUTICAL_MILE), ("km", 1000.0))):
         longest = (WIDTH - 2 * MARGIN) / ground.scale / metres / 6.0
         power = 10.0 ** math.floor(math.log10(longest))
         length = max(s * power for s in (1.0, 2.0, 5.0) if s * power <= longest)

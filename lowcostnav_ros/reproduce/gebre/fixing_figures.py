@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.base.units import NAUTICAL_MILE as NM
 from lowcostnav_ros.radionav.benchmarks_vor import LORAN_ERROR_M, vor_cross_track
 from lowcostnav_ros.radionav.ellipse import Ellipse
 from lowcostnav_ros.radionav.fixing import Range, Sight
@@ -18,7 +19,6 @@ from lowcostnav_ros.radionav.network import OPTIONS
 from lowcostnav_ros.radionav.observability import Track
 from lowcostnav_ros.reproduce.figures import SMALL, axes, legend
 
-NM = NAUTICAL_MILE
 Square = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
