@@ -1,7 +1,7 @@
 """Convert recorded tables to a standard recording."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -159,7 +159,7 @@ def _imu_raw(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndar
     yield from encode.encode_cdr(m.ImuBlock.of(topic.topic, stamps, force, rate))
 
 
-def _rows(build):
+def _rows(build: Callable[[int, TopicProfile, dict], Any]) -> Callable[..., Iterator[Record]]:
     """Make a builder of records from a builder of the measurement of one row."""
 
     def records(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Record]:

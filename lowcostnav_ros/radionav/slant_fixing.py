@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.physics.earth import LocalFrame, horizon_distance
-from lowcostnav_ros.radionav.fixing import Range, fix
+from lowcostnav_ros.radionav.fixing import Fix, Range, fix
 from lowcostnav_ros.radionav.geometry import GeometryError, range_and_direction
 from lowcostnav_ros.radionav.stations import Station
 
@@ -77,7 +77,7 @@ def slant_fix(
     for station, slant in zip(stations, slant_ranges_m, strict=True):
         refuse_impossible(station, slant, height, sigma_m)
     plane = LocalFrame(*predicted, height)
-    start = _on_plane(plane, stations, slant_ranges_m, height, sigma_m)
+    start = _on_plane(plane, stations, slant_ranges_m, sigma_m)
     lat, lon, P = _refine(stations, slant_ranges_m, height, plane.from_ned(np.append(start.position, 0.0))[0:2], sigma_m)
     mirror = None
     if start.mirror is not None:
@@ -85,7 +85,7 @@ def slant_fix(
     return SlantFix(lat, lon, P, mirror)
 
 
-def _on_plane(plane, stations, slant_ranges_m, height, sigma_m):
+def _on_plane(plane: LocalFrame, stations: Sequence[Station], slant_ranges_m: Sequence[float], sigma_m: float) -> Fix:
     """First solution on the plane tangent at the prediction, with each slant range projected by its height difference."""
     sights = []
     for station, slant in zip(stations, slant_ranges_m, strict=True):
@@ -100,7 +100,9 @@ def _nudge(sights: Sequence[Range]) -> np.ndarray:
     return np.array([1.0, 1.0]) if any(np.hypot(*s.station) < 1.0 for s in sights) else np.zeros(2)
 
 
-def _refine(stations, slant_ranges_m, height, start, sigma_m):
+def _refine(
+    stations: Sequence[Station], slant_ranges_m: Sequence[float], height: float, start: tuple[float, float], sigma_m: float
+) -> tuple[float, float, np.ndarray]:
     """Gauss-Newton on the ellipsoid at constant height; returns lat, lon and covariance (2, 2)."""
     lat, lon = start
     measured = np.asarray(slant_ranges_m, dtype=float)

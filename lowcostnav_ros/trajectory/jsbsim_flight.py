@@ -6,6 +6,7 @@ attitude are the truth, and the ideal IMU is what the inverse strapdown finds be
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -232,7 +233,7 @@ class Pilot:
         return self._autopilot.step(want, see, self._control_steps * self._dt)
 
 
-def _quiet_fdm():  # noqa: ANN202 - the library is imported only here
+def _quiet_fdm() -> Any:
     import jsbsim
 
     class Silent(jsbsim.FGLogger):

@@ -1,8 +1,9 @@
 """Inertial navigation alone, with an ideal IMU and with real ones, in the INS/GPS thesis (SR1 to SR8)."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -169,7 +170,7 @@ def _drifts(context: Context, known: bool) -> dict[str, np.ndarray]:
     return context.once(f"solimeno.drift.{known}", compute)
 
 
-def _star(function, arguments):
+def _star(function: Callable, arguments: Sequence) -> Any:
     return function(*arguments)
 
 
