@@ -39,7 +39,7 @@ from lowcostnav_ros.reproduce.solimeno.flights import (
 )
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
 from lowcostnav_ros.studies.campaign import run_campaign
-from lowcostnav_ros.trajectory.drawn import drawn_motion
+from lowcostnav_ros.studies.drawn_motion import drawn_motion
 
 OPEN = GateSettings(probability=0.9999999)
 MATCHED = "matched"

@@ -9,7 +9,8 @@ from scipy.integrate import quad
 from lowcostnav_ros.gnss import GnssError, troposphere
 from lowcostnav_ros.gnss import gps_time as gt
 from lowcostnav_ros.gnss.ionosphere import Klobuchar, residual_sigma_m, slant_factor
-from lowcostnav_ros.gnss.signals import L1_HZ, L2_HZ, TEC_UNIT, group_delay_m, phase_delay_m
+from lowcostnav_ros.gnss.signals import L1_HZ
+from lowcostnav_ros.studies.dispersion import L2_HZ, TEC_UNIT, group_delay_m, phase_delay_m
 
 EXAMPLE = Klobuchar((3.82e-8, 1.49e-8, -1.79e-7, 0.0), (1.43e5, 0.0, -3.28e5, 1.13e5))
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from lowcostnav_ros.gnss import GnssError, accuracy, error_budget, selection
 from lowcostnav_ros.gnss.canyon import Canyon
 from lowcostnav_ros.gnss.dop import design, dops, los_n
-from lowcostnav_ros.gnss.observability import observability_matrix, observable_states
+from lowcostnav_ros.gnss.observability import observability_matrix
 from lowcostnav_ros.gnss.visibility import FOUR_GAPS, FULL_AVAILABILITY, Schedule, above, choose
 
 SEEDS = st.integers(min_value=0, max_value=10_000)
@@ -133,6 +133,5 @@ def test_observability_of_position_velocity_and_an_unconnected_state():
     F[0, 1] = 1.0
     position = np.array([[1.0, 0.0, 0.0]])
     assert observability_matrix(F, position).shape == (3, 3)
-    assert observable_states(F, position) == 2
-    assert observable_states(F, np.array([[0.0, 1.0, 0.0]])) == 1
-    assert observable_states(F, np.zeros((0, 3))) == 0
+    assert np.linalg.matrix_rank(observability_matrix(F, position)) == 2
+    assert np.linalg.matrix_rank(observability_matrix(F, np.array([[0.0, 1.0, 0.0]]))) == 1

@@ -11,8 +11,8 @@ from scipy.signal import correlate
 from lowcostnav_ros.calibration.identification import autocorrelation, identify_static, white_scatter
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.calibration.temperature import WarmUp, fit_scale_factor, fit_warm_up
-from lowcostnav_ros.calibration.wind_change import travelling_time, wind_change_sigma
 from lowcostnav_ros.physics.stochastic import GaussMarkov, initial_state, simulate
+from lowcostnav_ros.studies.wind_change import travelling_time, wind_change_sigma
 
 
 def record(sigma, tau_s, white, rate_hz, seconds, seed):

@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 
 from lowcostnav_ros.radionav.fixing import Bearing, Range, covariance, fix, rho_rho
 from lowcostnav_ros.radionav.geometry import GeometryError
-from lowcostnav_ros.radionav.slant_fixing import slant_fix
 from lowcostnav_ros.radionav.stations import stations_from_text
+from lowcostnav_ros.studies.slant_fixing import slant_fix
 
 A, B, C = np.array([8600.0, -1500.0]), np.array([7600.0, 14900.0]), np.array([-9000.0, 4000.0])
 DEG = math.radians(1.0)

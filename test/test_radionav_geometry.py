@@ -93,7 +93,6 @@ def test_both_fixes_have_the_ranges_and_mirror_each_other(north, east, north_b, 
     fixes = geometry.two_range_fixes(a, b, np.linalg.norm(place), np.linalg.norm(place - b))
     assert min(np.linalg.norm(fixes - place, axis=1)) < 1e-3
     assert geometry.mirror_point(fixes[0], a, b) == pytest.approx(fixes[1], abs=1e-3)
-    assert geometry.resolve_mirror(fixes, place) == pytest.approx(place, abs=1e-3)
 
 
 def test_first_fix_lies_left_of_the_baseline():
@@ -106,8 +105,6 @@ def test_refusals():
         geometry.two_range_fixes(np.zeros(2), np.array([100.0, 0.0]), 10.0, 10.0)
     with pytest.raises(geometry.GeometryError, match="two different stations"):
         geometry.two_range_fixes(np.zeros(2), np.zeros(2), 10.0, 10.0)
-    with pytest.raises(geometry.GeometryError, match="ambiguous"):
-        geometry.resolve_mirror(np.array([[0.0, 1.0], [0.0, -1.0]]), np.array([0.0, 0.1]))
 
 
 def test_slant_range_shorter_than_the_height_difference_gives_zero():

@@ -102,7 +102,7 @@ def test_changes_replace_what_the_text_says():
 
 def test_decimal_year_of_known_moments():
     assert decimal_year(datetime.fromtimestamp(0.0, UTC)) == 1970.0
-    assert decimal_year(datetime.fromtimestamp(1_719_878_400.0, UTC)) == pytest.approx(2024.5, abs=1e-9)  # 2 July 2024: the middle of a leap year
+    assert decimal_year(datetime.fromtimestamp(1_719_878_400.0, UTC)) == pytest.approx(2024.5, abs=1e-9)  # the middle of a leap year
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,6 @@ def test_integrated_white_noise_does_not_depend_on_the_rate(dt, seconds):
     noise = sto.White(0.2)
     samples = seconds / dt
     assert samples * dt**2 * noise.variance_increment(dt) == pytest.approx(0.04 * seconds, rel=1e-12)
-    assert noise.increment_sigma(dt) == pytest.approx(dt * noise.sample_sigma(dt), rel=1e-12)
 
 
 def test_gauss_markov_spectrum_integrates_to_its_variance_and_transforms_to_its_autocorrelation():

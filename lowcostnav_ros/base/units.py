@@ -17,8 +17,6 @@ DEGREE = math.pi / 180.0
 """rad."""
 DEGREE_PER_HOUR = DEGREE / 3600.0
 """rad/s."""
-DEGREE_PER_ROOT_HOUR = DEGREE / 60.0
-"""rad/s/sqrt(Hz), the angle random walk of gyro data sheets."""
 STANDARD_GRAVITY = 9.80665
 """m/s^2, one g by definition."""
 MILLI_G = STANDARD_GRAVITY / 1000.0

@@ -15,8 +15,3 @@ def observability_matrix(F: np.ndarray, H: np.ndarray) -> np.ndarray:
     for _ in range(len(F) - 1):
         blocks.append(np.asarray(F, float).T @ blocks[-1])
     return np.hstack(blocks)
-
-
-def observable_states(F: np.ndarray, H: np.ndarray) -> int:
-    """Rank of the observability matrix; zero without measurements."""
-    return 0 if len(H) == 0 else int(np.linalg.matrix_rank(observability_matrix(F, H)))

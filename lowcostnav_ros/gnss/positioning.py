@@ -24,7 +24,7 @@ MAX_ITERATIONS = 20
 CONVERGED_M = 1.0e-4
 LOWEST_M, HIGHEST_M = -20.0e3, 100.0e3
 """Heights outside belong to the second solution of the equations, or to wrong data."""
-NO_GEOMETRY = "Singular satellite geometry: no {} (lines of sight on one cone); wait for another satellite."
+NO_GEOMETRY = "Singular satellite geometry: no {} (lines of sight on one cone); wait for another one."
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,16 +31,14 @@ TROPOPAUSE = 11_000.0
 """Geopotential m."""
 CEILING = 20_000.0
 """Geopotential m; the formulas stop here."""
-SEA_LEVEL_DENSITY = SEA_LEVEL_PRESSURE / (GAS_CONSTANT * SEA_LEVEL_TEMPERATURE)
-"""kg/m^3."""
 SEA_LEVEL_SOUND_SPEED = float(np.sqrt(HEAT_RATIO * GAS_CONSTANT * SEA_LEVEL_TEMPERATURE))
 """m/s."""
+EXPONENT = STANDARD_GRAVITY / (GAS_CONSTANT * LAPSE_RATE)
+"""5.2559, of pressure over temperature below the tropopause."""
 
 _GEOPOTENTIAL_RADIUS = 6_356_766.0  # m, nominal earth radius of the standard
-_EXPONENT = STANDARD_GRAVITY / (GAS_CONSTANT * LAPSE_RATE)  # 5.2559
 _UPPER_TEMPERATURE = SEA_LEVEL_TEMPERATURE - LAPSE_RATE * TROPOPAUSE  # 216.65 K
-_UPPER_PRESSURE = SEA_LEVEL_PRESSURE * (_UPPER_TEMPERATURE / SEA_LEVEL_TEMPERATURE) ** _EXPONENT
-_UPPER_DENSITY = _UPPER_PRESSURE / (GAS_CONSTANT * _UPPER_TEMPERATURE)
+_UPPER_PRESSURE = SEA_LEVEL_PRESSURE * (_UPPER_TEMPERATURE / SEA_LEVEL_TEMPERATURE) ** EXPONENT
 _SCALE_HEIGHT = GAS_CONSTANT * _UPPER_TEMPERATURE / STANDARD_GRAVITY  # m, above the tropopause
 _NEWTON_STEPS = 6  # from the standard-day guess; each step squares a relative error of at most 0.2
 
@@ -66,7 +64,7 @@ def temperature(pressure_altitude, deviation=0.0):
 @kernel
 def pressure(pressure_altitude):
     """Static pressure, Pa, at a pressure altitude, m (the same on every day, by definition)."""
-    below = (1.0 - LAPSE_RATE / SEA_LEVEL_TEMPERATURE * np.minimum(pressure_altitude, TROPOPAUSE)) ** _EXPONENT
+    below = (1.0 - LAPSE_RATE / SEA_LEVEL_TEMPERATURE * np.minimum(pressure_altitude, TROPOPAUSE)) ** EXPONENT
     return SEA_LEVEL_PRESSURE * below * np.exp(-np.maximum(pressure_altitude - TROPOPAUSE, 0.0) / _SCALE_HEIGHT)
 
 
@@ -80,14 +78,8 @@ def density(static_pressure, static_temperature):
 def pressure_altitude(static_pressure):
     """Pressure altitude, geopotential m, of a static pressure, Pa: the inverse of :func:`pressure`."""
     ratio = np.maximum(static_pressure, _UPPER_PRESSURE) / SEA_LEVEL_PRESSURE
-    below = SEA_LEVEL_TEMPERATURE / LAPSE_RATE * (1.0 - ratio ** (1.0 / _EXPONENT))
+    below = SEA_LEVEL_TEMPERATURE / LAPSE_RATE * (1.0 - ratio ** (1.0 / EXPONENT))
     return below - _SCALE_HEIGHT * np.log(np.minimum(static_pressure / _UPPER_PRESSURE, 1.0))
-
-
-@kernel
-def indicated_altitude(static_pressure, qnh=SEA_LEVEL_PRESSURE):
-    """What an altimeter with ``qnh`` Pa on its subscale shows, m: exact at the station, standard temperature assumed above it."""
-    return pressure_altitude(static_pressure) - pressure_altitude(qnh)
 
 
 @kernel
@@ -118,24 +110,6 @@ def pressure_at(altitude, qnh=SEA_LEVEL_PRESSURE, deviation=0.0):
         missing = altitude - (guess - bottom + deviation * (_warm_column(guess) - lift))
         guess = guess + missing / (1.0 + deviation / temperature(guess))
     return pressure(guess)
-
-
-@kernel
-def thesis_altitude(static_pressure, sea_level_pressure=SEA_LEVEL_PRESSURE, sea_level_temperature=SEA_LEVEL_TEMPERATURE):
-    """Altitude, m, of Gebre-Egziabher's equation (2.1), where another day is met by changing the sea-level values.
-
-    Below the tropopause only.  On a standard day it equals :func:`pressure_altitude`.
-    """
-    return sea_level_temperature / LAPSE_RATE * (1.0 - (static_pressure / sea_level_pressure) ** (1.0 / _EXPONENT))
-
-
-@kernel
-def density_altitude(static_pressure, static_temperature):
-    """Altitude, geopotential m, at which the standard atmosphere is as dense as air of this pressure (Pa) and temperature (K)."""
-    rho = density(static_pressure, static_temperature)
-    ratio = np.maximum(rho, _UPPER_DENSITY) / SEA_LEVEL_DENSITY
-    below = SEA_LEVEL_TEMPERATURE / LAPSE_RATE * (1.0 - ratio ** (1.0 / (_EXPONENT - 1.0)))
-    return below - _SCALE_HEIGHT * np.log(np.minimum(rho / _UPPER_DENSITY, 1.0))
 
 
 @kernel
@@ -190,38 +164,3 @@ def cas_to_tas(cas, static_pressure, static_temperature):
 def tas_to_cas(tas, static_pressure, static_temperature):
     """Calibrated airspeed, m/s, of a true airspeed, m/s."""
     return cas_from_impact(impact_from_tas(tas, static_pressure, static_temperature))
-
-
-@kernel
-def tas_to_eas(tas, air_density):
-    """Equivalent airspeed, m/s: the speed with the same dynamic pressure at sea-level density; density in kg/m^3."""
-    return tas * np.sqrt(air_density / SEA_LEVEL_DENSITY)
-
-
-@kernel
-def eas_to_tas(eas, air_density):
-    """True airspeed, m/s, of an equivalent airspeed, m/s, in air of ``air_density`` kg/m^3."""
-    return eas * np.sqrt(SEA_LEVEL_DENSITY / air_density)
-
-
-@kernel
-def cas_to_eas(cas, static_pressure):
-    """Equivalent airspeed, m/s, of a calibrated airspeed, m/s: the compressibility correction alone, whatever the temperature."""
-    mach = mach_number(impact_from_cas(cas), static_pressure)
-    return mach * SEA_LEVEL_SOUND_SPEED * np.sqrt(static_pressure / SEA_LEVEL_PRESSURE)
-
-
-@kernel
-def eas_to_cas(eas, static_pressure):
-    """Calibrated airspeed, m/s, of an equivalent airspeed, m/s, at a static pressure, Pa."""
-    mach = eas / (SEA_LEVEL_SOUND_SPEED * np.sqrt(static_pressure / SEA_LEVEL_PRESSURE))
-    return cas_from_impact(impact_pressure(mach, static_pressure))
-
-
-@kernel
-def thesis_airspeed(impact, static_pressure, static_temperature):
-    """True airspeed, m/s, of Gebre-Egziabher's equation (2.2), sqrt(2 dP/rho): incompressible.
-
-    It reads high by M^2/8, 0.3 % at 100 kt and 2.6 % at 300 kt at sea level; :func:`tas_from_impact` has no such error.
-    """
-    return np.sqrt(2.0 * np.maximum(impact, 0.0) / density(static_pressure, static_temperature))

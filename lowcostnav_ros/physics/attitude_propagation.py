@@ -43,17 +43,6 @@ def quaternion_step(q_nb, rates, dt):
 
 
 @kernel
-def coast_euler(angles, rates, dt):
-    """Euler angles along a record of rates (n, 3), rad/s, sampled every ``dt`` s, from ``angles`` (3,): shape (n, 3), the gyros alone."""
-    out = np.empty_like(rates)
-    now = angles.copy()
-    for k in range(rates.shape[0]):
-        now = euler_step(now, rates[k], dt)
-        out[k] = now
-    return out
-
-
-@kernel
 def coast_quaternion(q_nb, rates, dt):
     """Euler angles (roll, pitch, heading) along a record of rates (n, 3), carried as a quaternion from ``q_nb`` (4,): shape (n, 3)."""
     out = np.empty_like(rates)

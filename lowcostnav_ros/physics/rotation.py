@@ -204,13 +204,6 @@ def quat_apply_phi_n(q, phi_n):
 
 
 @kernel
-def slerp(q0, q1, u):
-    """Attitude at the fraction ``u`` of the shortest turn from ``q0`` (u = 0) to ``q1`` (u = 1), shape (4,)."""
-    turn = rotvec_from_quat(quat_multiply(quat_conjugate(q0), q1))
-    return quat_normalise(quat_multiply(q0, quat_from_rotvec(u * turn)))
-
-
-@kernel
 def euler_jacobian_n(roll, pitch, heading):
     """Derivative of (roll, pitch, heading) by the attitude error ``phi_n``, shape (3, 3).
 
@@ -221,13 +214,6 @@ def euler_jacobian_n(roll, pitch, heading):
     ch, sh = math.cos(heading), math.sin(heading)
     tan_pitch, sec_pitch = math.tan(pitch), 1.0 / math.cos(pitch)
     return np.array([[ch * sec_pitch, sh * sec_pitch, 0.0], [-sh, ch, 0.0], [ch * tan_pitch, sh * tan_pitch, 1.0]])
-
-
-@kernel
-def heading_jacobian_n(roll, pitch, heading):
-    """Derivative of heading by ``phi_n``, shape (3,): the last row of :func:`euler_jacobian_n`."""
-    tan_pitch = math.tan(pitch)
-    return np.array([math.cos(heading) * tan_pitch, math.sin(heading) * tan_pitch, 1.0])
 
 
 @kernel

@@ -162,14 +162,6 @@ class White:
         """Zero: there is no state."""
         return 0.0
 
-    def sample_sigma(self, dt: float) -> float:
-        """Standard deviation of the mean over one sample, density/sqrt(dt)."""
-        return self.density / math.sqrt(dt)
-
-    def increment_sigma(self, dt: float) -> float:
-        """Standard deviation of the integral over one sample, density sqrt(dt)."""
-        return self.density * math.sqrt(dt)
-
 
 @kernel
 def _recursion(state, transition, sigma, draws):

@@ -34,7 +34,6 @@ from lowcostnav_ros.physics.rotation import (
 LAT, LON, HEIGHT = 0, 1, 2
 VEL = slice(3, 6)
 Q = slice(6, 10)
-NAV_SIZE = 10
 
 _SOLVED = 1.0e-12  # m/s and rad; a few units in the last place of 100 m/s
 _MAX_ITERATIONS = 25
@@ -154,15 +153,6 @@ def increments_after(nav0, nav1, dt, dv_prev, dtheta_prev):
         if max(np.abs(missing_v).max(), np.abs(missing_turn).max()) < _SOLVED:
             break
     return dv, dtheta
-
-
-@kernel
-def increments_between(nav0, nav1, dt):
-    """Increments (dv, dtheta), shape (3,) each, m/s and rad, that take ``nav0`` to ``nav1`` in ``dt`` without coning terms.
-
-    See :func:`increments_after`, which this calls with zero previous increments.
-    """
-    return increments_after(nav0, nav1, dt, np.zeros(3), np.zeros(3))
 
 
 @kernel

@@ -28,8 +28,3 @@ def vor_cross_track(distance_m: np.ndarray | float, bearing_error: np.ndarray | 
     if np.any(np.asarray(distance_m) < 0.0) or np.any(np.abs(bearing_error) >= 0.5 * math.pi):
         raise ValueError("VOR cross-track error needs a distance of 0 or more and a bearing error below 90 degrees.")
     return np.asarray(distance_m) * np.tan(np.abs(bearing_error))
-
-
-def vor_distance_for(cross_track_m: float, bearing_error: float) -> float:
-    """Return how far from a VOR the cross-track error reaches ``cross_track_m``, m; ``inf`` for a perfect bearing."""
-    return cross_track_m / math.tan(abs(bearing_error)) if bearing_error else math.inf

@@ -2,7 +2,7 @@
 
 One-sigma semi-axes are the square roots of the eigenvalues, the major axis lies along the eigenvector of the larger one
 (Gebre-Egziabher 2004, appendix D.4, where the same is phrased through the inverse).  A Gaussian error lies inside the one-sigma
-ellipse with probability 0.39, not 0.68; :func:`scale_for` gives the factor for any other probability.
+ellipse with probability 0.39, not 0.68.
 """
 
 import math
@@ -18,11 +18,6 @@ class Ellipse:
     major: float
     minor: float
     orientation: float
-
-    def sigma_along(self, bearing: float) -> float:
-        """Return the 1-sigma error along a bearing (rad): the ellipse's support, not its radius."""
-        turn = bearing - self.orientation
-        return math.hypot(self.major * math.cos(turn), self.minor * math.sin(turn))
 
     def outline(self, centre: np.ndarray, scale: float = 1.0, points: int = 90) -> np.ndarray:
         """Return points (n, 2), north east, of the ellipse ``scale`` times 1 sigma about ``centre`` (2,); the last closes it."""
@@ -52,10 +47,3 @@ def ellipse_of(covariance: np.ndarray) -> Ellipse:
     minor, major = np.sqrt(np.maximum(values, 0.0))
     north, east = vectors[:, 1]
     return Ellipse(float(major), float(minor), math.atan2(east, north) % math.pi)
-
-
-def scale_for(probability: float) -> float:
-    """Return how many sigma the ellipse that holds a Gaussian error with ``probability`` is: ``sqrt(-2 ln(1 - p))``."""
-    if not 0.0 <= probability < 1.0:
-        raise ValueError(f"A probability lies between 0 and 1 (not included), got {probability:g}.")
-    return math.sqrt(-2.0 * math.log1p(-probability))

@@ -138,27 +138,3 @@ def mirror_point(position: np.ndarray, station_a: np.ndarray, station_b: np.ndar
     unit = baseline / np.hypot(*baseline)
     offset = np.subtract(position, station_a)
     return np.asarray(station_a) + 2.0 * (offset @ unit) * unit - offset
-
-
-def resolve_mirror(fixes: np.ndarray, predicted: np.ndarray, min_ratio: float = 3.0) -> np.ndarray:
-    """Choose between two mirror solutions by dead reckoning.
-
-    Parameters
-    ----------
-    fixes : ndarray, shape (2, 2)
-        From :func:`two_range_fixes`.
-    predicted : ndarray, shape (2,)
-        Position by dead reckoning, north east m.
-    min_ratio : float
-        How many times farther the rejected solution must be from the prediction.
-
-    Raises
-    ------
-    GeometryError
-        When the prediction does not decide: the aircraft is near the line through the stations.
-    """
-    distance = np.hypot(*(np.asarray(fixes) - predicted).T)
-    near = int(np.argmin(distance))
-    if distance[1 - near] < min_ratio * distance[near]:
-        raise GeometryError("The two-range fix is ambiguous near the line through the stations; take a third station.")
-    return np.asarray(fixes)[near]

@@ -9,13 +9,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
-from lowcostnav_ros.radionav import interrogation, layouts, network
+from lowcostnav_ros.radionav import interrogation, layouts
 from lowcostnav_ros.radionav.benchmarks_vor import LORAN_ERROR_M, VOR_ERRORS, vor_cross_track
 from lowcostnav_ros.radionav.ellipse import Ellipse, ellipse_of
 from lowcostnav_ros.radionav.fixing import Bearing, Range, Sight, covariance, rho_rho
 from lowcostnav_ros.radionav.observability import Track, fly, measurement_rows, rank, singular_values
 from lowcostnav_ros.reproduce.gebre import fixing_figures as figures
 from lowcostnav_ros.reproduce.registry import NOT_IN_NUMBERS, Context, Outcome, judged, result
+from lowcostnav_ros.studies import network
 
 SPEED = 46.3
 ONE_EACH_S = 15.0 * np.arange(40)

@@ -15,9 +15,9 @@ from lowcostnav_ros.radionav.interrogation import REPLY_S, SEARCH_S, Interrogati
 from lowcostnav_ros.radionav.layouts import double as double_layout
 from lowcostnav_ros.radionav.layouts import hdop_map as hdop_of
 from lowcostnav_ros.radionav.layouts import triple
-from lowcostnav_ros.radionav.network import OPTIONS
 from lowcostnav_ros.radionav.observability import Track
 from lowcostnav_ros.reproduce.figures import SMALL, axes, legend
+from lowcostnav_ros.studies.network import OPTIONS
 
 Square = tuple[np.ndarray, np.ndarray, np.ndarray]
 

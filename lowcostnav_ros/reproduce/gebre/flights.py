@@ -15,6 +15,7 @@ from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude, Measurement, SlantRange
 from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
+from lowcostnav_ros.calibration.heading_error import HeadingErrorModel
 from lowcostnav_ros.physics.earth import LocalFrame, displace
 from lowcostnav_ros.physics.rotation import euler_to_quat, wrap
 from lowcostnav_ros.physics.stochastic import GaussMarkov, initial_state, simulate
@@ -39,8 +40,7 @@ STEEPEST_TURN = 3.0 * DEGREE
 """Largest change of course in a second, rad."""
 
 WIND = GaussMarkov(5.0, 400.0)
-HEADING = GaussMarkov(2.5 * DEGREE, 120.0)
-HEADING_WHITE = 0.8 * DEGREE
+HEADING = HeadingErrorModel()
 AIRSPEED = GaussMarkov(2.6, 400.0)
 
 
@@ -78,7 +78,7 @@ def fly(seed: int) -> Flight:
     """Fly one flight; everything random comes from ``seed``."""
     rng = stream(seed, "flight")
     wind_n = MEAN_WIND_MPS + _drawn(WIND, rng, 2)
-    heading = _drawn(HEADING, rng)[:, 0] + HEADING_WHITE * rng.standard_normal(FLIGHT_S)
+    heading = _drawn(HEADING.slow, rng)[:, 0] + HEADING.white_sigma * rng.standard_normal(FLIGHT_S)
     airspeed = AIRSPEED_MPS + _drawn(AIRSPEED, rng)[:, 0]
     lat, lon, _ = AIRPORT.from_ned(np.array([*CENTRE_M, 0.0]) + np.array([RADIUS_M, 0.0, 0.0]))
     start = np.array([float(lat), float(lon), HEIGHT_M])

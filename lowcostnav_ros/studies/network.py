@@ -12,9 +12,6 @@ import numpy as np
 from lowcostnav_ros.radionav.coverage import coverage
 from lowcostnav_ros.radionav.stations import Station
 
-SITES_TODAY, AIRPORTS = 932, 200
-UPKEEP_USD_PER_YEAR = 84.0e6
-
 
 @dataclass(frozen=True, slots=True)
 class Option:
