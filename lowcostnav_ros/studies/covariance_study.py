@@ -1,8 +1,7 @@
 """Covariance studies: how the error covariance of a filter evolves along a flight, without flying it.
 
-A study takes transition, process noise and measurement rows from the very functions the navigators run, and the update from
-:mod:`~lowcostnav_ros.estimation.kalman`; what it adds is bookkeeping: process noise kept apart by source, covariances kept before
-and after every update, error budgets.
+A study takes transition, process noise and measurement rows from the very functions the navigators run; the filter is filterpy's.  What
+it adds is bookkeeping: process noise kept apart by source, covariances kept before and after every update, error budgets.
 
 The budget of one source is its covariance alone carried through the *gains of the whole filter*.  Covariance is linear in its
 sources when gains are given, so the budgets add up to the whole, in the squares; a test holds that to rounding.
@@ -13,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from filterpy.kalman import KalmanFilter
 
 from lowcostnav_ros.estimation import kalman
 
@@ -118,18 +118,7 @@ def run(P0: np.ndarray, step: StepSource, steps: int, updates: UpdateSource | No
     -------
     History
     """
-    P = np.array(P0, float)
-    after, before = np.empty((steps + 1, *P.shape)), np.empty((steps + 1, *P.shape))
-    after[0] = before[0] = P
-    t_s, free = np.zeros(steps + 1), np.ones(len(P))
-    for k, dt_s, Phi, Qd in _sequence(step, steps):
-        t_s[k] = t_s[k - 1] + dt_s
-        P = _moved(P, Phi, Qd)
-        before[k] = P
-        for update in updates(k) if updates else ():
-            kalman.update(P, np.zeros(len(update.H)), update.H, update.R, free)
-        after[k] = P
-    return History(t_s, after, before)
+    return _carried(P0, step, steps, updates)[0]
 
 
 def error_budget(
@@ -155,7 +144,7 @@ def error_budget(
     names = dict.fromkeys([*starts, *step.noise, *([MEASUREMENTS] if updates else [])])
     parts = {name: np.array(starts.get(name, np.zeros((n, n))), float) for name in names}
     zero = np.zeros((n, n))
-    whole = run(sum(parts.values(), zero), step, steps, updates)
+    whole, gains = _carried(sum(parts.values(), zero), step, steps, updates)
     shape = (len(parts), steps + 1, n, n)
     after, before = np.empty(shape), np.empty(shape)
     stack = np.array(list(parts.values()))
@@ -164,9 +153,10 @@ def error_budget(
     for k in range(1, steps + 1):
         stack = step.Phi @ stack @ step.Phi.T + noise
         before[:, k] = stack
-        P = whole.before[k].copy()
-        for update in updates(k) if updates else ():
-            stack = _share(stack, P, update, list(parts).index(MEASUREMENTS))
+        for update, K in gains[k - 1]:
+            left = np.eye(n) - K @ update.H
+            stack = left @ stack @ left.T
+            stack[list(parts).index(MEASUREMENTS)] += K @ update.R @ K.T
         after[:, k] = stack
     return whole, {name: History(whole.t_s, after[i], before[i]) for i, name in enumerate(parts)}
 
@@ -189,6 +179,28 @@ def growth_exponent(t_s: np.ndarray, sigma: np.ndarray, begin_s: float, end_s: f
     return math.log(last / first) / math.log(end_s / begin_s)
 
 
+def _carried(
+    P0: np.ndarray, step: StepSource, steps: int, updates: UpdateSource | None
+) -> tuple[History, list[list[tuple[Update, np.ndarray]]]]:
+    """History, and the updates of every step with the gain (n, m) that each had."""
+    linear = KalmanFilter(dim_x=len(P0), dim_z=1)
+    linear.P = np.array(P0, float)
+    after, before = np.empty((2, steps + 1, *linear.P.shape))
+    after[0] = before[0] = linear.P
+    t_s, gains = np.zeros(steps + 1), []
+    for k, dt_s, Phi, Qd in _sequence(step, steps):
+        t_s[k] = t_s[k - 1] + dt_s
+        linear.predict(F=Phi, Q=Qd)
+        before[k] = linear.P
+        used = []
+        for update in updates(k) if updates else ():
+            linear.update(np.zeros((len(update.H), 1)), update.R, update.H)
+            used.append((update, linear.K))
+        gains.append(used)
+        after[k] = linear.P
+    return History(t_s, after, before), gains
+
+
 def _sequence(step: StepSource, steps: int) -> Iterator[tuple[int, float, np.ndarray, np.ndarray]]:
     """Number, length, transition and whole noise of each step."""
     for k in range(1, steps + 1):
@@ -196,19 +208,3 @@ def _sequence(step: StepSource, steps: int) -> Iterator[tuple[int, float, np.nda
             now = step(k) if callable(step) else step
             Qd = now.total()
         yield k, now.dt_s, now.Phi, Qd
-
-
-def _moved(P: np.ndarray, Phi: np.ndarray, Qd: np.ndarray) -> np.ndarray:
-    moved = Phi @ P @ Phi.T + Qd
-    return 0.5 * (moved + moved.T)
-
-
-def _share(stack: np.ndarray, P: np.ndarray, update: Update, noise_row: int) -> np.ndarray:
-    """Pass the parts (s, n, n) through one update with the gain that belongs to the whole ``P``, which is updated in place."""
-    H, R = update.H, update.R
-    K = np.linalg.solve(kalman.innovation_covariance(P, H, R), H @ P).T
-    left = np.eye(len(P)) - K @ H
-    out = left @ stack @ left.T
-    out[noise_row] += K @ R @ K.T
-    kalman.update(P, np.zeros(len(H)), H, R, np.ones(len(P)))
-    return out

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from filterpy.common import van_loan_discretization
+from filterpy.kalman import KalmanFilter
 
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
-from lowcostnav_ros.estimation.kalman import scalar_update, van_loan
 from lowcostnav_ros.radionav.plan import Reply, Route
 
 KNOWN = 4
@@ -69,25 +70,28 @@ def aided_sigma(route: Route, replies: Sequence[Reply], model: ErrorModel | None
     """
     model = model or ErrorModel()
     idents = sorted({r.station for r in replies})
-    P, full = _start(model, len(idents))
+    navigator, full = _start(model, len(idents))
     believed, expected = np.empty((len(route.time_s), 2, 2)), np.empty((len(route.time_s), 2, 2))
     waiting = list(replies)
     for k, time_s in enumerate(route.time_s):
         if k:
             dt = round(float(time_s - route.time_s[k - 1]), 6)
-            P = _propagate(P, *_navigator_steps(model, dt))
-            full = _propagate(full, *_full_steps(model, route.speed, round(float(route.course[k - 1]), 4), len(idents), dt))
-        believed[k], expected[k] = P[:2, :2], full[:2, :2]
+            navigator.predict(None, None, *_navigator_steps(model, dt))
+            Phi, Qd = _full_steps(model, route.speed, round(float(route.course[k - 1]), 4), len(idents), dt)
+            full = Phi @ full @ Phi.T + Qd
+        believed[k], expected[k] = navigator.P[:2, :2], full[:2, :2]
         while waiting and waiting[0].time_s <= time_s + 1e-6:
             reply = waiting.pop(0)
-            full = _fuse(P, full, reply.direction, BIASES + idents.index(reply.station), model)
+            full = _fuse(navigator, full, reply.direction, BIASES + idents.index(reply.station), model)
     return AidedSigma(route.time_s, believed, expected)
 
 
-def _start(model: ErrorModel, stations: int) -> tuple[np.ndarray, np.ndarray]:
+def _start(model: ErrorModel, stations: int) -> tuple[KalmanFilter, np.ndarray]:
     known = [model.start_position_m] * 2 + [model.start_wind_mps] * 2
     full = [*known, model.heading, model.airspeed_mps] + [model.bias_m] * stations
-    return np.diag(np.square(known)), np.diag(np.square(full))
+    navigator = KalmanFilter(dim_x=KNOWN, dim_z=1)
+    navigator.P, navigator.R = np.diag(np.square(known)), np.array([[model.filter_range_m**2]])
+    return navigator, np.diag(np.square(full))
 
 
 @lru_cache(maxsize=4096)
@@ -96,8 +100,8 @@ def _navigator_steps(model: ErrorModel, dt: float) -> tuple[np.ndarray, np.ndarr
     F = np.zeros((KNOWN, KNOWN))
     F[0, 2] = F[1, 3] = 1.0
     F[2, 2] = F[3, 3] = -1.0 / model.wind_tau_s
-    wind = 2.0 * model.wind_mps**2 / model.wind_tau_s
-    return van_loan(F, np.diag([model.filter_walk, model.filter_walk, wind, wind]), dt)
+    wind = model.wind_mps * math.sqrt(2.0 / model.wind_tau_s)
+    return van_loan_discretization(F, np.diag([math.sqrt(model.filter_walk)] * 2 + [wind] * 2), dt)
 
 
 @lru_cache(maxsize=4096)
@@ -113,22 +117,16 @@ def _full_steps(model: ErrorModel, speed: float, course: float, stations: int, d
     F = np.diag(np.concatenate(([0.0, 0.0], -rates)))
     F[0, 2] = F[1, 3] = 1.0
     F[:2, HEADING], F[:2, AIRSPEED] = (-speed * s, speed * c), (c, s)
-    Q = np.diag(np.concatenate(([0.0, 0.0], 2.0 * rates * sigmas**2)))
-    Q[:2, :2] = (speed * model.heading_noise) ** 2 * np.array([[s * s, -s * c], [-s * c, c * c]])
-    return van_loan(F, Q, dt)
+    G = np.diag(np.concatenate(([0.0, 0.0], np.sqrt(2.0 * rates) * sigmas)))
+    G[:2, 0] = -speed * model.heading_noise * s, speed * model.heading_noise * c
+    return van_loan_discretization(F, G, dt)
 
 
-def _propagate(P: np.ndarray, Phi: np.ndarray, Qd: np.ndarray) -> np.ndarray:
-    return Phi @ P @ Phi.T + Qd
-
-
-def _fuse(P: np.ndarray, full: np.ndarray, direction: np.ndarray, bias: int, model: ErrorModel) -> np.ndarray:
-    """Update the believed covariance in place; return the expected one after the same gain."""
-    h = np.append(direction, (0.0, 0.0))
-    gain = np.zeros(len(full))
-    gain[:KNOWN] = P @ h / (h @ P @ h + model.filter_range_m**2)
-    scalar_update(np.zeros(KNOWN), P, 0.0, h, model.filter_range_m**2, np.ones(KNOWN))
-    row = np.zeros(len(full))
+def _fuse(navigator: KalmanFilter, full: np.ndarray, direction: np.ndarray, bias: int, model: ErrorModel) -> np.ndarray:
+    """Update the believed covariance; return the expected one after the same gain."""
+    navigator.update(np.zeros((1, 1)), H=np.array([[*direction, 0.0, 0.0]]))
+    gain, row = np.zeros(len(full)), np.zeros(len(full))
+    gain[:KNOWN] = navigator.K[:, 0]
     row[:2], row[bias] = direction, 1.0
     keep = np.eye(len(full)) - np.outer(gain, row)
     return keep @ full @ keep.T + model.noise_m**2 * np.outer(gain, gain)
