@@ -7,8 +7,12 @@ import sys
 import time
 
 import pytest
+from hypothesis import settings
 
 from lowcostnav_ros.graph.domain import free_domain, node_environment
+
+settings.register_profile("compiled", deadline=None)  # the first example pays for compilation
+settings.load_profile("compiled")
 
 
 @pytest.fixture

@@ -4,16 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from lowcostnav_ros.base import units
 from lowcostnav_ros.physics import atmosphere as air
 from lowcostnav_ros.studies import thesis_air_data
-
-settings.register_profile("compiled", deadline=None)  # the first example pays for compilation
-settings.load_profile("compiled")
 
 ALTITUDE = st.floats(-1000.0, air.CEILING)
 MACH = st.floats(0.0, 0.99)

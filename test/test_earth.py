@@ -5,13 +5,10 @@ import math
 import numpy as np
 import pymap3d
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from lowcostnav_ros.physics import earth
-
-settings.register_profile("compiled", deadline=None)  # the first example pays for compilation
-settings.load_profile("compiled")
 
 LAT = st.floats(-math.pi / 2, math.pi / 2)
 LON = st.floats(-math.pi, math.pi)

@@ -4,14 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from lowcostnav_ros.physics import rotation as rot
-
-settings.register_profile("compiled", deadline=None)  # the first example pays for compilation
-settings.load_profile("compiled")
 
 ANGLE = st.floats(-50.0, 50.0)
 COMPONENT = st.floats(-1.0, 1.0)

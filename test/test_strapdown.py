@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson
 from scipy.special import j1
@@ -17,9 +17,6 @@ from scipy.special import j1
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.physics import earth, strapdown
 from lowcostnav_ros.physics import rotation as rot
-
-settings.register_profile("compiled", deadline=None)  # the first example pays for compilation
-settings.load_profile("compiled")
 
 START = (math.radians(38.7), math.radians(-9.1), 500.0)
 DEG = math.pi / 180

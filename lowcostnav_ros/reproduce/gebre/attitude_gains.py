@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from filterpy.kalman import KalmanFilter
 
 from lowcostnav_ros.estimation import attitude_gains as gains
 from lowcostnav_ros.estimation import kalman
@@ -23,16 +24,17 @@ def _steady(rolls: np.ndarray, form: str) -> np.ndarray:
 def _while_rolling(period_s: float) -> float:
     """Largest off-diagonal bias gain of the quaternion form, over the diagonal one, when P is carried through the roll at its rate."""
     Phi, Qd, H, R = gains.quaternion_model(np.zeros(3), TUNING)
-    K, P = kalman.steady_state_gain(Phi, Qd, H, R)
+    linear = KalmanFilter(dim_x=6, dim_z=3)
+    K, linear.P = kalman.steady_state_gain(Phi, Qd, H, R)
     diagonal, largest = K[3, 0], 0.0
     omega = 2.0 * np.pi / period_s
     for k in range(round(3.0 * period_s / TUNING.period_s)):
         rate = 0.5 * np.pi * omega * np.cos(omega * k * TUNING.period_s)
         Phi, Qd, H, R = gains.quaternion_model(np.array([rate, 0.0, 0.0]), TUNING)
-        P = Phi @ P @ Phi.T + Qd
-        K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-        P = P - K @ H @ P
-        largest = max(largest, float(np.abs(K[3:] - np.diag(np.diag(K[3:]))).max()))
+        linear.predict(F=Phi, Q=Qd)
+        linear.update(np.zeros((3, 1)), R, H)
+        K = linear.K[3:]
+        largest = max(largest, float(np.abs(K - np.diag(np.diag(K))).max()))
     return largest / float(diagonal)
 
 
