@@ -4,12 +4,12 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph.description import load_graph, parse_graph  # noqa: E402
-from lowcostnav_ros.graph.runner import GraphRunner  # noqa: E402
-from lowcostnav_ros.graph.wiring import navigator_of  # noqa: E402
-from lowcostnav_ros.messages.bag import BagReader  # noqa: E402
-from lowcostnav_ros.messages.encode import odometry_from_solution  # noqa: E402
-from lowcostnav_ros.messages.store import to_cdr  # noqa: E402
+from lowcostnav_ros.graph.description import load_graph, parse_graph
+from lowcostnav_ros.graph.runner import GraphRunner
+from lowcostnav_ros.graph.wiring import navigator_of
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.encode import odometry_from_solution
+from lowcostnav_ros.messages.store import to_cdr
 
 TRUTH = {"executable": "truth_source", "parameters": {"kind": "segments", "name": "straight", "duration_s": 8.0}}
 SENSORS = ["imu_simulator", "magnetometer_simulator", "air_data_simulator", "gps_simulator", "vor_simulator"]

@@ -9,10 +9,10 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph.description import GraphError, parse_graph  # noqa: E402
-from lowcostnav_ros.graph.process import NodeProcess, describe_exit  # noqa: E402
-from lowcostnav_ros.graph.runner import GraphRunner  # noqa: E402
-from lowcostnav_ros.messages.bag import BagReader  # noqa: E402
+from lowcostnav_ros.graph.description import GraphError, parse_graph
+from lowcostnav_ros.graph.process import NodeProcess, describe_exit
+from lowcostnav_ros.graph.runner import GraphRunner
+from lowcostnav_ros.messages.bag import BagReader
 
 TRUTH = {"executable": "truth_source", "parameters": {"kind": "dataset", "name": "LD", "duration_s": 4.0}}
 SMALL = {"scenario": "ld", "lossless": True, "real_time_factor": 2.0, "nodes": [TRUTH, "imu_simulator", "gps_simulator", "recorder"]}

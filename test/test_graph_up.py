@@ -12,8 +12,8 @@ import yaml
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph.description import parse_graph  # noqa: E402
-from lowcostnav_ros.graph.up import EXIT_CANNOT_RUN, up  # noqa: E402
+from lowcostnav_ros.graph.description import parse_graph
+from lowcostnav_ros.graph.up import EXIT_CANNOT_RUN, up
 
 UP = (
     "import sys; from lowcostnav_ros.graph.description import load_graph; "

@@ -165,7 +165,7 @@ def _full():
     return np.array([1.0, 2.0, 3.0]), np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3), np.eye(3), np.eye(3), np.eye(3)
 
 
-def FixFollowerOrigin():  # noqa: N802 - reads as a value above
+def FixFollowerOrigin():
     from lowcostnav_ros.physics.earth import LocalFrame
 
     return LocalFrame(0.5, 0.5, 0.0)

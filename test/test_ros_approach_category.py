@@ -4,8 +4,8 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.navigators.base import NavigatorStatus  # noqa: E402
-from lowcostnav_ros.ros.diagnostics import navigator_rows  # noqa: E402
+from lowcostnav_ros.navigators.base import NavigatorStatus
+from lowcostnav_ros.ros.diagnostics import navigator_rows
 
 
 @pytest.mark.parametrize(

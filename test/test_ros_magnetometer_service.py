@@ -7,14 +7,14 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from std_srvs.srv import Trigger  # noqa: E402
+from std_srvs.srv import Trigger
 
-from lowcostnav_ros.base.measurements import MagneticField, NavSolution  # noqa: E402
-from lowcostnav_ros.catalogue.config_files import load_settings  # noqa: E402
-from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings  # noqa: E402
-from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference  # noqa: E402
-from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm  # noqa: E402
-from lowcostnav_ros.ros.magnetometer_service import MagnetometerService  # noqa: E402
+from lowcostnav_ros.base.measurements import MagneticField, NavSolution
+from lowcostnav_ros.catalogue.config_files import load_settings
+from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings
+from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference
+from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm
+from lowcostnav_ros.ros.magnetometer_service import MagnetometerService
 
 PLACE = (0.6578, -2.1262, 500.0)
 HARD_IRON_T = np.array([8e-6, -5e-6, 3e-6])

@@ -8,17 +8,17 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from geometry_msgs.msg import TwistWithCovarianceStamped  # noqa: E402
-from nav_msgs.msg import Odometry  # noqa: E402
-from sensor_msgs.msg import Imu, NavSatFix  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
-from test_ros_node_base import imu  # noqa: E402
+from geometry_msgs.msg import TwistWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Imu, NavSatFix
+from std_srvs.srv import Trigger
+from test_ros_node_base import imu
 
-from lowcostnav_ros.base.measurements import Integrity, NavSolution  # noqa: E402
-from lowcostnav_ros.base.settings import setting  # noqa: E402
-from lowcostnav_ros.physics.earth import LocalFrame  # noqa: E402
-from lowcostnav_ros.ros import qos  # noqa: E402
-from lowcostnav_ros.ros.navigator_node import NavigatorNode  # noqa: E402
+from lowcostnav_ros.base.measurements import Integrity, NavSolution
+from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.ros import qos
+from lowcostnav_ros.ros.navigator_node import NavigatorNode
 
 
 @dataclass(frozen=True)

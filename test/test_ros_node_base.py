@@ -7,11 +7,11 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
-from sensor_msgs.msg import Imu  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Imu
+from std_srvs.srv import Trigger
 
-from lowcostnav_ros.ros.node_base import NodeBase  # noqa: E402
+from lowcostnav_ros.ros.node_base import NodeBase
 
 
 class Listener(NodeBase):

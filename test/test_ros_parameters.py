@@ -6,10 +6,10 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.parameter import Parameter
 
-from lowcostnav_ros.base.settings import SettingsError, group, setting  # noqa: E402
-from lowcostnav_ros.ros.node_base import NodeBase  # noqa: E402
+from lowcostnav_ros.base.settings import SettingsError, group, setting
+from lowcostnav_ros.ros.node_base import NodeBase
 
 
 @dataclass(frozen=True)

@@ -158,7 +158,7 @@ class VorAid(Aid):
         return 1e-9 * (measurement.stamp_ns - last_ns)
 
 
-def _curvature(P: np.ndarray, seen: BearingView) -> float:  # noqa: N803 - the covariance is P everywhere in the field
+def _curvature(P: np.ndarray, seen: BearingView) -> float:
     """Variance, rad^2, of the bearing's second-order term -(along across)/d^2 where position is known poorly against the distance."""
     across = seen.gradient_n[0:2] * seen.distance_m
     along = np.array([across[1], -across[0]])

@@ -25,7 +25,7 @@ class StationSlots:
         """State that holds the error of a station, None when no state does."""
         return None if self._rows is None or station not in self._seats else self._rows.start + self._seats[station]
 
-    def take(self, station: str, now_ns: int, P: np.ndarray, estimate: np.ndarray) -> int | None:  # noqa: N803 - the covariance is P
+    def take(self, station: str, now_ns: int, P: np.ndarray, estimate: np.ndarray) -> int | None:
         """Return the state of a station, seating it afresh in ``P`` (n, n) and ``estimate`` (n,) if need be; None without states."""
         if self._rows is None:
             return None

@@ -200,7 +200,7 @@ def solve_velocity(
     if len(rows) < 4:
         raise GnssError(f"{len(rows)} Dopplers give no velocity; wait until at least 4 are there.")
     lat, lon, _ = ecef_to_geodetic(position_e)
-    C_ne = dcm_ne(lat, lon)  # noqa: N806 - the package's name for a rotation
+    C_ne = dcm_ne(lat, lon)
     _, rates, los = range_and_rate(position_e, np.zeros(3), epoch.sat_pos_e[rows], epoch.sat_vel_e[rows])
     H, weight = design(los @ C_ne.T), np.diag(epoch.sigma_mps[rows] ** -2.0)
     inverse = cofactor(H, weight)

@@ -177,7 +177,7 @@ class GnssOnly(ClockHost, Navigator):
         self._restart()
 
     @property
-    def P(self) -> np.ndarray:  # noqa: N802 - the covariance is P everywhere in the field
+    def P(self) -> np.ndarray:
         """Covariance of the whole error state."""
         return self.core.P
 

@@ -153,7 +153,7 @@ class InsGps(Navigator):
         return chosen_blocks(self.settings)
 
     @property
-    def P(self) -> np.ndarray:  # noqa: N802 - the covariance is P everywhere in the field
+    def P(self) -> np.ndarray:
         """Covariance of the whole error state."""
         return self.core.P
 

@@ -185,7 +185,7 @@ class LocalFrame:
             return float(lat[0]), float(lon[0]), float(height[0])
         return lat.reshape(shape), lon.reshape(shape), height.reshape(shape)
 
-    def C_ln(self, lat: float, lon: float) -> np.ndarray:  # noqa: N802 - the package's name for a rotation
+    def C_ln(self, lat: float, lon: float) -> np.ndarray:
         """Rotation, shape (3, 3), from NED at (lat, lon) to this frame: meridian convergence and the tilt of the plumb line."""
         return self.C_le @ dcm_ne(lat, lon).T
 

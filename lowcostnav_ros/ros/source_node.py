@@ -99,7 +99,7 @@ class SourceNode(NodeBase):
             if self.running():
                 self._say("finished")
                 self.get_logger().info(f"{self.get_name()} finished after {time.monotonic() - began:.1f} s; Ctrl-C ends it.")
-        except Exception as error:  # noqa: BLE001 - a thread that dies in silence would look like a calm flight
+        except Exception as error:
             if self.running():
                 self.state, self.trouble = "failed", f"{type(error).__name__}: {error}"
                 self.get_logger().error(self.trouble)

@@ -186,7 +186,7 @@ class GnssRawSimulator:
             return None
         if settings.spoofing:
             offset, rate = false_place(settings.spoofing, elapsed_s)
-            C_en = dcm_ne(lat, lon).T  # noqa: N806 - the package's name for a rotation
+            C_en = dcm_ne(lat, lon).T
             ranges, spoofed, _ = range_and_rate(position_e + C_en @ offset[:3], velocity_e + C_en @ rate[:3], sat_pos, sat_vel)
             ranges, rates = ranges + offset[3], spoofed + rate[3] if settings.faults_in_doppler else rates
         error, sigma = self._range_errors(elevation, normals, used)

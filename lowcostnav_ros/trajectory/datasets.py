@@ -140,7 +140,7 @@ def exact_imu(p: Profile, lat: np.ndarray, height: np.ndarray) -> tuple[np.ndarr
     earth, transport = _frame_rates(lat, vel, meridian + height, normal + height)
     force_n = vel_1 + np.cross(2.0 * earth + transport, vel)
     force_n[:, 2] -= down
-    C_bn = _dcm_bn(angles)  # noqa: N806 - the package's name for a rotation
+    C_bn = _dcm_bn(angles)
     force_b = np.einsum("nij,nj->ni", C_bn, force_n)
     return force_b, _euler_rates_to_body(angles, angles_1) + np.einsum("nij,nj->ni", C_bn, earth + transport)
 

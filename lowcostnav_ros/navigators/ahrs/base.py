@@ -101,7 +101,7 @@ class Ahrs(Navigator):
     # what aids ask of their host ---------------------------------------------------------------------------------------------
 
     @property
-    def P(self) -> np.ndarray:  # noqa: N802 - the covariance is P everywhere in the field
+    def P(self) -> np.ndarray:
         """Covariance of the whole error state."""
         return self.core.P
 

@@ -74,7 +74,7 @@ class DeadReckoning(Navigator):
         self._restart()
 
     @property
-    def P(self) -> np.ndarray:  # noqa: N802 - the name every aid knows the covariance by
+    def P(self) -> np.ndarray:
         """Error covariance (n, n); its states are named by ``state.layout.labels``."""
         return self.state.P
 
