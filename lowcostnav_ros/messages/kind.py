@@ -6,10 +6,12 @@ every list of them is derived from the descriptions found here.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.registry import Registry
+
+if TYPE_CHECKING:  # who only names topics loads no numpy
+    from lowcostnav_ros.base.measurements import Measurement
 
 _ROOM = "lowcostnav_ros.messages.kinds"
 NAVIGATOR = "<navigator>/"
@@ -65,19 +67,19 @@ class Kind(TopicSpec):
     encode_many : measurement of several samples, with ``stamps_ns``, to the CDR bytes of each
     """
 
-    measurement: type[Measurement] | None = None
-    decode: Callable[[Any, Any], Measurement] | None = None
+    measurement: "type[Measurement] | None" = None
+    decode: "Callable[[Any, Any], Measurement] | None" = None
     encode: Callable[[Any], Any] | None = None
     frames: frozenset[str] = frozenset()
     variances: tuple[float, ...] = ()
     fields: Mapping[str, Quantity] = field(default_factory=dict)
     options: tuple[str, ...] = ()
     from_row: Callable[[Any], Any] | None = None
-    sample: Callable[[Any], Measurement] | None = None
+    sample: "Callable[[Any], Measurement] | None" = None
     sensed: bool = False
     recorded: bool = True
     by_type: bool = True
-    fast: Callable[[Any, "Kind", Any], Measurement | None] | None = None
+    fast: "Callable[[Any, Kind, Any], Measurement | None] | None" = None
     encode_many: Callable[[Any], list[bytes]] | None = None
 
 
