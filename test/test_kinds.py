@@ -218,9 +218,29 @@ def test_a_frame_is_mapped_and_any_accepts_all():
     assert isinstance(decode("imu/data_raw", topics.IMU, moved, DecodeRules(frames={"imu/data_raw": {ANY}})), m.ImuBlock)
 
 
+def test_a_node_subscribes_to_a_further_instance_and_to_an_assigned_source(ros):
+    from lowcostnav_ros.ros.node_base import NodeBase, message_class
+
+    class Listener(NodeBase):
+        def __init__(self, **kwargs) -> None:
+            super().__init__("listener", **kwargs)
+            self.fixes = []
+            self.decoder.rules.assign("ublox/position", kind="gps/fix", frames=("nose",))
+            for source in ("gps2/fix", "ublox/position"):
+                self.listen(source, self.fixes.append)
+
+    node = ros.make(Listener)
+    for source, frame in (("gps2/fix", "gps"), ("ublox/position", "nose")):
+        publisher = ros.probe.create_publisher(message_class(topics.NAV_SAT_FIX), source, 10)
+        assert ros.spin_until(lambda publisher=publisher: publisher.get_subscription_count() == 1)
+        publisher.publish(to_cdr(parts.nav_sat_fix(STAMP, 0.65, -2.1, 500.0, np.eye(3), frame)))
+        assert ros.spin_until(lambda source=source: [fix.source for fix in node.fixes][-1:] == [source])
+    assert {type(fix) for fix in node.fixes} == {m.GpsPosition}
+
+
 def test_a_navigator_topic_under_a_foreign_name():
     decoder = Decoder(DecodeRules(origins={"tower": LocalFrame(0.6, -2.0, 10.0)}))
-    decoder.rules.assign("tower/track", kind="<navigator>/fix", frames=(ANY,))
+    decoder.rules.assign("tower/track", kind="<navigator>/fix", frames=ANY)
     raw = to_cdr(parts.nav_sat_fix(STAMP, 0.65, -2.1, 500.0, np.eye(3), "radar"))
     assert isinstance(decoder.decode("tower/track", topics.NAV_SAT_FIX, raw), m.NavSolution)
 

@@ -45,7 +45,7 @@ class DecodeRules:
     max_range_m: float = 600.0e3
     _known: dict[str, Kind] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def assign(self, source: str, kind: str, frames: Collection[str] = ()) -> None:
+    def assign(self, source: str, kind: str, frames: str | Collection[str] = ()) -> None:
         """Give a source the kind of a canonical topic (``gps/fix``, ``<navigator>/odometry``), and frame ids of its own.
 
         Raises
@@ -54,7 +54,7 @@ class DecodeRules:
             When there is no such topic.
         """
         self.kinds[source] = described(kind).name
-        self.frames[source] = frames
+        self.frames[source] = (frames,) if isinstance(frames, str) else frames
         self._known.pop(source, None)
 
     def kind_of(self, source: str) -> Kind | None:
