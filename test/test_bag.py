@@ -130,7 +130,7 @@ def test_damage_anywhere_is_a_sentence_never_another_exception(tmp_path, storage
 def test_missing_topic_and_wrong_type_are_named(tmp_path):
     write(tmp_path / "bag")
     with BagWriter(tmp_path / "odd") as bag:
-        bag.write("gps/fix", topics.TEMPERATURE, T0, to_cdr(e.temperature(m.AirTemperature(T0, "x", 280.0, 1.0))))
+        bag.write("gps/fix", topics.TEMPERATURE, T0, to_cdr(e.encode(m.AirTemperature(T0, "x", 280.0, 1.0))))
     with BagReader(tmp_path / "bag") as bag:
         text = refusal(lambda: list(bag.measurements(["gps/fixx"])))
         assert "no topic 'gps/fixx' (did you mean 'gps/fix'?)" in text

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.convert import ConvertError, convert, load_profile
-from lowcostnav_ros.convert.profile import TOPIC_FIELDS, profile_from
+from lowcostnav_ros.convert.profile import profile_from
 from lowcostnav_ros.convert.timebase import straight_line
 from lowcostnav_ros.convert.units_by_name import UNITS
 from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.topics import TOPICS
 
 GPS = {
     "file": "gps.csv",
@@ -214,7 +215,7 @@ def test_shipped_profiles_are_sound():
     assert {"px4_flight", "road_drive", "road_walk"} <= set(names)
     for name in names:
         assert load_profile(name).description
-    assert {q.dimension for fields in TOPIC_FIELDS.values() for q in fields.values()} <= set(UNITS)
+    assert {q.dimension for kind in TOPICS.values() for q in kind.fields.values()} <= set(UNITS)
 
 
 def test_the_shipped_profile_is_found_by_the_files_of_a_folder(tmp_path):

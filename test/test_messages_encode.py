@@ -7,8 +7,7 @@ from lowcostnav_ros.base import measurements as m
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.messages import encode as e
 from lowcostnav_ros.messages import topics
-from lowcostnav_ros.messages.decode import Decoder
-from lowcostnav_ros.messages.decode_sensors import attitude_from_imu
+from lowcostnav_ros.messages.decode import Decoder, decode
 from lowcostnav_ros.messages.store import STORE, from_cdr, to_cdr
 from lowcostnav_ros.physics.earth import LocalFrame
 
@@ -28,7 +27,7 @@ def test_solution_becomes_an_imu_message_and_comes_back():
     sent = m.NavSolution(
         5, "ahrs", q_nb=q, angular_rate_b=np.ones(3), specific_force_b=np.array([0, 0, -9.8]), cov_att=np.diag([1e-4, 2e-4, 3e-3])
     )
-    back = attitude_from_imu(e.imu_from_solution(sent))
+    back = decode("imu/data", topics.IMU, to_cdr(e.imu_from_solution(sent)))
     np.testing.assert_allclose(back.q_nb, q, atol=1e-15)
     np.testing.assert_array_equal(back.cov_att, sent.cov_att)
     np.testing.assert_array_equal(back.specific_force_b, sent.specific_force_b)

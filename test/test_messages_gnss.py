@@ -12,7 +12,7 @@ from lowcostnav_ros.catalogue.config_files import config_dir, load_settings, yam
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.decode import Decoder, Rejected, decode
 from lowcostnav_ros.messages.encode import encode_cdr
-from lowcostnav_ros.messages.gnss_cloud import POINT, cloud_of
+from lowcostnav_ros.messages.kinds.gnss_raw import POINT, cloud_of
 from lowcostnav_ros.messages.store import STORE, from_cdr, to_cdr
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 

@@ -6,6 +6,7 @@ recording are the same thing to everything downstream.
 """
 
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -19,6 +20,8 @@ class Measurement:
 
     stamp_ns: int
     source: str
+
+    part = ""  # tells measurements of one stamp and source apart, where a kind has several
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,6 +127,8 @@ class SlantRange(Measurement):
     range_m: float
     variance: float
 
+    part = property(attrgetter("station"))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VorBearing(Measurement):
@@ -136,6 +141,8 @@ class VorBearing(Measurement):
     station: str
     bearing_rad: float
     variance: float
+
+    part = property(attrgetter("station"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

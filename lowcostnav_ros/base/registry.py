@@ -35,10 +35,12 @@ class Registry(Mapping[str, T], Generic[T]):
         Package whose modules are the entries; the name of a module is the name of its entry.
     hidden : tuple of str
         Modules of the room that are no entries.
+    many : bool
+        A module may register several entries under names of their own: all modules are imported at the first look-up.
     """
 
-    def __init__(self, what: str, room: str, hidden: tuple[str, ...] = ()) -> None:
-        self.what, self.room, self.hidden = what, room, hidden
+    def __init__(self, what: str, room: str, hidden: tuple[str, ...] = (), *, many: bool = False) -> None:
+        self.what, self.room, self.hidden, self.many = what, room, hidden, many
         self._things: dict[str, T] = {}
         self._origins: dict[str, str] = {}
 
@@ -56,8 +58,8 @@ class Registry(Mapping[str, T], Generic[T]):
         return thing
 
     def __getitem__(self, name: str) -> T:
-        load_plugins()
-        if name not in self._things and name in _modules(self.room, self.hidden):
+        names = self._load()
+        if name not in self._things and name in names:
             importlib.import_module(f"{self.room}.{name}")
         try:
             return self._things[name]
@@ -68,15 +70,26 @@ class Registry(Mapping[str, T], Generic[T]):
         return name in set(self)
 
     def __iter__(self) -> Iterator[str]:
-        load_plugins()
-        return iter(dict.fromkeys([*_modules(self.room, self.hidden), *self._things]))
+        names = self._load()
+        return iter(sorted(self._things) if self.many else dict.fromkeys([*names, *self._things]))
 
     def __len__(self) -> int:
         return len(list(iter(self)))
 
     def own(self) -> tuple[str, ...]:
         """Names of the entries of this package, without those of plugins."""
-        return _modules(self.room, self.hidden)
+        names = self._load()
+        return tuple(name for name in self if self._origins[name].startswith(f"{self.room}.")) if self.many else names
+
+    def _load(self) -> tuple[str, ...]:
+        """Import the plugins, and the modules of a room of many; return the names of the modules that are entries."""
+        load_plugins()
+        names = _modules(self.room, self.hidden)
+        if not self.many:
+            return names
+        for name in names:
+            importlib.import_module(f"{self.room}.{name}")
+        return ()
 
     def registering(self, name_of: Callable[[T], str]) -> Callable[[T], T]:
         """Make a decorator that enters what it decorates under the name that ``name_of`` gives."""
@@ -106,4 +119,4 @@ def load_plugins() -> None:
         try:
             importlib.import_module(name)
         except ImportError as error:
-            raise RegistryError(f"The plugin '{name}' of {PLUGINS} cannot be imported ({error}); correct the name or PYTHONPATH.") from error
+            raise RegistryError(f"The plugin '{name}' of {PLUGINS} cannot be imported ({error}); correct it or PYTHONPATH.") from error

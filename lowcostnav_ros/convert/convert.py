@@ -1,23 +1,23 @@
 """Convert recorded tables to a standard recording."""
 
 import shutil
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base import measurements as m
+from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.convert.profile import ConvertError, FieldSpec, Profile, TableProfile, TopicProfile, load_profile
 from lowcostnav_ros.convert.table import Table, read_table
 from lowcostnav_ros.convert.timebase import stamps_ns
 from lowcostnav_ros.messages import conversions as conv
-from lowcostnav_ros.messages import encode
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
+from lowcostnav_ros.messages.encode import encode_cdr
+from lowcostnav_ros.messages.samples import TableRow
 from lowcostnav_ros.messages.store import to_cdr
-from lowcostnav_ros.physics.rotation import euler_to_dcm, euler_to_quat, wrap_2pi
+from lowcostnav_ros.messages.topics import spec
 
 _SHOWN = 5
 
@@ -120,8 +120,22 @@ def _records(path: Path, profile: TableProfile, report: ConversionReport) -> lis
     records: list[Record] = []
     for topic in profile.topics:
         columns = {name: _values(spec, table, rising) for name, spec in topic.fields.items()}
-        records += _BUILDERS[topic.topic](topic, stamps[rising], columns)
+        records += _topic_records(topic, stamps[rising], columns)
     return records
+
+
+def _topic_records(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Record]:
+    kind = spec(topic.topic)
+    rows = TableRow((stamps, topic.topic), columns, topic.mounting_deg, topic.station)
+    if kind.encode_many is not None:
+        yield from encode_cdr(kind.from_row(rows))
+        return
+    for k, stamp_ns in enumerate(stamps.tolist()):
+        built = kind.from_row(replace(rows, head=(stamp_ns, topic.topic), values={name: column[k] for name, column in columns.items()}))
+        if isinstance(built, Measurement):
+            yield from encode_cdr(built)
+        else:
+            yield stamp_ns, topic.topic, kind.msgtype, to_cdr(built)
 
 
 def _kept(table: Table, profile: TableProfile) -> np.ndarray:
@@ -145,88 +159,3 @@ def _values(spec: FieldSpec, table: Table, rows: np.ndarray) -> np.ndarray:
     elif spec.frame == "FLU":
         values = conv.swap_body(values)
     return values[:, 0] if values.shape[1] == 1 else values
-
-
-def _mounted(values: np.ndarray, topic: TopicProfile) -> np.ndarray:
-    """Turn sensor axes into body axes by the mounting rotations, the first applied first."""
-    for turn in topic.mounting_deg:
-        values = values @ euler_to_dcm(*np.radians(turn)).T
-    return values
-
-
-def _imu_raw(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Record]:
-    force, rate = _mounted(columns["force"], topic), _mounted(columns["rate"], topic)
-    yield from encode.encode_cdr(m.ImuBlock.of(topic.topic, stamps, force, rate))
-
-
-def _rows(build: Callable[[int, TopicProfile, dict], Any]) -> Callable[..., Iterator[Record]]:
-    """Make a builder of records from a builder of the measurement of one row."""
-
-    def records(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Record]:
-        for k, stamp_ns in enumerate(stamps.tolist()):
-            yield from encode.encode_cdr(build(stamp_ns, topic, {name: column[k] for name, column in columns.items()}))
-
-    return records
-
-
-def _variances(sigma: np.ndarray) -> np.ndarray:
-    return np.diag(np.abs(sigma) ** 2)
-
-
-def _fix(stamp_ns: int, topic: TopicProfile, row: dict) -> m.GpsPosition:
-    return m.GpsPosition(stamp_ns, topic.topic, float(row["lat"]), float(row["lon"]), float(row["height"]), _variances(row["sigma"]))
-
-
-def _velocity(stamp_ns: int, topic: TopicProfile, row: dict) -> m.GpsVelocity:
-    return m.GpsVelocity(stamp_ns, topic.topic, row["velocity"], _variances(row["sigma"]))
-
-
-def _attitude(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Record]:
-    known = "force" in columns
-    for k, stamp_ns in enumerate(stamps.tolist()):
-        q_nb = columns["quaternion"][k] if "quaternion" in columns else euler_to_quat(*columns["euler"][k])
-        force = columns["force"][k] if known else np.zeros(3)
-        attitude = m.Attitude(stamp_ns, topic.topic, q_nb, _variances(columns["sigma"][k]), columns["rate"][k], force)
-        message: Any = encode.imu_attitude(attitude, specific_force_known=known)
-        yield stamp_ns, topic.topic, message.__msgtype__, to_cdr(message)
-
-
-def _magnetic(stamp_ns: int, topic: TopicProfile, row: dict) -> m.MagneticField:
-    return m.MagneticField(stamp_ns, topic.topic, _mounted(row["field"], topic), _variances(row["sigma"]))
-
-
-def _air(stamp_ns: int, topic: TopicProfile, row: dict) -> m.AirVelocity:
-    cov = np.diag([row["sigma"] ** 2, m.UNKNOWN_VARIANCE, m.UNKNOWN_VARIANCE])
-    return m.AirVelocity(stamp_ns, topic.topic, np.array([row["tas"], 0.0, 0.0]), cov)
-
-
-def _pressure(stamp_ns: int, topic: TopicProfile, row: dict) -> m.Pressure:
-    return m.Pressure(stamp_ns, topic.topic, row["value"], row["sigma"] ** 2)
-
-
-def _temperature(stamp_ns: int, topic: TopicProfile, row: dict) -> m.AirTemperature:
-    return m.AirTemperature(stamp_ns, topic.topic, row["value"], row["sigma"] ** 2)
-
-
-def _range(stamp_ns: int, topic: TopicProfile, row: dict) -> m.SlantRange:
-    return m.SlantRange(stamp_ns, topic.topic, topic.station, row["range"], row["sigma"] ** 2)
-
-
-def _radial(stamp_ns: int, topic: TopicProfile, row: dict) -> m.VorBearing:
-    return m.VorBearing(stamp_ns, topic.topic, topic.station, float(wrap_2pi(row["radial"])), row["sigma"] ** 2)
-
-
-_BUILDERS = {
-    "imu/data_raw": _imu_raw,
-    "imu/data": _attitude,
-    "imu/data_fused": _attitude,
-    "gps/fix": _rows(_fix),
-    "gps/vel": _rows(_velocity),
-    "imu/mag": _rows(_magnetic),
-    "air/velocity": _rows(_air),
-    "air/static_pressure": _rows(_pressure),
-    "air/dynamic_pressure": _rows(_pressure),
-    "air/temperature": _rows(_temperature),
-    "dme/range": _rows(_range),
-    "vor/bearing": _rows(_radial),
-}

@@ -8,55 +8,12 @@ from typing import Any
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.catalogue.config_files import config_dir, find_config, read_yaml
 from lowcostnav_ros.convert.units_by_name import UNITS
+from lowcostnav_ros.messages.kind import Quantity
+from lowcostnav_ros.messages.topics import TOPICS, kind_of
 
 
 class ConvertError(ValueError):
     """A profile or recording that cannot be converted; the message is one sentence that says what to do."""
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """What a topic expects of one field: how many columns, of which dimension, in which frames."""
-
-    size: int
-    dimension: str
-    required: bool = True
-    frames: tuple[str, ...] = ()
-
-
-_WORLD, _BODY = ("NED", "ENU"), ("FRD", "FLU")
-_RATE, _FORCE = Quantity(3, "angular rate", True, _BODY), Quantity(3, "acceleration", True, _BODY)
-_ATTITUDE = {
-    "quaternion": Quantity(4, "number", False, ("FRD to NED",)),
-    "euler": Quantity(3, "angle", False),
-    "rate": _RATE,
-    "force": Quantity(3, "acceleration", False, _BODY),
-    "sigma": Quantity(3, "angle"),
-}
-_PRESSURE = {"value": Quantity(1, "pressure"), "sigma": Quantity(1, "pressure")}
-
-TOPIC_FIELDS: dict[str, dict[str, Quantity]] = {
-    "gps/fix": {
-        "lat": Quantity(1, "angle"),
-        "lon": Quantity(1, "angle"),
-        "height": Quantity(1, "length"),
-        "sigma": Quantity(3, "length", True, _WORLD),
-    },
-    "gps/vel": {"velocity": Quantity(3, "speed", True, _WORLD), "sigma": Quantity(3, "speed", True, _WORLD)},
-    "imu/data_raw": {"force": _FORCE, "rate": _RATE},
-    "imu/data": _ATTITUDE,
-    "imu/data_fused": _ATTITUDE,
-    "imu/mag": {"field": Quantity(3, "magnetic field", True, _BODY), "sigma": Quantity(3, "magnetic field")},
-    "air/velocity": {"tas": Quantity(1, "speed"), "sigma": Quantity(1, "speed")},
-    "air/static_pressure": _PRESSURE,
-    "air/dynamic_pressure": _PRESSURE,
-    "air/temperature": {"value": Quantity(1, "temperature"), "sigma": Quantity(1, "temperature")},
-    "dme/range": {"range": Quantity(1, "length"), "sigma": Quantity(1, "length")},
-    "vor/bearing": {"radial": Quantity(1, "angle"), "sigma": Quantity(1, "angle")},
-}
-"""Topics a table can become, with their fields."""
-
-_TOPIC_EXTRAS = {"imu/data_raw": {"mounting_deg"}, "imu/mag": {"mounting_deg"}, "dme/range": {"station"}, "vor/bearing": {"station"}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,12 +187,13 @@ _TIME_NUMBERS = (("epoch_s", 0.0), ("offset_s", 0.0), ("leap_seconds", 0.0), ("l
 
 
 def _topic(topic: str, content: Any, where: str) -> TopicProfile:
-    if topic not in TOPIC_FIELDS:
-        raise ConvertError(f"{where}: a table cannot become this topic{nearest(topic, TOPIC_FIELDS)}.")
-    expected = TOPIC_FIELDS[topic]
-    extras = _TOPIC_EXTRAS.get(topic, set())
-    required = tuple(name for name, quantity in expected.items() if quantity.required) + tuple(extras - {"mounting_deg"})
-    _known(content, set(expected) | extras, where, required)
+    kind = kind_of(topic)
+    if kind is None or not kind.fields:
+        possible = [name for name, other in TOPICS.items() if other.fields]
+        raise ConvertError(f"{where}: a table cannot become this topic{nearest(topic, possible)}.")
+    expected = kind.fields
+    required = *(name for name, quantity in expected.items() if quantity.required), *(set(kind.options) - {"mounting_deg"})
+    _known(content, {*expected, *kind.options}, where, required)
     fields = {name: _field(value, expected[name], f"{where}.{name}") for name, value in content.items() if name in expected}
     if "quaternion" in expected and ("quaternion" in fields) == ("euler" in fields):
         raise ConvertError(f"{where}: give the attitude either as 'quaternion' or as 'euler'.")

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import ImuBlock, Measurement, SlantRange, VorBearing
+from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 
 TIME_JUMP_NS = 10_000_000_000
 """A stamp this far from the newest is not lateness: it is a bad stamp, or a restarted clock when it persists (default)."""
@@ -75,7 +75,7 @@ class FusionHorizon:
             return self._push_imu(measurement)
         if self.passed_ns is not None and stamp <= self.passed_ns:
             return "late"
-        key = (stamp, measurement.source, measurement.station if isinstance(measurement, SlantRange | VorBearing) else "")
+        key = (stamp, measurement.source, measurement.part)
         if key in self._keys:
             return "duplicate stamp"
         self._keys.add(key)
@@ -128,8 +128,8 @@ class FusionHorizon:
             self.newest_ns = stamp
 
     def _pop(self) -> Measurement:
-        stamp, source, station, _, measurement = heapq.heappop(self._waiting)
-        self._keys.discard((stamp, source, station))
+        stamp, source, part, _, measurement = heapq.heappop(self._waiting)
+        self._keys.discard((stamp, source, part))
         return measurement
 
     def _push_imu(self, block: ImuBlock) -> str:

@@ -43,7 +43,7 @@ STOP_ORDER = (SOURCES, tuple(SIMULATOR_INPUTS), NAVIGATOR_NAMES, ("recorder",), 
 
 def recorded_topics() -> list[str]:
     """Topics a recording holds: all but /clock, which the player makes anew, and truth/imu, which truth/odometry covers."""
-    fixed = [name for name in TOPICS if name not in ("clock", "truth/imu")]
+    fixed = [name for name, kind in TOPICS.items() if kind.recorded]
     return fixed + [f"{room}/{part}" for room in ("dead_reckoning", "ins_gps", "gnss_only", "ins_gnss", "nav") for part in NAVIGATOR_TOPICS]
 
 

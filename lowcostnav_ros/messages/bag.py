@@ -159,7 +159,7 @@ class BagReader:
         for source in map(topics.source_of, sources):
             if source not in self.types:
                 raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
-            expected = _msgtype_of(source)
+            expected = self._msgtype_of(source)
             if expected is None:
                 raise BagError(f"{self.path}: topic '{source}' carries nothing a navigator reads{nearest(source, topics.TOPICS)}.")
             if self.types[source] != expected:
@@ -213,7 +213,11 @@ class BagReader:
 
     def decodable(self) -> list[str]:
         """List the sources of this recording that are measurements, with the type they ought to have."""
-        return [s for s in self.types if _msgtype_of(s) == self.types[s] and s not in ("clock", "diagnostics")]
+        return [s for s, msgtype in self.types.items() if self._msgtype_of(s) == msgtype]
+
+    def _msgtype_of(self, source: str) -> str | None:
+        kind = self.decoder.rules.kind_of(source)
+        return None if kind is None or kind.decode is None else kind.msgtype
 
     def identity(self) -> str:
         """Return the SHA-256 over topic, receive stamp and bytes of every message in order: the same for either storage."""
@@ -224,7 +228,7 @@ class BagReader:
         return digest.hexdigest()
 
     def _decoded(self, chunk: list[tuple[str, int, bytes]]) -> Iterator[Measurement]:
-        inertial = _RunsOfSamples(chunk, self.types, self.decoder)
+        inertial = _RunsOfSamples(chunk, self.decoder)
         for k, (source, _stamp_ns, raw) in enumerate(chunk):
             if source in inertial.sources:
                 inertial.add(source, k)
@@ -239,8 +243,8 @@ class BagReader:
 class _RunsOfSamples:
     """Inertial samples of one chunk, decoded in columns at first use and handed out in runs."""
 
-    def __init__(self, chunk: list[tuple[str, int, bytes]], types: dict[str, str], decoder: Decoder) -> None:
-        self.sources = {s for s, _, _ in chunk if types[s] == topics.IMU and s.endswith("data_raw")}
+    def __init__(self, chunk: list[tuple[str, int, bytes]], decoder: Decoder) -> None:
+        self.sources = {s for s in {s for s, _, _ in chunk} if topics.spec(s, decoder.rules).measurement is ImuBlock}
         self._columns = {s: _Columns(s, chunk, decoder) for s in self.sources}
         self._open: dict[str, list[int]] = {}
 
@@ -268,13 +272,6 @@ class _Columns:
         records = [k for k, record in enumerate(chunk) if record[0] == source]
         self.block, good = decoder.decode_imu_block([chunk[k][2] for k in records], source)
         self.row_of = dict(zip(np.array(records)[good].tolist(), range(int(good.sum())), strict=True))
-
-
-def _msgtype_of(source: str) -> str | None:
-    try:
-        return topics.spec(source).msgtype
-    except ValueError:
-        return None
 
 
 def _opened(path: Path) -> Reader:

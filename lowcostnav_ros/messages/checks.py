@@ -1,9 +1,13 @@
 """Checks on single fields of a message; each returns the checked value or raises :class:`Refusal` with a fixed phrase."""
 
 import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal
 
 ABSURD = 1.0e30
@@ -20,11 +24,57 @@ def stamp_ns(header) -> int:
     return sec * 1_000_000_000 + nanosec
 
 
-def frame(source: str, frame_id: str, rules: DecodeRules, kind: str = "") -> None:
-    """Refuse a frame id that the rules do not list for this source (or for its ``kind``, a navigator's topic)."""
-    expected = rules.frames.get(source) or rules.frames.get(kind)
-    if expected and frame_id.rpartition("/")[2] not in expected:
-        raise Refusal("wrong frame id", f"'{frame_id}', expected {' or '.join(sorted(expected))}")
+@dataclass(slots=True)
+class Received:
+    """What is known of a message beside its content: stamp and source, kind under these rules; ``notes`` counts assumptions."""
+
+    head: tuple[int, str]
+    kind: Kind
+    rules: DecodeRules
+    notes: Counter[str]
+
+    def frame(self, frame_id: str) -> None:
+        """Refuse a frame id that is not of this kind."""
+        expected = self.kind.frames
+        if expected and frame_id.rpartition("/")[2] not in expected:
+            raise Refusal("wrong frame id", f"'{frame_id}', expected {' or '.join(sorted(expected))}")
+
+    def assumed(self) -> tuple[float, ...]:
+        """Return the default variances and note it; refuse where there are none."""
+        if not self.kind.variances:
+            raise Refusal("covariance is unknown and no default is set")
+        self.notes[f"{self.kind.name}: covariance unknown, default used"] += 1
+        return self.kind.variances
+
+    def known(self, cov: np.ndarray | None, swap: Callable) -> np.ndarray:
+        """Return a checked covariance in our axes, the default where it is None, which means unknown."""
+        return np.diag(self.assumed()) if cov is None else swap(cov)
+
+    def variance(self, value: float, what: str) -> float:
+        """Return the checked variance, the default where it is unknown."""
+        known = variance(value, what)
+        return self.assumed()[0] if known is None else known
+
+
+def xyz(vector) -> tuple[float, float, float]:
+    """Return the components of a Vector3 or a Point."""
+    return vector.x, vector.y, vector.z
+
+
+def station(header) -> str:
+    """Return the station ident a header carries as its frame id."""
+    ident = header.frame_id.strip()
+    if not ident.isalnum() or len(ident) > 8:
+        raise Refusal("station ident missing", f"frame_id '{header.frame_id}'")
+    return ident
+
+
+def twist(message, what: str, limit: float, may_be_zero: bool = False) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the checked linear velocity of a TwistWithCovarianceStamped and its covariance, both in the message's axes."""
+    velocity = xyz(message.twist.twist.linear)
+    finite(velocity, what)
+    magnitude(velocity, limit, f"{what} implausible")
+    return np.array(velocity), covariance(np.reshape(message.twist.covariance, (6, 6))[:3, :3].ravel(), what, may_be_zero)
 
 
 def finite(values: tuple[float, ...] | np.ndarray, what: str) -> None:

@@ -4,22 +4,17 @@ Live nodes hand over the bytes of raw subscriptions, a replay the bytes of a bag
 """
 
 from collections import Counter
-from collections.abc import Callable
 
 import numpy as np
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
-from lowcostnav_ros.messages import checks, gnss_cloud, imu_columns, topics
-from lowcostnav_ros.messages import decode_sensors as sensor
-from lowcostnav_ros.messages.decode_navigation import odometry, origin_from_fix, solution_from_fix, solution_from_wind
-from lowcostnav_ros.messages.rules import DecodeRules, Refusal, Rejected
+from lowcostnav_ros.messages import checks, imu_columns, topics
+from lowcostnav_ros.messages.kind import Kind
+from lowcostnav_ros.messages.rules import RULES, DecodeRules, Refusal, Rejected
 from lowcostnav_ros.messages.store import from_cdr, full_type
 from lowcostnav_ros.physics.earth import LocalFrame
 
-__all__ = ["RULES", "DecodeRules", "Decoder", "Rejected", "decode", "decode_imu", "decode_imu_block"]
-
-RULES = DecodeRules()
-"""Rules used where none are given."""
+__all__ = ["RULES", "DecodeRules", "Decoder", "Rejected", "decode", "decode_imu_block"]
 
 Notes = Counter[str]
 
@@ -47,31 +42,21 @@ def decode(
     Measurement or Rejected
     """
     source = topics.source_of(source)
-    msgtype = full_type(msgtype)
-    if msgtype == topics.IMU and source.endswith("data_raw"):
-        return decode_imu(raw, source, rules)
-    if msgtype == topics.IMU and source in _ATTITUDES:
-        attitude = imu_columns.attitude(raw, source, rules)
-        if attitude is not None:
-            return attitude
-    last = source.rpartition("/")[2]
-    handler = _BY_NAME.get(source) or _BY_LAST.get(last)
-    if handler is None:
+    kind = rules.kind_of(source)
+    if kind is None or kind.decode is None:
         return Rejected(source, "unknown topic")
-    if handler[0] != msgtype:
-        return Rejected(source, "wrong message type", f"{msgtype}, expected {handler[0]}")
-    return _guarded(source, raw, handler, rules, Counter() if notes is None else notes)
-
-
-def decode_imu(raw: bytes | memoryview, source: str = "imu/data_raw", rules: DecodeRules = RULES) -> ImuBlock | Rejected:
-    """Turn one ``imu/data_raw`` message into a block of one sample; the orientation is not looked at."""
-    block = imu_columns.one(raw, source, rules)
-    return block if block is not None else decode_imu_checked(raw, source, rules)
+    if kind.msgtype != msgtype and kind.msgtype != full_type(msgtype):
+        return Rejected(source, "wrong message type", f"{full_type(msgtype)}, expected {kind.msgtype}")
+    if kind.fast is not None:
+        measurement = kind.fast(raw, kind, rules)
+        if measurement is not None:
+            return measurement
+    return _carefully(raw, kind, rules, Counter() if notes is None else notes)
 
 
 def decode_imu_checked(raw: bytes | memoryview, source: str, rules: DecodeRules = RULES) -> ImuBlock | Rejected:
     """Turn one ``imu/data_raw`` message into a block of one sample the careful way, which names what is wrong."""
-    return _guarded(source, raw, (topics.IMU, sensor.imu_raw), rules, Counter())
+    return _carefully(raw, topics.spec(source, rules), rules, Counter())
 
 
 def decode_imu_block(raws: list[bytes], source: str = "imu/data_raw", rules: DecodeRules = RULES) -> tuple[ImuBlock | None, list[Rejected]]:
@@ -88,10 +73,11 @@ def decode_imu_block(raws: list[bytes], source: str = "imu/data_raw", rules: Dec
 
 
 def _imu_rows(raws: list[bytes], source: str, rules: DecodeRules) -> tuple[ImuBlock | None, list[Rejected], np.ndarray]:
-    stamps, force, rate, good = imu_columns.many(raws, source, rules)
+    kind = topics.spec(source, rules)
+    stamps, force, rate, good = imu_columns.many(raws, kind, rules)
     rejected = []
     for row in np.flatnonzero(~good):
-        result = decode_imu_checked(raws[row], source, rules)
+        result = _carefully(raws[row], kind, rules, Counter())
         if isinstance(result, Rejected):
             rejected.append(result)
         else:
@@ -150,43 +136,14 @@ class Decoder:
             self.accepted[source] += 1
 
 
-def _guarded(source: str, raw: bytes | memoryview, handler: tuple, rules: DecodeRules, notes: Notes) -> Measurement | Rejected:
+def _carefully(raw: bytes | memoryview, kind: Kind, rules: DecodeRules, notes: Notes) -> Measurement | Rejected:
     stamp_ns = 0
     try:
-        message = from_cdr(raw, handler[0])
+        message = from_cdr(raw, kind.msgtype)
     except Exception as error:
-        return Rejected(source, "malformed message", str(error)[:120])
+        return Rejected(kind.name, "malformed message", str(error)[:120])
     try:
         stamp_ns = checks.stamp_ns(message.header)
-        return handler[1](message, stamp_ns, source, rules, notes)
+        return kind.decode(message, checks.Received((stamp_ns, kind.name), kind, rules, notes))
     except Refusal as refusal:
-        return Rejected(source, refusal.reason, refusal.detail, stamp_ns)
-
-
-_ATTITUDES = ("imu/data", "imu/data_fused")
-
-_BY_NAME: dict[str, tuple[str, Callable]] = {
-    "imu/data": (topics.IMU, sensor.attitude),
-    "imu/data_fused": (topics.IMU, sensor.attitude),
-    "truth/imu": (topics.IMU, sensor.attitude),
-    "gps/attitude": (topics.IMU, sensor.gps_attitude),
-    "imu/mag": (topics.MAGNETIC_FIELD, sensor.magnetic),
-    "gps/fix": (topics.NAV_SAT_FIX, sensor.gps_fix),
-    "gps/vel": (topics.TWIST, sensor.gps_velocity),
-    "gnss/raw": (topics.POINT_CLOUD, gnss_cloud.epoch_of),
-    "air/velocity": (topics.TWIST, sensor.air_velocity),
-    "air/static_pressure": (topics.FLUID_PRESSURE, sensor.pressure),
-    "air/dynamic_pressure": (topics.FLUID_PRESSURE, sensor.pressure),
-    "air/temperature": (topics.TEMPERATURE, sensor.temperature),
-    "dme/range": (topics.RANGE, sensor.dme_range),
-    "vor/bearing": (topics.POSE, sensor.vor_bearing),
-}
-
-_BY_LAST: dict[str, tuple[str, Callable]] = {
-    "odometry": (topics.ODOMETRY, odometry),
-    "odometry_fused": (topics.ODOMETRY, odometry),
-    "fix": (topics.NAV_SAT_FIX, solution_from_fix),
-    "origin": (topics.NAV_SAT_FIX, origin_from_fix),
-    "wind": (topics.TWIST, solution_from_wind),
-    "wind_fused": (topics.TWIST, solution_from_wind),
-}
+        return Rejected(kind.name, refusal.reason, refusal.detail, stamp_ns)

@@ -13,6 +13,7 @@ import numpy as np
 from lowcostnav_ros.base.measurements import Attitude, ImuBlock
 from lowcostnav_ros.messages.checks import ABSURD, covariance
 from lowcostnav_ros.messages.conversions import quat_from_ros, swap_world_cov
+from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal
 
 _HEAD = struct.Struct("<iII")
@@ -24,9 +25,9 @@ _ZERO = (0.0,) * 9
 _TO_FRD = np.array([1.0, -1.0, -1.0])
 
 
-def one(raw: bytes | memoryview, source: str, rules: DecodeRules) -> ImuBlock | None:
+def one(raw: bytes | memoryview, kind: Kind, rules: DecodeRules) -> ImuBlock | None:
     """Return a block of one sample, or None where the message needs the careful decoder."""
-    head = _head(raw, source, "imu/data_raw", rules)
+    head = _head(raw, kind)
     if head is None:
         return None
     stamp, start = head
@@ -34,12 +35,12 @@ def one(raw: bytes | memoryview, source: str, rules: DecodeRules) -> ImuBlock | 
     if not _sound_vectors(v, rules):
         return None
     f, w = np.array(((v[12], -v[13], -v[14]),)), np.array(((v[0], -v[1], -v[2]),))
-    return ImuBlock(stamp, source, np.array((stamp,)), f, w)
+    return ImuBlock(stamp, kind.name, np.array((stamp,)), f, w)
 
 
-def attitude(raw: bytes | memoryview, source: str, rules: DecodeRules) -> Attitude | None:
+def attitude(raw: bytes | memoryview, kind: Kind, rules: DecodeRules) -> Attitude | None:
     """Return the attitude of an ``imu/data`` message, or None where it needs the careful decoder."""
-    head = _head(raw, source, "imu/data", rules)
+    head = _head(raw, kind)
     if head is None:
         return None
     stamp, start = head
@@ -55,17 +56,17 @@ def attitude(raw: bytes | memoryview, source: str, rules: DecodeRules) -> Attitu
     if matrix is None:
         return None
     force, rate = np.array((v[12], -v[13], -v[14])), np.array((v[0], -v[1], -v[2]))
-    return Attitude(stamp, source, quat_from_ros(x, y, z, w), swap_world_cov(matrix), rate, force)
+    return Attitude(stamp, kind.name, quat_from_ros(x, y, z, w), swap_world_cov(matrix), rate, force)
 
 
-def _head(raw: bytes | memoryview, source: str, kind: str, rules: DecodeRules) -> tuple[int, int] | None:
+def _head(raw: bytes | memoryview, kind: Kind) -> tuple[int, int] | None:
     """Return (stamp ns, offset of the doubles) of a message that looks right so far."""
     size = len(raw)
     if size < 16 or raw[0] != 0 or raw[1] != 1:
         return None
     sec, nanosec, frame_size = _HEAD.unpack_from(raw, 4)
     start = _doubles_start(frame_size)
-    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raw, frame_size, source, kind, rules):
+    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raw, frame_size, kind):
         return None
     if sec < 0 or nanosec >= 1_000_000_000 or sec == nanosec == 0:
         return None
@@ -80,14 +81,14 @@ def _sound_vectors(v: tuple[float, ...], rules: DecodeRules) -> bool:
     return small and light and _plain(v[3:12]) and _plain(v[15:24])
 
 
-def many(raws: Sequence[bytes], source: str, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def many(raws: Sequence[bytes], kind: Kind, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return (stamps_ns, specific force FRD, angular rate FRD, good) for all messages; rows that are not good hold zeros."""
     n = len(raws)
     stamps, force, rate, good = np.zeros(n, np.int64), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, bool)
     sizes = {len(raw) for raw in raws}
     for size in sizes:  # one size, save where messages with frame ids of different length are mixed
         same = [raw for raw in raws if len(raw) == size] if len(sizes) > 1 else raws
-        columns = _columns(same, size, source, rules)
+        columns = _columns(same, size, kind, rules)
         if columns is None:
             continue
         if len(sizes) == 1:
@@ -97,13 +98,13 @@ def many(raws: Sequence[bytes], source: str, rules: DecodeRules) -> tuple[np.nda
     return stamps, force, rate, good
 
 
-def _columns(raws: Sequence[bytes], size: int, source: str, rules: DecodeRules) -> tuple | None:
+def _columns(raws: Sequence[bytes], size: int, kind: Kind, rules: DecodeRules) -> tuple | None:
     if size < 16 + 8 * _DOUBLES:
         return None
     table = np.frombuffer(b"".join(raws), np.uint8).reshape(len(raws), size)
     frame_size = _HEAD.unpack_from(raws[0], 4)[2]
     start = _doubles_start(frame_size)
-    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raws[0], frame_size, source, "imu/data_raw", rules):
+    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raws[0], frame_size, kind):
         return None
     sec_nanosec = np.ascontiguousarray(table[:, 4:12])
     sec = sec_nanosec.view("<i4")[:, 0].astype(np.int64)
@@ -120,14 +121,13 @@ def _doubles_start(frame_size: int) -> int:
     return 4 + ((12 + frame_size + 7) & -8)  # alignment counts from behind the encapsulation
 
 
-def _frame_is_known(raw: bytes | memoryview, frame_size: int, source: str, kind: str, rules: DecodeRules) -> bool:
-    expected = rules.frames.get(source) or rules.frames.get(kind)
-    if not expected or not 1 < frame_size < 200:
+def _frame_is_known(raw: bytes | memoryview, frame_size: int, kind: Kind) -> bool:
+    if not 1 < frame_size < 200:
         return False
     name = bytes(raw[16 : 15 + frame_size])
     if raw[15 + frame_size] != 0 or not name.isascii():
         return False
-    return name.decode().rpartition("/")[2] in expected
+    return not kind.frames or name.decode().rpartition("/")[2] in kind.frames
 
 
 def _plain(cov: tuple[float, ...]) -> bool:

@@ -1,54 +1,16 @@
-"""What the decoder accepts: frames, plausible ranges, variances where a message states none; and what a refusal looks like."""
+"""What the decoder accepts: kinds and frames of sources, plausible ranges, variances where a message states none; and refusals."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
-from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.messages.kind import Kind, described, find
 
-_BODY = frozenset({"base_link", "imu_link"})
-_ANTENNA = frozenset({"gps", "gps_link", "gnss", "antenna", "base_link", "map"})
-_WORLD = frozenset({"map", "odom"})
+if TYPE_CHECKING:
+    from lowcostnav_ros.physics.earth import LocalFrame
 
-DEFAULT_FRAMES: Mapping[str, frozenset[str]] = MappingProxyType(
-    {
-        "imu/data_raw": _BODY,
-        "imu/data": _BODY,
-        "imu/data_fused": _BODY,
-        "imu/mag": _BODY | {"mag_link"},
-        "gps/attitude": frozenset({"base_link"}),
-        "gps/fix": _ANTENNA,
-        "gps/vel": frozenset({"gps", "gps_link", "gnss", "antenna", "map"}),  # base_link would mean body axes
-        "gnss/raw": _ANTENNA,
-        "air/static_pressure": _BODY | {"air_data"},
-        "air/dynamic_pressure": _BODY | {"air_data"},
-        "air/temperature": _BODY | {"air_data"},
-        "air/velocity": frozenset({"base_link"}),
-        "truth/imu": _BODY,
-        "odometry": _WORLD,
-        "fix": _ANTENNA,
-        "wind": _WORLD,
-    }
-)
-"""Accepted ``frame_id`` by source, or by the last part of a navigator's topic; a prefix such as ``uav1/`` is ignored."""
-
-DEFAULT_VARIANCES: Mapping[str, tuple[float, ...]] = MappingProxyType(
-    {
-        "imu/data": (3.0e-4, 3.0e-4, 1.2e-3),  # 1 deg roll and pitch, 2 deg heading
-        "imu/data_fused": (3.0e-4, 3.0e-4, 1.2e-3),
-        "imu/mag": (2.5e-13, 2.5e-13, 2.5e-13),  # 5 mG
-        "gps/attitude": (7.6e-5, 7.6e-5, 7.6e-5),  # 0.5 deg
-        "gps/fix": (9.0, 9.0, 25.0),
-        "gps/vel": (0.04, 0.04, 0.09),
-        "air/static_pressure": (400.0,),
-        "air/dynamic_pressure": (100.0,),
-        "air/temperature": (4.0,),
-        "air/velocity": (4.0, 1.0e6, 1.0e6),
-        "dme/range": (1.0e5,),  # 0.17 NM
-        "vor/bearing": (3.0e-4,),  # 1 deg
-    }
-)
-"""Variances used where the covariance is all zeros, which means unknown: NED or FRD order, SI."""
+ANY = "any"
+"""Among the frames of a source: accept every frame id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +19,12 @@ class DecodeRules:
 
     Attributes
     ----------
-    frames : mapping of source to accepted frame ids; a source that is missing accepts any.
-    default_variances : mapping of source to variances (NED/FRD order, SI) for a covariance of all zeros; missing means refuse.
+    kinds : dict of source to canonical topic
+        Kinds of sources whose names do not tell (see :func:`~lowcostnav_ros.messages.kind.find`); :meth:`assign` fills it.
+    frames : dict of source to frame ids
+        Accepted besides those of the kind; :data:`ANY` accepts all.
+    default_variances : mapping of source to variances, or None
+        For a covariance of all zeros (NED/FRD order, SI); a source that is missing is refused.  None: those of the kinds.
     origins : dict of navigator name to the :class:`LocalFrame` its odometry is expressed in; a :class:`Decoder`
         fills it as ``<navigator>/origin`` arrives.
     max_angular_rate, max_specific_force : float
@@ -69,13 +35,44 @@ class DecodeRules:
         Slant range that no station serves.
     """
 
-    frames: Mapping[str, frozenset[str]] = field(default_factory=lambda: DEFAULT_FRAMES)
-    default_variances: Mapping[str, tuple[float, ...]] = field(default_factory=lambda: DEFAULT_VARIANCES)
-    origins: dict[str, LocalFrame] = field(default_factory=dict)
+    kinds: dict[str, str] = field(default_factory=dict)
+    frames: dict[str, Collection[str]] = field(default_factory=dict)
+    default_variances: Mapping[str, tuple[float, ...]] | None = None
+    origins: dict[str, "LocalFrame"] = field(default_factory=dict)
     max_angular_rate: float = 35.0
     max_specific_force: float = 1000.0
     mag_range: tuple[float, float] = (0.1e-4, 1.4e-4)
     max_range_m: float = 600.0e3
+    _known: dict[str, Kind] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def assign(self, source: str, kind: str, frames: str | Collection[str] = ()) -> None:
+        """Give a source the kind of a canonical topic (``gps/fix``, ``<navigator>/odometry``), and frame ids of its own.
+
+        Raises
+        ------
+        RegistryError
+            When there is no such topic.
+        """
+        self.kinds[source] = described(kind).name
+        self.frames[source] = (frames,) if isinstance(frames, str) else frames
+        self._known.pop(source, None)
+
+    def kind_of(self, source: str) -> Kind | None:
+        """Return the kind of a source under these rules, with the source's name, frames and variances; None where it has none."""
+        kind = self._known.get(source)
+        if kind is None:
+            found = find(source, self.kinds)
+            if found is None:
+                return None
+            own, variances = self.frames.get(source, ()), self.default_variances
+            frames = frozenset() if ANY in own or not found.frames else found.frames | frozenset(own)
+            assumed = found.variances if variances is None else tuple(variances.get(source, ()))
+            kind = self._known[source] = replace(found, name=source, frames=frames, variances=assumed)
+        return kind
+
+
+RULES = DecodeRules()
+"""Rules used where none are given."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """The one table of message types, and serialisation that writes the same bytes for the same values."""
 
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
@@ -19,3 +19,10 @@ def to_cdr(message: object) -> bytes:
 def from_cdr(raw: bytes | memoryview, msgtype: str) -> object:
     """Return the message object of CDR bytes; raises whatever a malformed buffer makes the parser raise."""
     return STORE.deserialize_cdr(raw, full_type(msgtype))
+
+
+def register_type(msgtype: str, definition: str) -> type:
+    """Add a message type that ROS 2 itself does not have, by the text of its .msg file; return the class of its message objects."""
+    if full_type(msgtype) not in STORE.types:
+        STORE.register(get_types_from_msg(definition, full_type(msgtype)))
+    return STORE.types[full_type(msgtype)]

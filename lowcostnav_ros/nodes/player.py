@@ -6,15 +6,12 @@ from typing import Any
 
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.messages.bag import BagError, BagReader
-from lowcostnav_ros.messages.topics import CLOCK, DIAGNOSTICS, TopicSpec, spec
+from lowcostnav_ros.messages.topics import CLOCK, DIAGNOSTICS, TopicSpec, kind_of
 from lowcostnav_ros.ros.node_base import Output
 from lowcostnav_ros.ros.run import run
 from lowcostnav_ros.ros.source_node import SourceNode
 
 NOT_PLAYED = (CLOCK, DIAGNOSTICS)  # a new clock is made; old diagnostics would pass for those of the nodes that listen now
-
-SENSED = ("imu", "gps", "gnss", "air", "dme", "vor")
-"""First words of the topics that sensors publish on."""
 
 
 @dataclass(frozen=True)
@@ -46,10 +43,7 @@ class Player(SourceNode):
         """Return the publisher of a topic of the bag, of whatever type it was recorded with."""
         if name not in self._bag.types:
             raise BagError(f"{self._settings.path} has no topic '{name}'; it has {', '.join(sorted(self._bag.types))}.")
-        try:
-            own = spec(name)
-        except ValueError:
-            own = TopicSpec(name, self._bag.types[name], "")
+        own = kind_of(name) or TopicSpec(name, self._bag.types[name], "")
         return self.outputs.setdefault(name, Output(self, own, name, self.node_settings.qos.lossless))
 
     def speak(self) -> None:
@@ -66,7 +60,7 @@ class Player(SourceNode):
     def _sensors(self) -> list[str]:
         """Topics a navigator would compute itself are not played against it."""
         playable = [name for name, kind in self._bag.types.items() if kind not in NOT_PLAYED]
-        sensors = [n for n in playable if n.split("/")[0] in SENSED and n not in ("imu/data", "imu/data_fused")]
+        sensors = [name for name in playable if (kind := kind_of(name)) is not None and kind.sensed]
         return sensors or playable
 
 

@@ -61,7 +61,7 @@ class NavigatorNode(NodeBase):
         self.navigator = make(self.parameters.settings[0])
         # who flies on inertial samples answers quickly; who hears fused solutions is tenths of a second behind anyway
         self.poll_period_s = 0.01 if self.navigator.inertial is None else 0.0025
-        warm_up(make(self.parameters.settings[0]))
+        warm_up(make(self.parameters.settings[0]), self.decoder.rules)
         self._set_rate(self.parameters.settings[1])
         self._is_attitude_only = name == "ahrs"
         self._magnetometer = None

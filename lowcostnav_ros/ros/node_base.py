@@ -191,7 +191,7 @@ class NodeBase(Node):
         Bad messages are counted under their reason and go no further.  Odometry that arrives before the origin of its map frame is
         held until the origin is known.
         """
-        spec = topics.spec(source)
+        spec = topics.spec(source, self.decoder.rules)
         msgtype = spec.msgtype
 
         def take(monitor: InputMonitor, raw: bytes) -> None:
@@ -209,7 +209,7 @@ class NodeBase(Node):
 
     def listen_raw(self, source: str, handler: Callable[[InputMonitor, bytes], None], *, required: bool = False) -> InputMonitor:
         """Subscribe to the serialised bytes of a topic; a message that breaks the handler is counted, never raised."""
-        spec = topics.spec(source)
+        spec = topics.spec(source, self.decoder.rules)
         monitor = InputMonitor(source, required, self.node_settings.input.silent_after_s)
 
         reports = self._reports_on(source)
@@ -256,7 +256,7 @@ class NodeBase(Node):
         if source not in self.outputs:
             settings = self.node_settings.qos
             listeners = parse_expected(settings.listeners).get(source, 0)
-            self.outputs[source] = Output(self, topics.spec(source), topic or source, settings.lossless, listeners)
+            self.outputs[source] = Output(self, topics.spec(source, self.decoder.rules), topic or source, settings.lossless, listeners)
         return self.outputs[source]
 
     def rows(self) -> Iterable[Status]:
@@ -297,7 +297,8 @@ class NodeBase(Node):
             if monitor.count:
                 continue
             publishers = self.get_publishers_info_by_topic(source)
-            offers = [qos_check_compatible(p.qos_profile, qos.for_subscription(topics.spec(source), is_lossless)) for p in publishers]
+            own = qos.for_subscription(topics.spec(source, self.decoder.rules), is_lossless)
+            offers = [qos_check_compatible(p.qos_profile, own) for p in publishers]
             deaf = [why for verdict, why in offers if verdict == QoSCompatibility.ERROR]
             monitor.trouble = f"its publisher cannot be heard with qos.lossless={is_lossless} ({deaf[0].strip()})" if deaf else ""
 

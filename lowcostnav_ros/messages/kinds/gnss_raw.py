@@ -29,9 +29,12 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.gnss.signals import name as name_of
-from lowcostnav_ros.messages import checks, topics
-from lowcostnav_ros.messages.rules import DecodeRules, Refusal
-from lowcostnav_ros.messages.store import STORE
+from lowcostnav_ros.messages.checks import Received, Refusal
+from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, TopicSpec, describe
+from lowcostnav_ros.messages.parts import TYPES, header
+from lowcostnav_ros.messages.samples import FLIGHT_S, VELOCITY, Instant
+from lowcostnav_ros.messages.topics import POINT_CLOUD
+from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 
 _REALS = ("x", "y", "z", "vx", "vy", "vz", "pseudorange", "doppler", "sigma", "sigma_doppler", "cn0")
 _BYTES = ("system", "sat_id", "flags")
@@ -44,7 +47,6 @@ NEAREST_M, FARTHEST_M = 1.5e7, 6.0e7
 SAME_SIGMAS = 5.0
 """Two points of one satellite agree when they differ by less than this many sigmas of their difference."""
 
-_T = STORE.types
 _UINT8, _FLOAT64 = 2, 8  # sensor_msgs/PointField
 _MOST_SATELLITES = 200
 
@@ -60,14 +62,12 @@ def cloud_of(epoch: GnssEpoch) -> object:
     points["system"] = [ord(letter) for letter in epoch.system]
     points["sat_id"] = epoch.sat_id
     points["flags"] = epoch.range_valid + 2 * epoch.doppler_valid
-    fields = [_T["sensor_msgs/msg/PointField"](n, POINT.fields[n][1], _FLOAT64 if n in _REALS else _UINT8, 1) for n in POINT.names]
-    stamp = _T["builtin_interfaces/msg/Time"](epoch.stamp_ns // 1_000_000_000, epoch.stamp_ns % 1_000_000_000)
+    fields = [TYPES["sensor_msgs/msg/PointField"](n, POINT.fields[n][1], _FLOAT64 if n in _REALS else _UINT8, 1) for n in POINT.names]
     data = np.frombuffer(points.tobytes(), np.uint8)
-    header = _T["std_msgs/msg/Header"](stamp, "gps")
-    return _T[topics.POINT_CLOUD](header, 1, len(epoch), fields, False, POINT.itemsize, len(data), data, True)
+    return TYPES[POINT_CLOUD](header(epoch.stamp_ns, "gps"), 1, len(epoch), fields, False, POINT.itemsize, len(data), data, True)
 
 
-def epoch_of(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Counter) -> GnssEpoch:
+def _decode(message, received: Received) -> GnssEpoch:
     """Turn a PointCloud2 message object into an epoch.
 
     An observation that cannot be (not finite, impossible range, no sigma) is kept as not valid, and ``notes`` counts it; so it does the
@@ -78,7 +78,7 @@ def epoch_of(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Cou
     Refusal
         For a wrong frame, missing fields, a length that does not fit, or when satellites that contradict themselves are all there is.
     """
-    checks.frame(source, message.header.frame_id, rules)
+    received.frame(message.header.frame_id)
     points = _points(message)
     position, velocity = (np.column_stack([points[f"{v}{name}"] for name in "xyz"]) for v in ("", "v"))
     with np.errstate(invalid="ignore", over="ignore"):
@@ -88,13 +88,13 @@ def epoch_of(message, stamp_ns: int, source: str, rules: DecodeRules, notes: Cou
     said_range, said_rate = (points["flags"] & 1) != 0, (points["flags"] & 2) != 0
     for what, said, good in (("pseudorange", said_range, good_range), ("doppler", said_rate, good_rate)):
         if np.any(said & ~good):
-            notes[f"{source}: implausible {what} left out"] += int(np.count_nonzero(said & ~good))
+            received.notes[f"{received.kind.name}: implausible {what} left out"] += int(np.count_nonzero(said & ~good))
     columns = [_finite(points[name]) for name in _REALS[6:]]
     system = np.array([chr(code) for code in points["system"]], dtype="<U1")
     states = np.where(placed[:, None], position, 0.0), np.where(placed[:, None], velocity, 0.0)
     valid = said_range & good_range, said_rate & good_rate
-    epoch = GnssEpoch(stamp_ns, source, system, points["sat_id"].astype(np.int64), *columns, *states, *valid)
-    return _once_each(epoch, notes)
+    epoch = GnssEpoch(*received.head, system, points["sat_id"].astype(np.int64), *columns, *states, *valid)
+    return _once_each(epoch, received.notes)
 
 
 def _once_each(epoch: GnssEpoch, notes: Counter) -> GnssEpoch:
@@ -161,3 +161,39 @@ def _points(message) -> np.ndarray:
         raise Refusal("length of the data does not fit", f"{len(message.data)} bytes")
     layout = np.dtype({"names": list(POINT.names), "formats": formats, "offsets": offsets, "itemsize": message.point_step})
     return np.frombuffer(bytes(message.data), layout)
+
+
+_FAULT_S, _FAULT_M = 5.0, 1000.0
+
+
+def _sample(at: Instant) -> GnssEpoch:
+    """Noise-free observations of the simulated satellites in view; in the last seconds the first has a fault, to be found and excluded."""
+    from lowcostnav_ros.gnss.constellation import gps_24  # only who warms up needs satellites that fly
+    from lowcostnav_ros.gnss.observables import range_and_rate
+
+    place_e, velocity_e = geodetic_to_ecef(*at.place), dcm_ne(*at.place[:2]).T @ VELOCITY
+    constellation = gps_24()
+    sat_pos, sat_vel = constellation.states(at.since_s)
+    ranges, rates, los = range_and_rate(place_e, velocity_e, sat_pos, sat_vel)
+    seen = los @ place_e > 0.1 * np.linalg.norm(place_e)
+    ranges[np.flatnonzero(seen)[0]] += _FAULT_M if at.since_s > FLIGHT_S - _FAULT_S else 0.0
+    n = int(np.count_nonzero(seen))
+    columns = ranges[seen], rates[seen], np.full(n, 5.0), np.full(n, 0.2), np.zeros(n), sat_pos[seen], sat_vel[seen]
+    names = constellation.system[seen], constellation.sat_id[seen]
+    return GnssEpoch(*at.head, *names, *columns, np.ones(n, bool), np.ones(n, bool))
+
+
+_MEANING = (
+    "Satellite observations; fields: see messages.kinds.gnss_raw. One point a satellite is used: of two signals that agree the one of "
+    "the smaller sigma; copies that contradict each other are all left out, the other satellites stay."
+)
+describe(
+    __name__,
+    TopicSpec("gnss/raw", POINT_CLOUD, _MEANING, "gps", "m, m/s"),
+    measurement=GnssEpoch,
+    decode=_decode,
+    encode=cloud_of,
+    frames=ANTENNA_FRAMES,
+    sample=_sample,
+    sensed=True,
+)

@@ -1,0 +1,38 @@
+"""``air/velocity``: the air-relative velocity."""
+
+import numpy as np
+
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity
+from lowcostnav_ros.messages import checks, topics
+from lowcostnav_ros.messages import conversions as conv
+from lowcostnav_ros.messages.kind import Quantity, TopicSpec, describe
+from lowcostnav_ros.messages.parts import twist_stamped
+from lowcostnav_ros.messages.samples import VELOCITY
+
+
+def _decode(message, received: checks.Received) -> AirVelocity:
+    received.frame(message.header.frame_id)
+    velocity, cov = checks.twist(message, "airspeed", 400.0)
+    if velocity[0] < -50.0:
+        raise checks.Refusal("airspeed is negative", f"{velocity[0]:g} m/s")
+    return AirVelocity(*received.head, conv.swap_body(velocity), received.known(cov, conv.swap_body_cov))
+
+
+def _cov(variance: float) -> np.ndarray:
+    """Return the covariance of a measured airspeed without vanes."""
+    return np.diag([variance, UNKNOWN_VARIANCE, UNKNOWN_VARIANCE])
+
+
+describe(
+    __name__,
+    TopicSpec("air/velocity", topics.TWIST, "Air-relative velocity: TAS on x, sideslip on y, incidence on z.", "base_link", "m/s"),
+    measurement=AirVelocity,
+    decode=_decode,
+    encode=lambda sent: twist_stamped(sent.stamp_ns, "base_link", conv.swap_body(sent.vel_b), conv.swap_body_cov(sent.cov_b)),
+    frames=frozenset({"base_link"}),
+    variances=(4.0, UNKNOWN_VARIANCE, UNKNOWN_VARIANCE),
+    fields={"tas": Quantity(1, "speed"), "sigma": Quantity(1, "speed")},
+    from_row=lambda row: AirVelocity(*row.head, np.array([row["tas"], 0.0, 0.0]), _cov(row.variance())),
+    sample=lambda at: AirVelocity(*at.head, VELOCITY, _cov(4.0)),
+    sensed=True,
+)

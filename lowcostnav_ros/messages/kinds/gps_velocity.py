@@ -1,0 +1,32 @@
+"""``gps/vel``: the velocity over ground of a GPS receiver."""
+
+import numpy as np
+
+from lowcostnav_ros.base.measurements import GpsVelocity
+from lowcostnav_ros.messages import checks, topics
+from lowcostnav_ros.messages import conversions as conv
+from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, WORLD_AXES, Quantity, TopicSpec, describe
+from lowcostnav_ros.messages.parts import twist_stamped
+from lowcostnav_ros.messages.samples import VELOCITY
+
+
+def _decode(message, received: checks.Received) -> GpsVelocity:
+    received.frame(message.header.frame_id)
+    velocity, cov = checks.twist(message, "velocity", 600.0)
+    return GpsVelocity(*received.head, conv.swap_world(velocity), received.known(cov, conv.swap_world_cov))
+
+
+_SPEED = Quantity(3, "speed", True, WORLD_AXES)
+describe(
+    __name__,
+    TopicSpec("gps/vel", topics.TWIST, "Velocity over ground, east north up at the antenna.", "gps", "m/s"),
+    measurement=GpsVelocity,
+    decode=_decode,
+    encode=lambda sent: twist_stamped(sent.stamp_ns, "gps", conv.swap_world(sent.vel_n), conv.swap_world_cov(sent.cov_n)),
+    frames=ANTENNA_FRAMES - {"base_link"},  # which would mean body axes
+    variances=(0.04, 0.04, 0.09),
+    fields={"velocity": _SPEED, "sigma": _SPEED},
+    from_row=lambda row: GpsVelocity(*row.head, row["velocity"], row.cov()),
+    sample=lambda at: GpsVelocity(*at.head, VELOCITY, 0.01 * np.eye(3)),
+    sensed=True,
+)

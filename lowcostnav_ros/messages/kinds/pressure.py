@@ -1,0 +1,57 @@
+"""``air/static_pressure`` and ``air/dynamic_pressure``."""
+
+from collections.abc import Callable
+
+from lowcostnav_ros.base.measurements import Pressure
+from lowcostnav_ros.messages import checks, parts, topics
+from lowcostnav_ros.messages.checks import Received, Refusal
+from lowcostnav_ros.messages.kind import BODY_FRAMES, Quantity, TopicSpec, describe
+
+
+def _refuse_static(value: float) -> None:
+    if value < 0.0:
+        raise Refusal("pressure is negative", f"{value:g} Pa")
+    if 120.0 < value < 1200.0:  # Pa would be above 30 km
+        raise Refusal("pressure implausible, hectopascal instead of pascal?", f"{value:g}")
+    if 10.0 < value <= 120.0:
+        raise Refusal("pressure implausible, kilopascal or inches of mercury instead of pascal?", f"{value:g}")
+    if not 5.0e3 <= value <= 1.2e5:
+        raise Refusal("pressure implausible", f"{value:g} Pa")
+
+
+def _refuse_dynamic(value: float) -> None:
+    if value < -500.0:  # at rest a differential sensor scatters around zero; refusing half of that would bias the rest
+        raise Refusal("pressure is negative", f"{value:g} Pa")
+    if value > 5.0e4:
+        raise Refusal("pressure implausible", f"{value:g} Pa")
+
+
+def _encode(sent: Pressure) -> object:
+    return parts.TYPES[topics.FLUID_PRESSURE](parts.header(sent.stamp_ns, "base_link"), float(sent.pressure_pa), float(sent.variance))
+
+
+def _describe(name: str, description: str, refuse: Callable[[float], None], variance: float, typical: float) -> None:
+    def decode(message, received: Received) -> Pressure:
+        received.frame(message.header.frame_id)
+        value = message.fluid_pressure
+        checks.finite((value,), "pressure")
+        refuse(value)
+        return Pressure(*received.head, value, received.variance(message.variance, "pressure"))
+
+    describe(
+        __name__,
+        TopicSpec(name, topics.FLUID_PRESSURE, description, "base_link", "Pa"),
+        measurement=Pressure,
+        decode=decode,
+        encode=_encode,
+        frames=BODY_FRAMES | {"air_data"},
+        variances=(variance,),
+        fields={"value": Quantity(1, "pressure"), "sigma": Quantity(1, "pressure")},
+        from_row=lambda row: Pressure(*row.head, row["value"], row.variance()),
+        sample=lambda at: Pressure(*at.head, typical, 100.0),
+        sensed=True,
+    )
+
+
+_describe("air/static_pressure", "Static pressure.", _refuse_static, 400.0, 95_460.0)
+_describe("air/dynamic_pressure", "Impact pressure, total minus static.", _refuse_dynamic, 100.0, 1_450.0)

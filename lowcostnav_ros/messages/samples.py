@@ -1,0 +1,60 @@
+"""Where a measurement comes from when there is no message: a row of a recorded table, an instant of the warm-up flight."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, displace
+from lowcostnav_ros.physics.rotation import euler_to_dcm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TableRow:
+    """Fields of a table in SI and NED/FRD, as a kind describes them: of one row, or of all rows with a leading axis more.
+
+    ``head`` is that of the measurement, stamp and source; ``mounting_deg`` lists (roll, pitch, yaw) rotations from sensor to body axes,
+    the first applied first.
+    """
+
+    head: tuple[Any, str]
+    values: Mapping[str, Any]
+    mounting_deg: tuple[tuple[float, float, float], ...] = ()
+    station: str = ""
+
+    def __getitem__(self, name: str) -> Any:
+        return self.values[name]
+
+    def mounted(self, name: str) -> np.ndarray:
+        """Return a field turned from sensor axes into body axes."""
+        values = self.values[name]
+        for turn in self.mounting_deg:
+            values = values @ euler_to_dcm(*np.radians(turn)).T
+        return values
+
+    def cov(self) -> np.ndarray:
+        """Return the covariance of three sigmas."""
+        return np.diag(np.abs(self.values["sigma"]) ** 2)
+
+    def variance(self) -> float:
+        """Return the variance of one sigma."""
+        return self.values["sigma"] ** 2
+
+
+FLIGHT_S, STEP_S = 30.0, 0.2
+"""Length of the warm-up flight, and time between its instants."""
+BEGIN_NS = 10**18
+PLACE = (0.6578, -2.1262, 500.0)
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+FORCE = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+VELOCITY = np.array([50.0, 0.0, 0.0])
+
+
+class Instant:
+    """One instant of a flight straight and level to the north: place (rad, rad, m), stamp, and the source that is to measure."""
+
+    def __init__(self, step: int, source: str) -> None:
+        self.stamp_ns, self.source = BEGIN_NS + round(1e9 * STEP_S) * (step + 1), source
+        self.place = tuple(float(x) for x in displace(*PLACE, VELOCITY * (STEP_S * step)))
+        self.head, self.since_s = (self.stamp_ns, source), 1e-9 * (self.stamp_ns - BEGIN_NS)
