@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lowcostnav_ros.base import measurements as m
+from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.gnss.constellation import gps_24
 from lowcostnav_ros.gnss.observables import range_and_rate
 from lowcostnav_ros.messages import topics
@@ -67,7 +68,7 @@ def _measurement(source: str, stamp_ns: int, lat: float, lon: float, height: flo
         return m.Attitude(stamp_ns, source, LEVEL, 1e-4 * EYE, still, force)
     if kind == topics.ODOMETRY:
         covariances = {"cov_pos": EYE, "cov_vel": EYE, "cov_att": 1e-4 * EYE}
-        return m.NavSolution(stamp_ns, source, lat, lon, height, velocity, LEVEL, still, force, **covariances, mode="gps")
+        return m.NavSolution(stamp_ns, source, lat, lon, height, velocity, LEVEL, still, force, **covariances, mode=Mode.GPS)
     simple = {
         "gps/fix": lambda: m.GpsPosition(stamp_ns, source, lat, lon, height, 4.0 * EYE),
         "gps/vel": lambda: m.GpsVelocity(stamp_ns, source, velocity, 0.01 * EYE),
