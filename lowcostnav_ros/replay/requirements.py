@@ -9,6 +9,7 @@ import dataclasses
 import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, SERVICES, Service, category
+from lowcostnav_ros.replay.result import Approach, Exceedance, ServiceErrors
 
 HOLE_NS = 3_000_000_000
 """Errors farther apart than this do not belong to one exceedance."""
@@ -49,17 +50,17 @@ class CategoryShares:
             h, v = horizontal_m <= horizontal, vertical_m <= vertical
             self._within[name] += [h.sum(), v.sum(), (h & v).sum()]
 
-    def as_dict(self, horizontal_95_m: float, vertical_95_m: float) -> dict:
+    def result(self, horizontal_95_m: float, vertical_95_m: float) -> Approach:
         """Shares by category, and the strictest category that the 95 % errors meet (empty for none)."""
         shares = {
             name: dict(zip(("horizontal", "vertical", "both"), (within / self._count).tolist(), strict=True))
             for name, within in reversed(self._within.items())
         }
-        return {"met_by_95": category(horizontal_95_m, vertical_95_m), "share_within": shares}
+        return Approach(category(horizontal_95_m, vertical_95_m), shares)
 
 
 @dataclasses.dataclass(slots=True)
-class Exceedance:
+class Stretch:
     """One stretch of errors beyond an alert limit, stamps in ns; ``alert_ns`` is when the navigator's own alert began, None for never."""
 
     start_ns: int
@@ -72,6 +73,11 @@ class Exceedance:
         if self.alert_ns is not None and self.alert_ns <= due_ns:
             return "warned"
         return "brief" if self.end_ns < due_ns else "missed"
+
+    def result(self, time_to_alert_ns: int) -> Exceedance:
+        """The stretch in s, with its verdict."""
+        alarm_s, due_s = None if self.alert_ns is None else self.alert_ns / 1e9, (self.start_ns + time_to_alert_ns) / 1e9
+        return Exceedance(self.start_ns / 1e9, self.end_ns / 1e9, due_s, alarm_s, self.verdict(time_to_alert_ns))
 
 
 class IntegrityMonitor:
@@ -87,12 +93,12 @@ class IntegrityMonitor:
 
     def __init__(self, service: Service) -> None:
         self.service = service
-        self.listed: list[Exceedance] = []
+        self.listed: list[Stretch] = []
         self._to_alert_ns = round(1e9 * service.time_to_alert_s)
         self._factors = service.protection_factors()
         self._counts = {"warned": 0, "brief": 0, "missed": 0}
         self._beyond_ns = self._alert_total_ns = self._misled_ns = self._longest_ns = 0
-        self._open: Exceedance | None = None
+        self._open: Stretch | None = None
         self._alert_since_ns: int | None = None
         self._last: tuple[int, bool, bool] | None = None
 
@@ -123,7 +129,7 @@ class IntegrityMonitor:
             self._close()
             return
         if self._open is None:
-            self._open = Exceedance(stamp, stamp, None)
+            self._open = Stretch(stamp, stamp, None)
         self._open.end_ns = stamp
         if self._open.alert_ns is None:
             self._open.alert_ns = self._alert_since_ns
@@ -136,32 +142,23 @@ class IntegrityMonitor:
                 self.listed.append(self._open)
         self._open = None
 
-    def as_dict(self) -> dict | None:
-        """Plain values for a result file, None when no position ever came; an exceedance still open ends here."""
+    def result(self) -> ServiceErrors | None:
+        """What was found, None when no position ever came; an exceedance still open ends here."""
         self._close()
         if self._last is None:
             return None
-        return {
-            "horizontal_limit_m": self.service.horizontal_m,
-            "vertical_limit_m": self.service.vertical_m,
-            "time_to_alert_s": self.service.time_to_alert_s,
-            "exceedances": sum(self._counts.values()),
+        return ServiceErrors(
+            self.service.horizontal_m,
+            self.service.vertical_m,
+            self.service.time_to_alert_s,
+            sum(self._counts.values()),
             **self._counts,
-            "longest_s": self._longest_ns / 1e9,
-            "beyond_limit_s": self._beyond_ns / 1e9,
-            "alert_s": self._alert_total_ns / 1e9,
-            "beyond_without_alert_s": self._misled_ns / 1e9,
-            "listed": [
-                {
-                    "start_s": e.start_ns / 1e9,
-                    "end_s": e.end_ns / 1e9,
-                    "alarm_due_s": (e.start_ns + self._to_alert_ns) / 1e9,
-                    "alarm_s": None if e.alert_ns is None else e.alert_ns / 1e9,
-                    "verdict": e.verdict(self._to_alert_ns),
-                }
-                for e in self.listed
-            ],
-        }
+            longest_s=self._longest_ns / 1e9,
+            beyond_limit_s=self._beyond_ns / 1e9,
+            alert_s=self._alert_total_ns / 1e9,
+            beyond_without_alert_s=self._misled_ns / 1e9,
+            listed=tuple(e.result(self._to_alert_ns) for e in self.listed),
+        )
 
 
 def monitors() -> dict[str, IntegrityMonitor]:

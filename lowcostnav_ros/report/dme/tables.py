@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.radionav.benchmarks_vor import REQUIREMENT_M
 from lowcostnav_ros.radionav.geometry import hdop
@@ -14,6 +15,7 @@ from lowcostnav_ros.radionav.layouts import NOISE_M
 from lowcostnav_ros.radionav.plan import Point, pair_changes
 from lowcostnav_ros.radionav.selection import best_pair, usable, view
 from lowcostnav_ros.report.dme.plan import Leg, Level, Plan
+from lowcostnav_ros.report.terminal import print_report
 
 BIAS_M = 0.17 * NAUTICAL_MILE
 SCHEDULE_S = 120.0
@@ -21,21 +23,16 @@ SCHEDULE_S = 120.0
 
 def print_plan(plan: Plan) -> None:
     """Print coverage, expected error, stations asked, schedule and what is wrong."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(soft_wrap=True)
-    overview = Table(title=f"{len(plan.table)} stations in the area; expected error without GPS, one receiver, a range every 15 s")
-    for heading in ("altitude", "area % with 1/2/3", "way flown", "with a pair", "worst 1-sigma", "on arrival"):
-        overview.add_column(heading, justify="left" if heading == "way flown" else "right")
+    rows = []
     for level in plan.levels:
         shares = "/".join(f"{100.0 * level.coverage.share(n):.0f}" for n in (1, 2, 3))
         for k, leg in enumerate(level.legs):
             first = (f"{level.altitude_m:.0f} m", shares) if k == 0 else ("", "")
-            overview.add_row(*first, leg.name, f"{100.0 * leg.paired:.0f} %", _metres(leg.worst_m), f"{leg.arrival_m:.0f} m")
-    console.print(overview)
-    for line in (*_said(plan), _schedule_line(plan), *plan.notes, *_closing(plan)):
-        console.print(line, highlight=False)
+            rows.append((*first, leg.name, f"{100.0 * leg.paired:.0f} %", _metres(leg.worst_m), f"{leg.arrival_m:.0f} m"))
+    heads = ("altitude", "area % with 1/2/3", "way flown", "with a pair", "worst 1-sigma", "on arrival")
+    table = Table.plain("Expected error without GPS, one receiver, a range every 15 s", heads, rows, left=3)
+    said = (*_said(plan), _schedule_line(plan), *plan.notes, *_closing(plan))
+    print_report(f"{len(plan.table)} stations in the area", [table], said)
 
 
 def _metres(value: float) -> str:

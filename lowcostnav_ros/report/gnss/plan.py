@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.gnss.sky_plan import Lowest, SkyPlan, Window
-from lowcostnav_ros.report.gnss.words import spread
+from lowcostnav_ros.report.gnss.words import SPREAD, spread
+from lowcostnav_ros.report.terminal import print_report
 
 DOPS = ("gdop", "pdop", "hdop", "vdop", "tdop")
 MOST_WINDOWS = 8
@@ -60,25 +62,11 @@ class GnssPlan:
 
 def print_plan(plan: GnssPlan) -> None:
     """Print the spread over all hours, a row per hour, and the windows without a good position."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(soft_wrap=True)
-    overall = Table(title=f"{plan.title}, {plan.view}")
-    for column in ("", "smallest", "median", "95 %", "largest"):
-        overall.add_column(column, justify="right" if column else "left")
-    overall.add_row("satellites in view", *spread(plan.sky.counts, 0))
-    for dop in DOPS:
-        overall.add_row(dop.upper(), *spread(plan.sky.column(dop), 2))
-    console.print(overall)
-    hourly = Table(title=f"by the hour, UTC, from {plan.start:%Y-%m-%d %H:%M}")
-    for column in ("from", "satellites", "HDOP median/worst", "VDOP", "PDOP", f"PDOP above {plan.pdop_limit:g} or none"):
-        hourly.add_column(column, justify="right")
-    for row in hour_rows(plan):
-        hourly.add_row(*row)
-    console.print(hourly)
-    for line in (*sentences(plan), *plan.notes):
-        console.print(line, highlight=False)
+    rows = [("satellites in view", *spread(plan.sky.counts, 0)), *((dop.upper(), *spread(plan.sky.column(dop), 2)) for dop in DOPS)]
+    overall = Table.plain("over all hours", ("", *SPREAD), rows)
+    heads = ("from", "satellites", "HDOP median/worst", "VDOP", "PDOP", f"PDOP above {plan.pdop_limit:g} or none")
+    hourly = Table.plain(f"by the hour, UTC, from {plan.start:%Y-%m-%d %H:%M}", heads, hour_rows(plan))
+    print_report(f"{plan.title}, {plan.view}", (overall, hourly), (*sentences(plan), *plan.notes))
 
 
 def hour_rows(plan: GnssPlan) -> list[tuple[str, ...]]:
