@@ -10,15 +10,19 @@ import dataclasses
 import sys
 from typing import TYPE_CHECKING
 
+from lowcostnav_ros.cli.jobs import job
+
 if TYPE_CHECKING:
     from lowcostnav_ros.sensors.imu_profile import ImuProfile
 
 
-def add_arguments(job: argparse.ArgumentParser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
-    job.add_argument("names", nargs="*", metavar="PROFILE", help="name of a shipped profile, or a profile file (default: list all shipped)")
+    text = "name of a shipped profile, or a profile file (default: list all shipped)"
+    parser.add_argument("names", nargs="*", metavar="PROFILE", help=text)
 
 
+@job("IMU profiles with their grade, and the numbers a filter takes from one.", add_arguments)
 def profiles(arguments: argparse.Namespace) -> int:
     """List profiles; of one that was asked for also what a filter takes from it."""
     from lowcostnav_ros.catalogue.equipment import imu_profile_names, load_imu_profile
