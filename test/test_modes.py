@@ -23,7 +23,7 @@ def test_the_supervisor_has_no_mode_of_its_own():
 
 
 def test_further_modes_are_registered_with_their_level(monkeypatch):
-    monkeypatch.setattr(modes, "_FURTHER", {})
+    monkeypatch.setattr(modes, "_LEVELS", dict(modes._LEVELS))
     assert level_of("gliding") is Level.WARN
     register_modes({"gliding": Level.OK, "gps": Level.OK})
     register_modes({"gliding": Level.OK})

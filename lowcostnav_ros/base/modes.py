@@ -17,31 +17,29 @@ class Level(IntEnum):
 class Mode(StrEnum):
     """Modes of the navigators of this package; a mode equals its name as text (``Mode.GPS == "gps"``)."""
 
-    INITIALISING = "initialising", Level.WARN
-    ALIGNING = "aligning", Level.WARN
-    NO_GO = "no_go", Level.ERROR
-    CALIBRATING = "calibrating", Level.OK
-    GPS = "gps", Level.OK
-    SPARSE = "sparse", Level.WARN
-    SUSPECT = "suspect", Level.WARN
-    COASTING = "coasting", Level.WARN
-    DME_AIDED = "dme_aided", Level.WARN
-    VOR_AIDED = "vor_aided", Level.WARN
-    RE_ACQUIRING = "re_acquiring", Level.WARN
-    FAILED = "failed", Level.ERROR
-    SILENT = "no solution", Level.ERROR
+    INITIALISING = "initialising"
+    ALIGNING = "aligning"
+    NO_GO = "no_go"
+    CALIBRATING = "calibrating"
+    GPS = "gps"
+    SPARSE = "sparse"
+    SUSPECT = "suspect"
+    COASTING = "coasting"
+    DME_AIDED = "dme_aided"
+    VOR_AIDED = "vor_aided"
+    RE_ACQUIRING = "re_acquiring"
+    FAILED = "failed"
+    SILENT = "no solution"
     """What a replay counts the time as in which a navigator publishes nothing; no navigator reports it."""
 
-    level: Level
-
-    def __new__(cls, name: str, level: Level) -> "Mode":
-        """Make a mode of its name and level."""
-        mode = str.__new__(cls, name)
-        mode._value_, mode.level = name, level
-        return mode
+    @property
+    def level(self) -> Level:
+        """Health of the mode."""
+        return _LEVELS[self]
 
 
-_FURTHER: dict[str, Level] = {}
+_LEVELS: dict[str, Level] = dict.fromkeys(Mode, Level.WARN)
+_LEVELS |= dict.fromkeys((Mode.CALIBRATING, Mode.GPS), Level.OK) | dict.fromkeys((Mode.NO_GO, Mode.FAILED, Mode.SILENT), Level.ERROR)
 
 
 def register_modes(modes: Mapping[str, Level]) -> None:
@@ -53,15 +51,10 @@ def register_modes(modes: Mapping[str, Level]) -> None:
         When a mode is known already with another level.
     """
     for name, level in modes.items():
-        known = level_of(name, level)
-        if known != level:
-            raise RegistryError(f"The mode '{name}' exists with the level {known.name}; choose another name.")
-        _FURTHER[name] = level
+        if _LEVELS.setdefault(name, level) != level:
+            raise RegistryError(f"The mode '{name}' exists with the level {_LEVELS[name].name}; choose another name.")
 
 
-def level_of(mode: str, unknown: Level = Level.WARN) -> Level:
-    """Level of a mode by its name; ``unknown`` for one that nobody registered."""
-    try:
-        return Mode(mode).level
-    except ValueError:
-        return _FURTHER.get(mode, unknown)
+def level_of(mode: str) -> Level:
+    """Level of a mode by its name; WARN for one that is not registered."""
+    return _LEVELS.get(mode, Level.WARN)

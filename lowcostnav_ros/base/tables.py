@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 
@@ -50,7 +51,7 @@ class Table:
     @classmethod
     def plain(cls, title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> "Table":
         """Build a table from texts; the first ``left`` columns are words."""
-        columns = (Column(head, lambda row, k=k: row[k], left=k < left) for k, head in enumerate(heads))
+        columns = (Column(head, itemgetter(k), left=k < left) for k, head in enumerate(heads))
         return cls.of(title, columns, rows)
 
 

@@ -1,7 +1,6 @@
 """What the calibration jobs of sensors at rest share: options, columns out of a recording, and what is printed and written."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,16 +76,12 @@ def out_dir(arguments: argparse.Namespace) -> Path | None:
 
 def print_columns(heads: tuple[str, ...], rows: list[tuple], columns: "Columns") -> None:
     """Print a row for each column, and what the unit is."""
-    from rich.console import Console
-
     from lowcostnav_ros.base.tables import Table
-    from lowcostnav_ros.report.terminal import print_table
+    from lowcostnav_ros.report.terminal import print_report
 
-    console = Console(width=None if sys.stdout.isatty() else 120)
-    print_table(Table.plain("", heads, [(row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows]), console)
-    known = {unit for unit in columns.units.values() if unit}
-    units = ", ".join(sorted(known)) if known else "the unit of the columns (say which with --unit)"
-    console.print(f"u is {units}; {columns.source}", highlight=False)
+    units = ", ".join(sorted({unit for unit in columns.units.values() if unit})) or "the unit of the columns (say which with --unit)"
+    table = Table.plain("", heads, [(row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows])
+    print_report("", [table], [f"u is {units}; {columns.source}"])
 
 
 def print_grade(drifts: dict[str, float], columns: "Columns") -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.options import between
 from lowcostnav_ros.report.plan_folder import write_plan
 
 DEFAULT_STATIONS = "dme_stations_bay_area.csv"
@@ -52,7 +53,7 @@ def dme(arguments: argparse.Namespace) -> int:
 
 def _plan(arguments: argparse.Namespace) -> int:
     from lowcostnav_ros.report.dme.plan import make_plan
-    from lowcostnav_ros.report.dme.tables import print_plan, write_json
+    from lowcostnav_ros.report.dme.tables import as_mapping, print_plan
 
     waypoints, elevation = _place(arguments)
     altitudes = _altitudes(arguments.altitude_m, elevation)
@@ -62,7 +63,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.output:
         from lowcostnav_ros.report.dme.figures import write_figures
 
-        write_plan(plan, Path(arguments.output), write_json, write_figures)
+        write_plan(plan, Path(arguments.output), as_mapping, write_figures)
     return Exit.OK if plan.good_enough() else Exit.WORSE
 
 
@@ -143,6 +144,4 @@ def _number(text: str, option: str, low: float, high: float) -> float:
         value = float(text)
     except ValueError:
         raise SettingsError(f"{option}: '{text.strip()}' must be a number.") from None
-    if not low <= value <= high:
-        raise SettingsError(f"{option}: {value:g} must lie between {low:g} and {high:g}.")
-    return value
+    return between(option, value, low, high)

@@ -14,7 +14,7 @@ from typing import Any
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import check_folders
+from lowcostnav_ros.cli.options import between, check_folders
 from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.report.plan_folder import write_plan
 
@@ -113,14 +113,14 @@ def located_with_progress(observations, navigation, settings, label: str):
 
 def _plan(arguments: argparse.Namespace) -> int:
     from lowcostnav_ros.gnss.sky_plan import plan_sky
-    from lowcostnav_ros.report.gnss.plan import GnssPlan, print_plan, write_json
+    from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, print_plan
 
     lat_deg, lon_deg, height = arguments.place
-    _between("--place", lat_deg, -90.0, 90.0)
-    _between("--place", lon_deg, -180.0, 360.0)
-    _between("--place", height, -1000.0, 20_000.0)
-    _between("--pdop", arguments.pdop, 1.0, 1000.0)
-    _between("--hours", arguments.hours, 0.1, 24.0 * 31.0)
+    between("--place", lat_deg, -90.0, 90.0)
+    between("--place", lon_deg, -180.0, 360.0)
+    between("--place", height, -1000.0, 20_000.0)
+    between("--pdop", arguments.pdop, 1.0, 1000.0)
+    between("--hours", arguments.hours, 0.1, 24.0 * 31.0)
     start = _start(arguments.start)
     satellites, start_s, notes = _satellites(arguments.almanac, start)
     lowest, hidden = _lowest(arguments)
@@ -133,7 +133,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.output:
         from lowcostnav_ros.report.gnss.plan_figures import write_figures
 
-        write_plan(plan, Path(arguments.output), write_json, write_figures)
+        write_plan(plan, Path(arguments.output), as_mapping, write_figures)
     return Exit.OK if plan.good_enough() else Exit.WORSE
 
 
@@ -170,19 +170,14 @@ def _lowest(arguments: argparse.Namespace) -> tuple[Any, str]:
     from lowcostnav_ros.base.settings import from_mapping
     from lowcostnav_ros.gnss.canyon import CanyonSettings
 
-    _between("--mask-deg", arguments.mask_deg, 0.0, 89.0)
+    between("--mask-deg", arguments.mask_deg, 0.0, 89.0)
     mask = math.radians(arguments.mask_deg)
     if arguments.canyon is None:
         return lambda azimuth: np.full(np.shape(azimuth), mask), f"mask {arguments.mask_deg:g} deg"
-    _between("--above-floor", arguments.above_floor, 0.0, 20_000.0)
+    between("--above-floor", arguments.above_floor, 0.0, 20_000.0)
     cliff, width, heading = arguments.canyon
     canyon = from_mapping(CanyonSettings, {"cliff_m": cliff, "width_m": width, "heading_deg": heading}, "--canyon").canyon()
     if canyon is None:
         raise SettingsError("--canyon: cliffs have a height above zero; leave the option out under an open sky.")
     words = f"mask {arguments.mask_deg:g} deg, {arguments.above_floor:g} m above the floor of a canyon {cliff:g} m deep, {width:g} m wide"
     return lambda azimuth: np.maximum(mask, canyon.lowest(arguments.above_floor, azimuth)), f"{words}, axis {heading:g} deg"
-
-
-def _between(option: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise SettingsError(f"{option}: {value:g} must lie between {low:g} and {high:g}.")

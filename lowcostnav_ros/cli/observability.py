@@ -109,21 +109,18 @@ def as_plain(navigator: "Navigator", found: "list[Observability]") -> dict[str, 
 
 
 def _print(navigator: "Navigator", found: "list[Observability]") -> None:
-    from rich.console import Console
-    from rich.table import Table
-
+    from lowcostnav_ros.base.tables import Table
+    from lowcostnav_ros.report.terminal import print_report
     from lowcostnav_ros.studies.observability import filter_of
 
     size, labels = filter_of(navigator).layout.size, filter_of(navigator).layout.labels
-    table = Table("t [s]", "rows", "rank", f"not told, of {size}", "largest and smallest counted singular value", box=None)
-    start_ns = found[0].stamp_ns
+    heads = ("t [s]", "rows", "rank", f"not told, of {size}", "largest and smallest counted singular value")
+    rows, start_ns = [], found[0].stamp_ns
     for o in found[:: max(1, len(found) // 20)]:
         values = f"{o.singular_values[0]:.2g}, {o.singular_values[o.rank - 1]:.2g}"
-        table.add_row(f"{(o.stamp_ns - start_ns) / 1e9:.1f}", str(o.rows), str(o.rank), str(size - o.rank), values)
-    console = Console(width=100)
-    console.print(table)
+        rows.append((f"{(o.stamp_ns - start_ns) / 1e9:.1f}", str(o.rows), str(o.rank), str(size - o.rank), values))
     share = sum(o.share for o in found) / len(found)
     weak = [label for label, part in zip(labels, share, strict=True) if part < WEAK]
     ranks = [o.rank for o in found]
-    console.print(f"{navigator.name}: rank {min(ranks)} to {max(ranks)} of {size} at single instants, mean {sum(ranks) / len(ranks):.1f}.")
-    console.print(f"hardly told within an instant: {', '.join(weak) or 'none'}", highlight=False)
+    ranked = f"{navigator.name}: rank {min(ranks)} to {max(ranks)} of {size} at single instants, mean {sum(ranks) / len(ranks):.1f}."
+    print_report("", [Table.plain("", heads, rows, left=0)], [ranked, f"hardly told within an instant: {', '.join(weak) or 'none'}"])

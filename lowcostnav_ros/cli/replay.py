@@ -45,7 +45,6 @@ def add_common(parser: argparse.ArgumentParser, note: str = "") -> None:
 def replay(arguments: argparse.Namespace) -> int:
     """Replay a bag; 0 when nothing is worse than the baseline, 1 when something is."""
     from lowcostnav_ros.replay import baseline
-    from lowcostnav_ros.replay.result import MetricVerdict
     from lowcostnav_ros.replay.tables import verdict_table
     from lowcostnav_ros.report.terminal import print_result, print_table, result_console
 
@@ -61,7 +60,8 @@ def replay(arguments: argparse.Namespace) -> int:
     if expected is not None:
         judged = [e for e in expected[1] if not arguments.navigators or e.navigator in result.navigators]
         verdicts = baseline.judge(judged, result.to_mapping())
-        result = dataclasses.replace(result, verdicts=tuple(MetricVerdict(f"{v.navigator}.{v.metric}", v.verdict) for v in verdicts))
+        noted = tuple({"metric": f"{v.navigator}.{v.metric}", "verdict": v.verdict} for v in verdicts)
+        result = dataclasses.replace(result, verdicts=noted)
         print_table(verdict_table(verdicts), console)
         console.print(_verdict_sentence(verdicts), highlight=False)
     for line in _write(arguments, out, result.to_mapping()):

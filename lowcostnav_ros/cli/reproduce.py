@@ -64,12 +64,11 @@ def reproduce(arguments: argparse.Namespace) -> int:
 
 
 def _list(entries: "list[Entry]") -> None:
-    from rich.table import Table
+    from lowcostnav_ros.base.tables import Table
+    from lowcostnav_ros.report.terminal import print_table
 
-    table = Table("id", "study", "result", "source", box=None)
-    for entry in entries:
-        table.add_row(entry.id, entry.study, entry.title, entry.source)
-    _console().print(table)
+    rows = [(entry.id, entry.study, entry.title, entry.source) for entry in entries]
+    print_table(Table.plain("", ("id", "study", "result", "source"), rows, left=4), _console())
 
 
 def _console() -> "Console":

@@ -8,8 +8,7 @@ from lowcostnav_ros.graph.runner import GraphRunner
 if TYPE_CHECKING:
     from rich.table import Table
 
-COLOURS = {Level.OK: "green", Level.WARN: "yellow"}
-"""Colours of the levels; any other is red."""
+COLOURS = {Level.OK: "green", Level.WARN: "yellow", Level.ERROR: "red"}
 
 
 def table(runner: GraphRunner) -> "Table":
@@ -31,14 +30,14 @@ def table(runner: GraphRunner) -> "Table":
         cpu = 100.0 * process.cpu_share()
         total += cpu
         level, state = state_of(runner, name)
-        coloured = f"[{COLOURS.get(level, 'red')}]{state}[/]"
+        coloured = f"[{COLOURS[level]}]{state}[/]"
         cells = [coloured, inputs_of(runner, name), f"{cpu:.1f}", f"{process.rss_mb():.0f}", str(process.restarts)]
         view.add_row(name, *cells)
     view.caption = f"processor together {total:.0f} % of one core; logs in {runner.log_dir}"
     return view
 
 
-def state_of(runner: GraphRunner, name: str) -> tuple[int, str]:
+def state_of(runner: GraphRunner, name: str) -> tuple[Level, str]:
     """Return (level, sentence) for a node: dead, its worst row, its mode, or how far it has flown."""
     process = runner.processes[name]
     if not process.alive:
@@ -49,8 +48,8 @@ def state_of(runner: GraphRunner, name: str) -> tuple[int, str]:
     worst = max(rows, key=lambda row: row["level"])
     for row in rows:
         if row["name"].endswith((": navigator", ": source", ": recording")) and row["level"] >= worst["level"]:
-            return row["level"], row["message"]
-    return worst["level"], worst["message"] if worst["level"] else "ok"
+            return Level(row["level"]), row["message"]
+    return Level(worst["level"]), worst["message"] if worst["level"] else "ok"
 
 
 def inputs_of(runner: GraphRunner, name: str) -> str:

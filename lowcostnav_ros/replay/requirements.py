@@ -4,8 +4,6 @@ The errors are those against the reference; whether a user was *warned* is judge
 its own sigmas.  So an alert here is one a pilot would have had, not one that takes the truth to raise.
 """
 
-import dataclasses
-
 import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, SERVICES, Service, category
@@ -59,27 +57,6 @@ class CategoryShares:
         return Approach(category(horizontal_95_m, vertical_95_m), shares)
 
 
-@dataclasses.dataclass(slots=True)
-class Stretch:
-    """One stretch of errors beyond an alert limit, stamps in ns; ``alert_ns`` is when the navigator's own alert began, None for never."""
-
-    start_ns: int
-    end_ns: int
-    alert_ns: int | None
-
-    def verdict(self, time_to_alert_ns: int) -> str:
-        """``warned`` in time, ``brief`` (over before a warning was due), or ``missed``."""
-        due_ns = self.start_ns + time_to_alert_ns
-        if self.alert_ns is not None and self.alert_ns <= due_ns:
-            return "warned"
-        return "brief" if self.end_ns < due_ns else "missed"
-
-    def result(self, time_to_alert_ns: int) -> Exceedance:
-        """The stretch in s, with its verdict."""
-        alarm_s, due_s = None if self.alert_ns is None else self.alert_ns / 1e9, (self.start_ns + time_to_alert_ns) / 1e9
-        return Exceedance(self.start_ns / 1e9, self.end_ns / 1e9, due_s, alarm_s, self.verdict(time_to_alert_ns))
-
-
 class IntegrityMonitor:
     """Alarms of one service along a flight, in fixed memory.
 
@@ -93,12 +70,12 @@ class IntegrityMonitor:
 
     def __init__(self, service: Service) -> None:
         self.service = service
-        self.listed: list[Stretch] = []
+        self.listed: list[Exceedance] = []
         self._to_alert_ns = round(1e9 * service.time_to_alert_s)
         self._factors = service.protection_factors()
         self._counts = {"warned": 0, "brief": 0, "missed": 0}
         self._beyond_ns = self._alert_total_ns = self._misled_ns = self._longest_ns = 0
-        self._open: Stretch | None = None
+        self._open: tuple[int, int, int | None] | None = None  # start, end, begin of the navigator's own alert
         self._alert_since_ns: int | None = None
         self._last: tuple[int, bool, bool] | None = None
 
@@ -128,19 +105,20 @@ class IntegrityMonitor:
         if not beyond:
             self._close()
             return
-        if self._open is None:
-            self._open = Stretch(stamp, stamp, None)
-        self._open.end_ns = stamp
-        if self._open.alert_ns is None:
-            self._open.alert_ns = self._alert_since_ns
+        start_ns, _, alert_ns = self._open or (stamp, stamp, None)
+        self._open = start_ns, stamp, self._alert_since_ns if alert_ns is None else alert_ns
 
     def _close(self) -> None:
-        if self._open is not None:
-            self._counts[self._open.verdict(self._to_alert_ns)] += 1
-            self._longest_ns = max(self._longest_ns, self._open.end_ns - self._open.start_ns)
-            if len(self.listed) < LISTED:
-                self.listed.append(self._open)
-        self._open = None
+        if self._open is None:
+            return
+        (start_ns, end_ns, alert_ns), self._open = self._open, None
+        due_ns = start_ns + self._to_alert_ns
+        verdict = "warned" if alert_ns is not None and alert_ns <= due_ns else "brief" if end_ns < due_ns else "missed"
+        self._counts[verdict] += 1
+        self._longest_ns = max(self._longest_ns, end_ns - start_ns)
+        if len(self.listed) < LISTED:
+            alarm_s = None if alert_ns is None else alert_ns / 1e9
+            self.listed.append(Exceedance(start_ns / 1e9, end_ns / 1e9, due_ns / 1e9, alarm_s, verdict))
 
     def result(self) -> ServiceErrors | None:
         """What was found, None when no position ever came; an exceedance still open ends here."""
@@ -157,7 +135,7 @@ class IntegrityMonitor:
             beyond_limit_s=self._beyond_ns / 1e9,
             alert_s=self._alert_total_ns / 1e9,
             beyond_without_alert_s=self._misled_ns / 1e9,
-            listed=tuple(e.result(self._to_alert_ns) for e in self.listed),
+            listed=tuple(self.listed),
         )
 
 

@@ -102,7 +102,7 @@ class IntervalErrors:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Exceedance:
-    """One stretch of errors beyond an alert limit; ``verdict`` is ``warned``, ``brief`` or ``missed``, ``alarm_s`` None for never."""
+    """One stretch beyond an alert limit; ``verdict``: ``warned`` in time, ``brief`` (over before a warning was due), ``missed``."""
 
     start_s: float
     end_s: float
@@ -297,14 +297,6 @@ class Times:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class MetricVerdict:
-    """One metric of a baseline, judged."""
-
-    metric: str
-    verdict: str
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
 class ReplayResult:
     """What a replay found.
 
@@ -317,8 +309,8 @@ class ReplayResult:
         Settings by navigator, dotted names.
     time : Times or None
         None until the pass has been timed.
-    verdicts : tuple of MetricVerdict or None
-        None where no baseline was given.
+    verdicts : tuple of dict or None
+        ``metric`` and ``verdict`` of each expectation; None where no baseline was given.
     """
 
     recording: Recording | None = dataclasses.field(metadata={"flat": Recording})
@@ -333,12 +325,7 @@ class ReplayResult:
     stations: tuple[Place, ...]
     navigators: dict[str, NavigatorResult]
     time: Times | None = _omitted()
-    verdicts: tuple[MetricVerdict, ...] | None = _omitted()
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        """The result as plain values, as :meth:`to_mapping` gives them."""
-        return self.to_mapping()
+    verdicts: tuple[dict[str, str], ...] | None = _omitted()
 
     def navigator(self, name: str) -> NavigatorResult:
         """The part about one navigator."""
@@ -347,6 +334,8 @@ class ReplayResult:
     def to_mapping(self) -> dict[str, Any]:
         """Return plain values, fit for JSON."""
         return plain(self)
+
+    summary = property(to_mapping)
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> "ReplayResult":

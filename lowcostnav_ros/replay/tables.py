@@ -1,6 +1,7 @@
 """A replay's result as tables; a terminal of 100 columns shows all but the columns that are for a page only."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from operator import itemgetter
 from typing import Any
 
 from lowcostnav_ros.base.tables import Column, Table, number, percent
@@ -24,8 +25,8 @@ _SIZES = {
 """Sizes that are shown: in full, the head of their RMS in short, unit."""
 _VERDICTS = {"warned": "warned in time", "brief": "over before an alarm was due", "missed": "not warned"}
 
-_NAVIGATOR = Column("navigator", lambda row: row[0], left=True)
-_OVER = Column("over", lambda row: row[1], left=True)
+_NAVIGATOR = Column("navigator", itemgetter(0), left=True)
+_OVER = Column("over", itemgetter(1), left=True)
 _AXES = {"north": "N", "east": "E", "up": "U"}
 
 
@@ -138,7 +139,7 @@ def alarm_table(result: ReplayResult) -> Table:
 
     columns = (
         _NAVIGATOR,
-        Column("service", lambda row: row[1], left=True),
+        Column("service", itemgetter(1), left=True),
         Column("limits H, V, time to alert", limits, "", "limits H, V,\nwithin"),
         Column("times passed", lambda row: str(row[2].exceedances), "", "passed"),
         Column("longest", lambda row: number(row[2].longest_s), "s", "longest\n"),
@@ -209,7 +210,7 @@ def aid_table(result: ReplayResult) -> Table:
 
     columns = (
         _NAVIGATOR,
-        Column("aid", lambda row: row[1], left=True),
+        Column("aid", itemgetter(1), left=True),
         Column("used", lambda row: str(row[2].used)),
         Column("NIS per degree of freedom", lambda row: number(row[2].nis_per_dof), "", "NIS/dof"),
         Column("RMS innovation", rms, page_only=True),

@@ -22,15 +22,15 @@ def result_console() -> Console:
 
 
 def rich_table(table: Table) -> RichTable:
-    """A table without its title as rich draws it; the last column wraps where it holds words, and columns for a page only are left out."""
+    """A table without its title as rich draws it; the last column of words wraps, and columns for a page only are left out."""
     drawn = RichTable(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     shown = [k for k, column in enumerate(table.columns) if not column.page_only]
+    wrapping = max((k for k in shown if table.columns[k].left), default=None)
     for k in shown:
         column = table.columns[k]
         head = column.short or column.head
         head += f"{'' if head.endswith(chr(10)) else ' '}{column.unit}" if column.unit else ""
-        wraps = k == shown[-1] and column.left
-        drawn.add_column(escape(head), justify="left" if column.left else "right", no_wrap=not wraps)
+        drawn.add_column(escape(head), justify="left" if column.left else "right", no_wrap=k != wrapping)
     for row, colour in zip(table.rows, table.colours or ("",) * len(table.rows), strict=True):
         drawn.add_row(*(escape(row[k]) for k in shown), style=colour)
     return drawn
@@ -76,10 +76,11 @@ def _print_head(result: ReplayResult, console: Console) -> None:
     console.print()
 
 
-def print_report(title: str, tables: Iterable[Table], sentences: Iterable[str], console: Console | None = None) -> None:
+def print_report(title: str, tables: Iterable[Table], sentences: Iterable[str]) -> None:
     """Print a title, tables and sentences of a plan or a recording."""
-    console = console or Console(soft_wrap=True)
-    console.print(title, style="bold", highlight=False)
+    console = Console(width=None if sys.stdout.isatty() else 130, soft_wrap=True)
+    if title:
+        console.print(title, style="bold", highlight=False)
     for table in tables:
         print_table(table, console)
     for line in sentences:

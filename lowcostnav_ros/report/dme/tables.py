@@ -1,8 +1,6 @@
 """A DME plan as tables on the terminal and as JSON."""
 
-import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from lowcostnav_ros.radionav.layouts import NOISE_M
 from lowcostnav_ros.radionav.plan import Point, pair_changes
 from lowcostnav_ros.radionav.selection import best_pair, usable, view
 from lowcostnav_ros.report.dme.plan import Leg, Level, Plan
+from lowcostnav_ros.report.plan_folder import finite
 from lowcostnav_ros.report.terminal import print_report
 
 BIAS_M = 0.17 * NAUTICAL_MILE
@@ -66,13 +65,8 @@ def _closing(plan: Plan) -> list[str]:
     ]
 
 
-def write_json(plan: Plan, path: Path) -> None:
-    """Write the plan as JSON; angles in degrees, None where a number does not exist."""
-    path.write_text(json.dumps(as_mapping(plan), indent=1, allow_nan=False), encoding="utf-8")
-
-
 def as_mapping(plan: Plan) -> dict[str, Any]:
-    """Return the plan as plain values."""
+    """Return the plan as plain values, fit for JSON; angles in degrees, None where a number does not exist."""
     return {
         "waypoints_deg": [[_degrees(lat), _degrees(lon)] for lat, lon in plan.waypoints],
         "stations": [
@@ -114,9 +108,9 @@ def _at_airport(plan: Plan, level: Level) -> dict[str, Any]:
             for v in seen
         ],
         "pair": [s.ident for s in pair],
-        "hdop": _finite(dilution),
-        "fix_1_sigma_noise_m": _finite(dilution * NOISE_M),
-        "fix_1_sigma_with_bias_m": _finite(dilution * math.hypot(BIAS_M, NOISE_M)),
+        "hdop": finite(dilution),
+        "fix_1_sigma_noise_m": finite(dilution * NOISE_M),
+        "fix_1_sigma_with_bias_m": finite(dilution * math.hypot(BIAS_M, NOISE_M)),
     }
 
 
@@ -149,14 +143,10 @@ def _point(point: Point) -> dict[str, Any]:
         "usable": list(point.usable),
         "pair": list(point.pair or ()),
         "gamma_deg": round(math.degrees(point.gamma), 1),
-        "hdop": _finite(point.hdop),
+        "hdop": finite(point.hdop),
         "collinear": point.collinear,
     }
 
 
 def _degrees(angle: float) -> float:
     return round(math.degrees(angle), 6)
-
-
-def _finite(value: float) -> float | None:
-    return round(value, 3) if math.isfinite(value) else None

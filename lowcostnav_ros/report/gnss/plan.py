@@ -1,10 +1,8 @@
 """A plan of satellites in view as tables on the terminal and as JSON."""
 
 import datetime
-import json
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +10,7 @@ import numpy as np
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.gnss.sky_plan import Lowest, SkyPlan, Window
 from lowcostnav_ros.report.gnss.words import SPREAD, spread
+from lowcostnav_ros.report.plan_folder import finite
 from lowcostnav_ros.report.terminal import print_report
 
 DOPS = ("gdop", "pdop", "hdop", "vdop", "tdop")
@@ -113,13 +112,8 @@ def _why(window: Window) -> str:
     return f"{worst} with {window.fewest} satellites."
 
 
-def write_json(plan: GnssPlan, path: Path) -> None:
-    """Write the plan as JSON; angles in degrees, None where a number does not exist."""
-    path.write_text(json.dumps(as_mapping(plan), indent=1, allow_nan=False), encoding="utf-8")
-
-
 def as_mapping(plan: GnssPlan) -> dict[str, Any]:
-    """Return the plan as plain values."""
+    """Return the plan as plain values, fit for JSON; angles in degrees, None where a number does not exist."""
     sky = plan.sky
     times = []
     for k, t_s in enumerate(sky.time_s):
@@ -127,7 +121,7 @@ def as_mapping(plan: GnssPlan) -> dict[str, Any]:
             {"name": sky.names[j], "azimuth_deg": _degrees(sky.azimuth[k, j]), "elevation_deg": _degrees(sky.elevation[k, j])}
             for j in np.flatnonzero(sky.visible[k])
         ]
-        times.append({"time_s": float(t_s), **{dop: _finite(getattr(sky.dops[k], dop)) for dop in DOPS}, "satellites": seen})
+        times.append({"time_s": float(t_s), **{dop: finite(getattr(sky.dops[k], dop)) for dop in DOPS}, "satellites": seen})
     return {
         "title": plan.title,
         "view": plan.view,
@@ -135,7 +129,7 @@ def as_mapping(plan: GnssPlan) -> dict[str, Any]:
         "pdop_limit": plan.pdop_limit,
         "good_enough": plan.good_enough(),
         "windows": [
-            {"from_s": w.start_s, "to_s": w.end_s, "fewest_satellites": w.fewest, "worst_pdop": _finite(w.worst_pdop)} for w in plan.windows
+            {"from_s": w.start_s, "to_s": w.end_s, "fewest_satellites": w.fewest, "worst_pdop": finite(w.worst_pdop)} for w in plan.windows
         ],
         "times": times,
         "notes": plan.notes,
@@ -144,7 +138,3 @@ def as_mapping(plan: GnssPlan) -> dict[str, Any]:
 
 def _degrees(angle: float) -> float:
     return round(math.degrees(angle), 2)
-
-
-def _finite(value: float) -> float | None:
-    return round(float(value), 3) if math.isfinite(value) else None
