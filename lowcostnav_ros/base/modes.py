@@ -38,8 +38,8 @@ class Mode(StrEnum):
         return _LEVELS[self]
 
 
-_LEVELS: dict[str, Level] = dict.fromkeys(Mode, Level.WARN)
-_LEVELS |= dict.fromkeys((Mode.CALIBRATING, Mode.GPS), Level.OK) | dict.fromkeys((Mode.NO_GO, Mode.FAILED, Mode.SILENT), Level.ERROR)
+_HEALTHY, _FAILED = (Mode.CALIBRATING, Mode.GPS), (Mode.NO_GO, Mode.FAILED, Mode.SILENT)
+_LEVELS: dict[str, Level] = {m: Level.OK if m in _HEALTHY else Level.ERROR if m in _FAILED else Level.WARN for m in Mode}
 
 
 def register_modes(modes: Mapping[str, Level]) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import subprocess
 import threading
 import time
@@ -104,16 +105,15 @@ class GraphRunner:
         """
         if not self._sources():
             raise GraphError(f"{self.graph.name} has no truth_source and no player, so it never finishes; stop it instead.")
-        deadline = None if timeout_s is None else time.monotonic() + timeout_s
-        while deadline is None or time.monotonic() < deadline:
-            self.watch()
+
+        def finished() -> bool:
             each()
-            states = [self._source_state(name) for name in self._sources()]
-            if all(state == "finished" for state in states):
-                self._drain()
-                return True
-            time.sleep(WATCH_S)
-        return False
+            return all(state == "finished" for state in [self._source_state(name) for name in self._sources()])
+
+        if not self.wait_for(finished, math.inf if timeout_s is None else timeout_s):
+            return False
+        self._drain()
+        return True
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Watch until ``condition`` holds; return False on time-out."""

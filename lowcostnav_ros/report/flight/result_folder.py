@@ -79,7 +79,7 @@ def read_result(folder: Path) -> Result:
     """
     try:
         summary = ReplayResult.from_mapping(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:
         raise ReportError(f"{folder} holds no readable summary.json; give a bag, or a folder written by replay --out.") from error
     parts = {name: (read_table(folder / f"{name}{part}.csv") for part in _PARTS) for name in summary.navigators}
     navigators = {name: NavigatorResult(name, *tables) for name, tables in parts.items()}
