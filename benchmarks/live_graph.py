@@ -154,7 +154,7 @@ def fly(graph, seconds: float, out: Path) -> dict:
         rss = {n: round(p.rss_mb(), 1) for n, p in runner.processes.items()}
         latencies = sorted(probe.latencies_ms())
         probe.close()
-        events = list(runner.events)
+        events = [str(event) for event in runner.events]
     return {
         "seconds": round(span, 1),
         "cpu_cores": round(sum(used.values()), 3),

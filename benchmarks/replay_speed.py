@@ -35,10 +35,10 @@ def child(bag: str, navigators: str) -> dict:
     from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
 
     names = tuple(n for n in navigators.split(",") if n) or None
-    summary = replay_bag(bag, ReplayOptions(navigators=names)).summary
+    times = replay_bag(bag, ReplayOptions(navigators=names)).time
     return {
-        "factor": summary["time"]["real_time_factor_by_navigator"],
-        "wall_factor": summary["time"]["real_time_factor"],
+        "factor": times.real_time_factor_by_navigator,
+        "wall_factor": times.real_time_factor,
         "rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
     }
 

@@ -20,6 +20,7 @@ from lowcostnav_ros.navigators.ins_gps import InsGps
 from lowcostnav_ros.physics.earth import EARTH_RATE, LocalFrame, gravity
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
+from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.replay.withhold import parse_withhold
 from lowcostnav_ros.starts.levelling import agrees_with_track, gyrocompass, gyrocompass_sigma
 from lowcostnav_ros.trajectory import build
@@ -191,7 +192,7 @@ def test_a_recorded_master_aligns_a_replay_that_never_hears_gps(truth, tmp_path)
             writer.write(topic, msgtype, stamp, raw)
     (tmp_path / "ins_gps.yaml").write_text("ins_gps:\n  ros__parameters:\n    alignment: {master: other/odometry}\n")
     options = ReplayOptions(("ins_gps",), tmp_path, (parse_withhold("gps/fix,gps/vel"),))
-    found = replay_bag(tmp_path / "flight", options).navigator("ins_gps")
+    found = plain(replay_bag(tmp_path / "flight", options).navigator("ins_gps"))
     assert found["solutions"] > 350 and found["mode_at_end"] == "coasting"
     assert found["inputs"]["other/odometry"]["rejected"] == {}
     assert found["errors"]["withheld_gps"]["horizontal_m"]["median"] < 30.0

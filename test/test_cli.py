@@ -1,6 +1,7 @@
 """The command line through ``main(argv)``: exit statuses, one sentence on stderr, no traceback."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -190,11 +191,32 @@ def test_no_job_or_an_unknown_one_is_exit_status_two(capsys):
 
 
 def test_a_defect_is_not_dressed_up_as_a_refusal(monkeypatch, bag, config):
-    from lowcostnav_ros.cli import replay as cli_replay
+    from lowcostnav_ros.replay import bag_replay
 
     def broken(*_):
         raise ValueError("operands could not be broadcast")
 
-    monkeypatch.setattr(cli_replay, "replay_bag", broken)
+    monkeypatch.setattr(bag_replay, "replay_bag", broken)
     with pytest.raises(ValueError, match="broadcast"):
         main(["replay", bag, "--config", config], REGISTRY)
+
+
+def test_a_plugin_adds_a_job(tmp_path):
+    (tmp_path / "glide_plugin.py").write_text(
+        "from lowcostnav_ros.cli.jobs import job\n\n\n"
+        "@job('Glide.', lambda parser: parser.add_argument('--ratio', type=float))\n"
+        "def glide(arguments):\n    print(f'gliding at {arguments.ratio:g}')\n    return 0\n"
+    )
+    environment = {**os.environ, "LOWCOSTNAV_PLUGINS": "glide_plugin", "PYTHONPATH": f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"}
+    command = [sys.executable, "-m", "lowcostnav_ros.cli", "glide", "--ratio", "12.5"]
+    shown = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert shown.stdout == "gliding at 12.5\n"
+    environment["LOWCOSTNAV_PLUGINS"] = "gilde_plugin"
+    shown = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert shown.returncode == 2 and "gilde_plugin" in shown.stderr and shown.stderr.count("\n") == 1
+
+
+def test_every_module_of_the_room_is_a_job_or_a_helper():
+    from lowcostnav_ros.cli.jobs import JOBS
+
+    assert all(callable(JOBS[name].run) and JOBS[name].text.endswith(".") for name in JOBS.own())

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lowcostnav_ros.cli import dme as cli_dme
+from lowcostnav_ros.cli.main import main
 
 OURAIRPORTS = (
     "id,ident,name,type,latitude_deg,longitude_deg,elevation_ft,iso_country,dme_frequency_khz,dme_channel,usageType,power\n"
@@ -15,7 +15,7 @@ OURAIRPORTS = (
 
 
 def test_plan_of_an_airport_writes_tables_figures_and_json(tmp_path, capsys):
-    status = cli_dme.main(["plan", "--airport", "37.694,-121.820,122", "--altitude-m", "600,2000", "-o", str(tmp_path / "plan")])
+    status = main(["dme", "plan", "--airport", "37.694,-121.820,122", "--altitude-m", "600,2000", "-o", str(tmp_path / "plan")])
     said = capsys.readouterr().out
     assert status == 0 and "stays within 0.5 NM" in said and "from south" in said and "hills are not in it" in said
     for name in ("coverage.png", "hdop.png", "error.png", "schedule.png"):
@@ -32,7 +32,7 @@ def test_plan_of_an_airport_writes_tables_figures_and_json(tmp_path, capsys):
 def test_route_with_a_single_station_fails_the_requirement(tmp_path, capsys):
     route = tmp_path / "route.csv"
     route.write_text("# to Livermore\nname,lat_deg,lon_deg\nSNS,36.6,-121.9\nE16,37.0,-121.5\n")
-    assert cli_dme.main(["plan", "--route", str(route), "--altitude-m", "300"]) == 1
+    assert main(["dme", "plan", "--route", str(route), "--altitude-m", "300"]) == 1
     said = capsys.readouterr().out
     assert "single station only (SNS)" in said and "exceeds 0.5 NM at every altitude" in said
 
@@ -40,10 +40,10 @@ def test_route_with_a_single_station_fails_the_requirement(tmp_path, capsys):
 def test_import_writes_a_table_the_plan_can_use(tmp_path, capsys):
     source, table = tmp_path / "navaids.csv", tmp_path / "stations.csv"
     source.write_text(OURAIRPORTS)
-    assert cli_dme.main(["import", str(source), "--near", "37.7,-121.8", "--undulation-m", "-32", "-o", str(table)]) == 0
+    assert main(["dme", "import", str(source), "--near", "37.7,-121.8", "--undulation-m", "-32", "-o", str(table)]) == 0
     assert "2 stations in" in capsys.readouterr().out
     assert table.read_text().splitlines()[1].startswith("AAA,Alpha,37.390000,-122.280000,2270,-32.0,86X,L") or "BBB" in table.read_text()
-    assert cli_dme.main(["plan", "--route", "37.3,-121.9;37.5,-121.8", "--stations", str(table), "--altitude-m", "1000"]) in (0, 1)
+    assert main(["dme", "plan", "--route", "37.3,-121.9;37.5,-121.8", "--stations", str(table), "--altitude-m", "1000"]) in (0, 1)
 
 
 @pytest.mark.parametrize(
@@ -63,11 +63,11 @@ def test_import_writes_a_table_the_plan_can_use(tmp_path, capsys):
     ],
 )
 def test_refusals_say_what_to_do(arguments, sentence, capsys):
-    assert cli_dme.main(arguments) == 2
+    assert main(["dme", *arguments]) == 2
     assert sentence in capsys.readouterr().err
 
 
 def test_places_south_of_the_equator_are_values_not_options(capsys):
     for arguments in (["plan", "--airport", "-33.95,151.18"], ["plan", "--route", "-17.75,177.4;-16.7,179.9"]):
-        assert cli_dme.main(arguments) == 2  # the shipped stations are elsewhere
+        assert main(["dme", *arguments]) == 2  # the shipped stations are elsewhere
         assert "no station within 130 NM of -" in capsys.readouterr().err

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from lowcostnav_ros.graph.description import GraphError, parse_graph
-from lowcostnav_ros.graph.process import NodeProcess, describe_exit
+from lowcostnav_ros.graph.process import Event, NodeProcess, What, describe_exit
 from lowcostnav_ros.graph.runner import GraphRunner
 from lowcostnav_ros.messages.bag import BagReader
 
@@ -48,7 +48,7 @@ def test_a_killed_node_is_named_started_again_and_heard_again(tmp_path):
         assert runner.wait_for(lambda: process.restarts == 1 and process.alive, 10.0)
         restarted = time.monotonic()
         assert runner.wait_for(lambda: (runner.silent_s("gps_simulator") or 99.0) < time.monotonic() - restarted, 15.0)
-    assert runner.events[:2] == [
+    assert [str(event) for event in runner.events[:2]] == [
         "gps_simulator died: killed by SIGKILL; starting again in 0.5 s.",
         "gps_simulator started again (restart 1).",
     ]
@@ -70,10 +70,18 @@ def test_back_off_doubles_and_the_exit_status_is_told(tmp_path, monkeypatch):
     said = []
     for wait_s in (0.5, 1.0, 2.0):
         process.process.wait(10.0)
-        said.append(process.watch())
+        said.append(str(process.watch()))
         now[0] += wait_s
-        assert process.watch() == f"x started again (restart {len(said)})."
+        assert str(process.watch()) == f"x started again (restart {len(said)})."
     assert said[0] == "x died: exit code 1 (engine on fire); starting again in 0.5 s."
     assert said[2].endswith("starting again in 2.0 s.")
     process.process.wait(10.0)
     assert describe_exit(-9) == "killed by SIGKILL"
+
+
+def test_events_are_sentences_only_as_text():
+    died = Event("ahrs", What.DIED, "exit code 1", 0.5)
+    assert str(died) == "ahrs died: exit code 1; starting again in 0.5 s." and died.is_trouble
+    again = Event("ahrs", What.STARTED_AGAIN, restarts=1)
+    assert str(again) == "ahrs started again (restart 1)." and not again.is_trouble
+    assert str(Event("ahrs", What.KILLED, "did not end within 5 s")) == "ahrs did not end within 5 s and was killed."

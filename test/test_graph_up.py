@@ -12,8 +12,9 @@ import yaml
 
 pytest.importorskip("rclpy")
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.graph.description import parse_graph
-from lowcostnav_ros.graph.up import EXIT_CANNOT_RUN, up
+from lowcostnav_ros.graph.up import up
 
 UP = (
     "import sys; from lowcostnav_ros.graph.description import load_graph; "
@@ -23,7 +24,7 @@ UP = (
 
 def test_a_graph_that_cannot_run_exits_with_2_and_its_sentence(capsys):
     graph = parse_graph({"nodes": [{"executable": "gps_simulator", "parameters": {"rate_hz": 900.0}}]}, "bad")
-    assert up(graph, show=False) == EXIT_CANNOT_RUN
+    assert up(graph, show=False) == Exit.CANNOT_RUN
     assert "gps_simulator cannot run: gps_simulator: 'rate_hz' must be at least 0.1 and at most 50 Hz, got 900." in capsys.readouterr().err
 
 

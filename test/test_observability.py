@@ -17,7 +17,7 @@ from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
-from lowcostnav_ros.reproduce.solimeno.flights import Case, epochs_of, fed, imu_of, inertial_settings, part, started, truth_of
+from lowcostnav_ros.reproduce.solimeno.flights import Case, epochs_of, fed, imu_of, inertial_settings, started, truth_of
 from lowcostnav_ros.reproduce.solimeno.observability import flown_ranks, layout_of, true_dynamics, true_ranks
 from lowcostnav_ros.studies.dynamics import dynamics_of
 from lowcostnav_ros.studies.observability import Watch, geodetic_units, observability
@@ -101,7 +101,7 @@ def test_ranks_at_the_true_state_fall_with_the_satellites_and_differ_by_axis_tim
 def bag(tmp_path):
     truth, profile = truth_of("LD", 20.0), load_imu_profile("mems")
     block, epochs = imu_of(profile, truth, 1), epochs_of(Case("tight", "LD", "mems", 1, duration_s=20.0), truth)
-    records = [r for m in (part(block, 0, len(block)), *epochs) for r in encode_cdr(m)]
+    records = [r for m in (block, *epochs) for r in encode_cdr(m)]
     with BagWriter(tmp_path / "flight") as writer:
         for stamp, topic, msgtype, raw in sorted(records, key=lambda r: r[0]):
             writer.write(topic, msgtype, stamp, raw)

@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lowcostnav_ros.physics.earth import LocalFrame
-from lowcostnav_ros.physics.rotation import eulers_to_quat
-from lowcostnav_ros.replay.columns import NavColumns, concatenate, interpolate, position_difference_n, wrapped
+from lowcostnav_ros.physics.rotation import eulers_to_quat, wrap
+from lowcostnav_ros.replay.columns import NavColumns, concatenate, interpolate, position_difference_n
 from lowcostnav_ros.replay.evaluation import blank_columns
 from lowcostnav_ros.replay.metrics import AXES, ErrorStatistics, errors_between
 from lowcostnav_ros.replay.outages import GAP_NS, GpsGaps
+from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.replay.sketch import MagnitudeStatistics
 
 NS = 1_000_000_000
@@ -91,14 +92,14 @@ def test_honest_sigmas_give_ratio_one_and_nees_two():
     assert ratios["north_m"] == pytest.approx(1.0, abs=0.02)
     assert ratios["east_m"] == pytest.approx(1.0, abs=0.02)
     assert statistics.nees_horizontal == pytest.approx(2.0, abs=0.05)
-    assert statistics.as_dict()["horizontal_m"]["rms"] == pytest.approx(sigma * math.sqrt(2.0), rel=0.02)
+    assert statistics.result().horizontal_m.rms == pytest.approx(sigma * math.sqrt(2.0), rel=0.02)
 
 
 def test_what_a_navigator_does_not_estimate_leaves_no_numbers():
     estimate = blank_columns(np.array([0]), vel_n=np.array([[1.0, 2.0, 3.0]]))
     statistics = ErrorStatistics()
     statistics.add(errors_between(estimate, _columns([0.0], 0.5, 0.5)))
-    found = statistics.as_dict()
+    found = plain(statistics.result())
     assert "horizontal_m" not in found and "heading_deg" not in found
     assert found["velocity_mps"]["max"] == pytest.approx(math.sqrt(1.0 + 4.0 + 9.0))
     assert found["nees_horizontal"] is None
@@ -106,7 +107,7 @@ def test_what_a_navigator_does_not_estimate_leaves_no_numbers():
 
 @given(st.floats(-20.0, 20.0))
 def test_wrapping_keeps_the_direction_and_the_range(angle):
-    found = float(wrapped(np.array([angle]))[0])
+    found = float(wrap(np.array([angle]))[0])
     assert -math.pi < found <= math.pi
     assert abs(np.exp(1j * found) - np.exp(1j * angle)) < 1e-12
 

@@ -5,14 +5,18 @@ import math
 
 import numpy as np
 import pytest
+from replay_fakes import FakeSettings, FixFollower
 from rich.console import Console
 
 from lowcostnav_ros.gnss.accuracy import SERVICES
 from lowcostnav_ros.replay.metrics import AXES, Errors, ErrorStatistics
 from lowcostnav_ros.replay.outages import GAP_NS, GpsGaps
 from lowcostnav_ros.replay.requirements import HOLE_NS, LISTED, Coverage, IntegrityMonitor
-from lowcostnav_ros.replay.tables import alarm_table, approach_table, interval_kind, percent
-from lowcostnav_ros.report.flight import html_tables
+from lowcostnav_ros.replay.result import NavigatorErrors, plain
+from lowcostnav_ros.replay.session import replay_stream
+from lowcostnav_ros.replay.tables import accuracy_table, alarm_table, approach_table, exceedance_table, interval_kind, percent
+from lowcostnav_ros.report.document import html_table
+from lowcostnav_ros.report.terminal import print_table
 
 NS = 1_000_000_000
 SOL = SERVICES["SOL"]
@@ -32,14 +36,14 @@ def monitored(errors, cuts=1):
     monitor = IntegrityMonitor(SOL)
     for rows in np.array_split(np.arange(len(errors)), cuts):
         monitor.add(errors[rows])
-    return monitor.as_dict()
+    return plain(monitor.result())
 
 
 def test_mean_rms_and_shares_of_known_errors():
     statistics = ErrorStatistics()
     statistics.add(errors_of([0, 1], north=[3.0, -3.0], east=[4.0, -4.0], down=[0.0, -12.0]))
     statistics.add(errors_of([2, 3], north=[0.0, math.nan], down=[0.5, 0.0]))
-    found = statistics.as_dict()
+    found = plain(statistics.result())
     assert found["position"]["mean_m"] == pytest.approx({"north": 0.0, "east": 0.0, "up": 11.5 / 3.0})
     assert found["position"]["rms_2d_m"] == pytest.approx(math.sqrt(50.0 / 3.0))
     assert found["position"]["rms_3d_m"] == pytest.approx(math.sqrt((50.0 + 144.25) / 3.0))
@@ -56,8 +60,8 @@ def test_an_attitude_reference_has_no_requirements_to_meet():
     errors = errors_of([0, 1], north=math.nan)
     statistics.add(errors)
     monitor.add(errors)
-    assert "position" not in statistics.as_dict() and "approach" not in statistics.as_dict()
-    assert monitor.as_dict() is None
+    assert {"position", "approach"}.isdisjoint(plain(statistics.result()))
+    assert monitor.result() is None
 
 
 T = np.arange(0.0, 60.0, 0.5)
@@ -144,17 +148,20 @@ def test_where_a_receiver_gives_fixes_they_say_when_gps_was_there():
 
 def test_words_and_numbers_of_the_tables():
     assert [percent(x) for x in (0.0, 1e-5, 0.5, 0.99999, 1.0)] == ["0", "0.1", "50", "99.9", "100"]
-    assert [interval_kind("without GPS", {"satellites": n}) for n in (None, 1, 3)] == ["without GPS", "1 satellite", "3 satellites"]
+    assert [interval_kind("without GPS", n) for n in (None, 1, 3)] == ["without GPS", "1 satellite", "3 satellites"]
     statistics, monitor, errors = ErrorStatistics(), IntegrityMonitor(SOL), errors_of(T, north=BEYOND, sigma=3.0)
     statistics.add(errors)
     monitor.add(errors)
-    flown = {"flight": statistics.as_dict(), "services": {"SOL": monitor.as_dict()}, "position_present_s": 59.5}
-    summary = {"duration_s": 119.0, "navigators": {"ins_gps": {"errors": flown}}}
+    flown = NavigatorErrors(whole=statistics.result(), services={"SOL": monitor.result()}, position_present_s=59.5)
+    (navigator,) = replay_stream([], {"ins_gps": FixFollower(FakeSettings())}).navigators.values()
+    result = dataclasses.replace(
+        replay_stream([], {}), duration_s=119.0, navigators={"ins_gps": dataclasses.replace(navigator, errors=flown)}
+    )
     console = Console(width=100, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-    for table in (approach_table(summary), alarm_table(summary)):
-        console.print(table)
+    for table in (approach_table(result), alarm_table(result)):
+        print_table(table, console)
     text = console.export_text()
     assert next(line.split()[:3] for line in text.splitlines() if "flight" in line) == ["ins_gps", "flight", "50"]
     assert "SOL" in text and max(map(len, text.splitlines())) <= 100
-    page = html_tables.accuracy(summary) + html_tables.approaches(summary) + html_tables.alarms(summary) + html_tables.exceedances(summary)
+    page = "".join(html_table(make(result)) for make in (accuracy_table, approach_table, alarm_table, exceedance_table))
     assert "warned in time" in page and "category III: 4.1 m, 0.6 m" in page and "3D RMS" in page

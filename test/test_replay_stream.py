@@ -14,6 +14,7 @@ from lowcostnav_ros.navigators.base import HorizonSettings
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
 from lowcostnav_ros.replay.digest import Comparison, imu_record, odometry_record
 from lowcostnav_ros.replay.links import in_order
+from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.replay.result_files import SOLUTION_HEADER, seconds_text
 from lowcostnav_ros.replay.selection import SelectionError, select
 from lowcostnav_ros.replay.session import replay_stream, simulated
@@ -31,7 +32,7 @@ def _rms_of_holding(seconds, rate_hz=10.0, first=0.05):
 
 
 def test_errors_against_truth_are_those_of_the_closed_form():
-    found = replay_stream(flight(20), {"follower": FixFollower(FakeSettings(north_bias_m=3.0))}).navigator("follower")
+    found = plain(replay_stream(flight(20), {"follower": FixFollower(FakeSettings(north_bias_m=3.0))}).navigator("follower"))
     flight_errors = found["errors"]["flight"]
     assert flight_errors["samples"] == found["solutions"] == 200
     assert flight_errors["horizontal_m"]["rms"] == pytest.approx(math.hypot(_rms_of_holding(20), 3.0), rel=1e-3)
@@ -44,17 +45,17 @@ def test_errors_against_truth_are_those_of_the_closed_form():
 
 def test_a_withheld_window_grows_the_error_as_the_aircraft_flies_on():
     result = replay_stream(flight(20), {"follower": FixFollower(FakeSettings())}, GPS_OFF)
-    (window,) = result.navigator("follower")["errors"]["windows"]
+    (window,) = plain(result.navigator("follower"))["errors"]["windows"]
     assert (window["start_s"], window["end_s"]) == (105.0, 112.0)
     assert window["error_at_end"]["t_s"] == pytest.approx(111.95)
     assert window["error_at_end"]["east_m"] == pytest.approx(-7.95 * SPEED, rel=1e-3)
     assert result.summary["without_gps"]["intervals_s"] == [[107.0, 112.0]]
-    assert result.navigator("follower")["errors"]["without_gps"]["samples"] == 50
+    assert plain(result.navigator("follower"))["errors"]["without_gps"]["samples"] == 50
 
 
 def test_without_truth_the_withheld_fixes_are_the_reference():
     items = list(flight(20, with_truth=False))
-    errors = replay_stream(items, {"follower": FixFollower(FakeSettings())}, GPS_OFF).navigator("follower")["errors"]
+    errors = plain(replay_stream(items, {"follower": FixFollower(FakeSettings())}, GPS_OFF).navigator("follower"))["errors"]
     assert errors["reference"] == "withheld gps"
     flown = SPEED * np.arange(1.0, 8.0)  # the fix of second 4 is held; fixes of 5 to 11 are the reference, solutions interpolated to them
     assert errors["withheld_gps"]["horizontal_m"]["max"] == pytest.approx(flown.max(), rel=1e-3)
@@ -81,8 +82,8 @@ def test_recorded_output_of_a_running_navigator_is_not_fed(tmp_path):
     level = np.array([1.0, 0, 0, 0]), np.eye(3), np.zeros(3), np.zeros(3)
     foreign = [Attitude(100 * NS + k * NS // 2, "imu/data_fused", *level) for k in range(8)]
     bag, config = write_bag(tmp_path / "bag", [*flight(5), *foreign]), write_config(tmp_path)
-    with_ahrs = replay_bag(bag, ReplayOptions(("ahrs", "listener"), config, registry=REGISTRY)).navigator("listener")
-    alone = replay_bag(bag, ReplayOptions(("listener",), config, registry=REGISTRY)).navigator("listener")
+    with_ahrs = plain(replay_bag(bag, ReplayOptions(("ahrs", "listener"), config, registry=REGISTRY)).navigator("listener"))
+    alone = plain(replay_bag(bag, ReplayOptions(("listener",), config, registry=REGISTRY)).navigator("listener"))
     assert with_ahrs["inputs"]["imu/data_fused"]["received"] == 50
     assert alone["inputs"]["imu/data_fused"]["received"] == 8
 
@@ -112,7 +113,7 @@ def sensors():
 
 def test_a_replay_equals_what_the_same_navigator_recorded(tmp_path, sensors):
     bag = write_bag(tmp_path / "bag", sensors, _recorded(sensors))
-    fused = replay_bag(bag, ReplayOptions(("follower",), registry=REGISTRY)).navigator("follower")["fused"]
+    fused = plain(replay_bag(bag, ReplayOptions(("follower",), registry=REGISTRY)).navigator("follower"))["fused"]
     assert fused["equals_recorded"] is True
     assert fused["sha256"] == fused["sha256_recorded"]
     assert fused["count_equal"] == fused["count"] == fused["count_recorded"] > 90
@@ -125,7 +126,7 @@ def test_one_changed_bit_is_found_at_its_stamp(tmp_path, sensors):
 
     extra = _recorded(sensors, change=change)
     bag = write_bag(tmp_path / "bag", sensors, extra)
-    fused = replay_bag(bag, ReplayOptions(("follower",), registry=REGISTRY)).navigator("follower")["fused"]
+    fused = plain(replay_bag(bag, ReplayOptions(("follower",), registry=REGISTRY)).navigator("follower"))["fused"]
     assert fused["equals_recorded"] is False
     assert fused["first_differing_stamp_s"] == extra[41][1] / 1e9
     assert (fused["count_differing"], fused["count_missing"]) == (1, 0)
@@ -134,7 +135,7 @@ def test_one_changed_bit_is_found_at_its_stamp(tmp_path, sensors):
 def test_a_recorder_that_starts_late_and_stops_early_is_no_difference(tmp_path, sensors):
     extra = _recorded(sensors)
     bag = write_bag(tmp_path / "bag", sensors, [extra[0], *extra[10:-5]])
-    fused = replay_bag(bag, ReplayOptions(("follower",), registry=REGISTRY)).navigator("follower")["fused"]
+    fused = plain(replay_bag(bag, ReplayOptions(("follower",), registry=REGISTRY)).navigator("follower"))["fused"]
     assert fused["equals_recorded"] is True and fused["sha256"] != fused["sha256_recorded"]
     assert fused["count_outside_recording"] == 14
 
@@ -174,8 +175,8 @@ def FixFollowerOrigin():
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_bag_and_stream_give_the_same_bits_twice(tmp_path, sensors, storage):
     bag = write_bag(tmp_path / "bag", sensors, storage=storage)
-    shas = {replay_bag(bag, ReplayOptions(("follower",), registry=REGISTRY)).navigator("follower")["fused"]["sha256"] for _ in range(2)}
-    shas.add(replay_stream(sensors, {"follower": FixFollower(FakeSettings())}).navigator("follower")["fused"]["sha256"])
+    shas = {replay_bag(bag, ReplayOptions(("follower",), registry=REGISTRY)).navigator("follower").fused.sha256 for _ in range(2)}
+    shas.add(replay_stream(sensors, {"follower": FixFollower(FakeSettings())}).navigator("follower").fused.sha256)
     assert len(shas) == 1
 
 

@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -11,6 +12,8 @@ from hypothesis import strategies as st
 from replay_fakes import REGISTRY, FakeAhrs, FakeSettings, FixFollower, flight, write_bag, write_config
 
 from lowcostnav_ros.cli.main import main
+from lowcostnav_ros.replay.digest import Comparison
+from lowcostnav_ros.replay.result import ErrorSummary, NavigatorErrors, NavigatorResult, Size
 from lowcostnav_ros.replay.session import replay_stream
 from lowcostnav_ros.replay.withhold import parse_withhold
 from lowcostnav_ros.replay.words import distance, error_over_sigma, sentence
@@ -30,7 +33,7 @@ def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("result")
     navigators = {"follower": FixFollower(FakeSettings(north_bias_m=3.0)), "ahrs": FakeAhrs(FakeSettings())}
     result = replay_stream(flight(30), navigators, (parse_withhold("gps/fix@10-22"),), out=out)
-    (out / "summary.json").write_text(json.dumps(result.summary))
+    (out / "summary.json").write_text(json.dumps(result.to_mapping()))
     return out
 
 
@@ -143,11 +146,16 @@ def test_a_mode_does_not_last_through_a_silence():
 
 
 def test_the_sentence_says_when_there_was_less_than_a_gps_position():
-    part = {"horizontal_m": {"max": 9.0, "p95": 4.0}, "error_over_sigma": {"north_m": 1.0, "east_m": 1.0}}
-    navigator = {"solutions": 9, "errors": {"flight": part}, "aids": {}, "mode_seconds": {"gps": 300.0, "sparse": 280.4}}
+    errors = NavigatorErrors(whole=part_of(9.0, 4.0, 1.0))
+    navigator = NavigatorResult(Comparison().result(), 9, "gps", "", errors=errors, mode_seconds={"gps": 300.0, "sparse": 280.4})
     assert sentence("n", navigator, 0.0).startswith("n: 280 s with fewer than four satellites, worst 9.0 m")
-    assert sentence("n", navigator | {"mode_seconds": {"gps": 20.0, "no solution": 40.0}}, 0.0).startswith("n: 40 s without a solution,")
-    assert sentence("n", navigator | {"mode_seconds": {"gps": 20.0}}, 0.0).startswith("n: GPS all flight,")
+    navigator = replace(navigator, mode_seconds={"gps": 20.0, "no solution": 40.0})
+    assert sentence("n", navigator, 0.0).startswith("n: 40 s without a solution,")
+    assert sentence("n", replace(navigator, mode_seconds={"gps": 20.0}), 0.0).startswith("n: GPS all flight,")
+
+
+def part_of(largest, p95, ratio):
+    return ErrorSummary(9, Size(p95, p95, p95, largest, 0.0), error_over_sigma={"north_m": ratio, "east_m": ratio})
 
 
 class _Checker(HTMLParser):
@@ -222,8 +230,8 @@ def test_distances_are_said_as_a_pilot_would(metres, said):
 
 def test_sentences_call_sigmas_by_what_they_are():
     def navigator(ratio):
-        part = {"horizontal_m": {"max": 412.0, "p95": 380.0}, "error_over_sigma": {"north_m": ratio, "east_m": ratio}}
-        return {"solutions": 9, "errors": {"without_gps": part, "flight": part}, "aids": {}, "mode_at_end": "coasting", "reason_at_end": ""}
+        part = part_of(412.0, 380.0, ratio)
+        return NavigatorResult(Comparison().result(), 9, "coasting", "", errors=NavigatorErrors("truth", part, part))
 
     assert sentence("dead_reckoning", navigator(0.9), 340.0) == (
         "dead_reckoning: 340 s without GPS, worst 412 m, 95 % within 380 m, sigma honest (error/sigma 0.9)."

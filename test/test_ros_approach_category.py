@@ -19,3 +19,11 @@ def test_twice_the_sigmas_decide(horizontal_m, down_m, expected):
 def test_who_has_no_position_claims_no_category():
     status = NavigatorStatus("ahrs", "gps", "", 0, 0, {"tilt_deg": 0.2}, [], [])
     assert "approach_category" not in navigator_rows("ahrs", status)[0].values
+
+
+def test_what_a_navigator_says_of_itself_by_key_stands_beside_mode_and_reason():
+    class Choosing(NavigatorStatus):
+        details = {"flying_on": "ins_gps"}
+
+    status = Choosing("supervisor", "gps", "", 0, 0, {}, [], [])
+    assert navigator_rows("supervisor", status)[0].values == {"mode": "gps", "reason": "", "flying_on": "ins_gps"}

@@ -51,6 +51,12 @@ class ImuBlock(Measurement):
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
+    def __getitem__(self, rows: slice | np.ndarray) -> "ImuBlock":
+        """Return some of the samples, by slice, indices or mask; an empty block keeps the head stamp."""
+        stamps = self.stamps_ns[rows]
+        head = int(stamps[-1]) if len(stamps) else self.stamp_ns
+        return ImuBlock(head, self.source, stamps, self.specific_force_b[rows], self.angular_rate_b[rows])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attitude(Measurement):

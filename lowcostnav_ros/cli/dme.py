@@ -7,15 +7,15 @@
 
 import argparse
 import re
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.options import between
 from lowcostnav_ros.report.plan_folder import write_plan
 
 DEFAULT_STATIONS = "dme_stations_bay_area.csv"
-EXIT_OK, EXIT_WORSE, EXIT_CANNOT_RUN = 0, 1, 2
 
 
 def add_arguments(dme: argparse.ArgumentParser) -> None:
@@ -45,6 +45,7 @@ def _let_places_begin_with_minus(parser: argparse.ArgumentParser) -> None:
     parser._negative_number_matcher = re.compile(r"-\.?\d[-\d.,;\s]*$")
 
 
+@job("Plan how DME stations carry a flight without GPS; turn navaid lists into station tables.", add_arguments)
 def dme(arguments: argparse.Namespace) -> int:
     """Do what the verb says; returns the exit status."""
     return {"plan": _plan, "import": _import}[arguments.verb](arguments)
@@ -52,7 +53,7 @@ def dme(arguments: argparse.Namespace) -> int:
 
 def _plan(arguments: argparse.Namespace) -> int:
     from lowcostnav_ros.report.dme.plan import make_plan
-    from lowcostnav_ros.report.dme.tables import print_plan, write_json
+    from lowcostnav_ros.report.dme.tables import as_mapping, print_plan
 
     waypoints, elevation = _place(arguments)
     altitudes = _altitudes(arguments.altitude_m, elevation)
@@ -62,8 +63,8 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.output:
         from lowcostnav_ros.report.dme.figures import write_figures
 
-        write_plan(plan, Path(arguments.output), write_json, write_figures)
-    return EXIT_OK if plan.good_enough() else EXIT_WORSE
+        write_plan(plan, Path(arguments.output), as_mapping, write_figures)
+    return Exit.OK if plan.good_enough() else Exit.WORSE
 
 
 def _import(arguments: argparse.Namespace) -> int:
@@ -83,7 +84,7 @@ def _import(arguments: argparse.Namespace) -> int:
     for station in lost_longitude_signs(navaids):
         notes.append(f"{station.ident} at longitude {np.degrees(station.lon):.4f} stands alone; the sign of its longitude looks lost.")
     print("\n".join([*notes, f"{len(table)} stations in {arguments.output}"]))
-    return EXIT_OK
+    return Exit.OK
 
 
 def _read(name: str, undulation_m: float):
@@ -143,23 +144,4 @@ def _number(text: str, option: str, low: float, high: float) -> float:
         value = float(text)
     except ValueError:
         raise SettingsError(f"{option}: '{text.strip()}' must be a number.") from None
-    if not low <= value <= high:
-        raise SettingsError(f"{option}: {value:g} must lie between {low:g} and {high:g}.")
-    return value
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run this job alone; return the exit status."""
-    parser = argparse.ArgumentParser(prog="lowcostnav dme", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_arguments(parser)
-    try:
-        return dme(parser.parse_args(argv))
-    except ValueError as error:
-        if not type(error).__module__.startswith("lowcostnav_ros"):
-            raise
-        print(error, file=sys.stderr)
-        return EXIT_CANNOT_RUN
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return between(option, value, low, high)

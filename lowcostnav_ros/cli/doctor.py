@@ -1,5 +1,6 @@
 """Look at the machine: what a graph of nodes needs, each line ok or what to do about it."""
 
+import argparse
 import importlib.metadata
 import importlib.util
 import os
@@ -12,7 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from lowcostnav_ros.graph.domain import free_domain, node_environment
+from lowcostnav_ros.base.exit_codes import Exit
+from lowcostnav_ros.cli.jobs import job
 
 SHM = Path("/dev/shm")
 PINNED = {"ros-jazzy-rclpy": "7.1.6", "ros-jazzy-common-interfaces": "5.3.6", "ros-jazzy-rmw-fastrtps-cpp": "8.4.3"}
@@ -144,6 +146,8 @@ def check_discovery() -> Finding:
     """Two processes that find and answer each other over DDS."""
     if importlib.util.find_spec("rclpy") is None:
         return Finding("discovery", False, "not tried without rclpy.")
+    from lowcostnav_ros.graph.domain import free_domain, node_environment
+
     with free_domain() as domain, tempfile.TemporaryDirectory() as folder:
         environment = node_environment(domain, Path(folder))
         server = subprocess.Popen([sys.executable, "-c", PROBE, "server"], env=environment, stderr=subprocess.DEVNULL)
@@ -177,14 +181,11 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
 )
 
 
-def main() -> int:
+@job("Check that this machine can run the nodes; every line says ok or what to do.")
+def doctor(_: argparse.Namespace | None = None) -> int:
     """Print every finding; return 0 when all is well, 1 when something is to be done."""
     findings = []
     for check in CHECKS:
         findings.append(check())
         print(f"{'ok  ' if findings[-1].ok else 'TO DO'} {findings[-1].subject}: {findings[-1].text}", flush=True)
-    return 0 if all(finding.ok for finding in findings) else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return Exit.OK if all(finding.ok for finding in findings) else Exit.WORSE

@@ -11,10 +11,12 @@ import math
 from pathlib import Path
 from typing import Any
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.options import between, check_folders
+from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.report.plan_folder import write_plan
-
-EXIT_OK, EXIT_WORSE, EXIT_CANNOT_RUN = 0, 1, 2
 
 
 def add_arguments(gnss: argparse.ArgumentParser) -> None:
@@ -53,6 +55,7 @@ def _add_plan(verbs: argparse._SubParsersAction) -> None:
     plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the figures there")
 
 
+@job("Positions out of RINEX files; satellites in view and their geometry over a day.", add_arguments)
 def gnss(arguments: argparse.Namespace) -> int:
     """Do what the verb says; returns the exit status."""
     return {"locate": _locate, "plan": _plan}[arguments.verb](arguments)
@@ -63,9 +66,7 @@ def _locate(arguments: argparse.Namespace) -> int:
     from lowcostnav_ros.report.gnss.track import print_track, summarise, write_csv
 
     settings = correction_settings(arguments)
-    for path in (arguments.out, arguments.page):
-        if path and not Path(path).resolve().parent.is_dir():
-            raise SettingsError(f"The folder of {path} does not exist; create it first.")
+    check_folders(arguments.out, arguments.page)
     observations, navigation = read_observations(arguments.observations), read_navigation(arguments.navigation)
     located = located_with_progress(observations, navigation, settings, "locate")
     summary = summarise(Path(arguments.observations).name, observations, navigation, located)
@@ -77,7 +78,7 @@ def _locate(arguments: argparse.Namespace) -> int:
         from lowcostnav_ros.report.gnss.track_page import write_page
 
         print(f"{arguments.page} ({write_page(summary, Path(arguments.page)) / 1e6:.1f} MB)")
-    return EXIT_OK
+    return Exit.OK
 
 
 def correction_settings(arguments: argparse.Namespace):
@@ -97,10 +98,9 @@ def located_with_progress(observations, navigation, settings, label: str):
     GnssError
         When no epoch at all gives a position.
     """
-    from lowcostnav_ros.cli.replay import progress_bar
+    from lowcostnav_ros.base.text import counted
     from lowcostnav_ros.gnss import GnssError
     from lowcostnav_ros.gnss.track import track
-    from lowcostnav_ros.report.gnss.words import counted
 
     with progress_bar(label) as advance:
         total = len(observations.epochs)
@@ -112,16 +112,15 @@ def located_with_progress(observations, navigation, settings, label: str):
 
 
 def _plan(arguments: argparse.Namespace) -> int:
-    from lowcostnav_ros.cli.replay import progress_bar
     from lowcostnav_ros.gnss.sky_plan import plan_sky
-    from lowcostnav_ros.report.gnss.plan import GnssPlan, print_plan, write_json
+    from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, print_plan
 
     lat_deg, lon_deg, height = arguments.place
-    _between("--place", lat_deg, -90.0, 90.0)
-    _between("--place", lon_deg, -180.0, 360.0)
-    _between("--place", height, -1000.0, 20_000.0)
-    _between("--pdop", arguments.pdop, 1.0, 1000.0)
-    _between("--hours", arguments.hours, 0.1, 24.0 * 31.0)
+    between("--place", lat_deg, -90.0, 90.0)
+    between("--place", lon_deg, -180.0, 360.0)
+    between("--place", height, -1000.0, 20_000.0)
+    between("--pdop", arguments.pdop, 1.0, 1000.0)
+    between("--hours", arguments.hours, 0.1, 24.0 * 31.0)
     start = _start(arguments.start)
     satellites, start_s, notes = _satellites(arguments.almanac, start)
     lowest, hidden = _lowest(arguments)
@@ -134,8 +133,8 @@ def _plan(arguments: argparse.Namespace) -> int:
     if arguments.output:
         from lowcostnav_ros.report.gnss.plan_figures import write_figures
 
-        write_plan(plan, Path(arguments.output), write_json, write_figures)
-    return EXIT_OK if plan.good_enough() else EXIT_WORSE
+        write_plan(plan, Path(arguments.output), as_mapping, write_figures)
+    return Exit.OK if plan.good_enough() else Exit.WORSE
 
 
 def _start(text: str | None) -> datetime.datetime:
@@ -171,19 +170,14 @@ def _lowest(arguments: argparse.Namespace) -> tuple[Any, str]:
     from lowcostnav_ros.base.settings import from_mapping
     from lowcostnav_ros.gnss.canyon import CanyonSettings
 
-    _between("--mask-deg", arguments.mask_deg, 0.0, 89.0)
+    between("--mask-deg", arguments.mask_deg, 0.0, 89.0)
     mask = math.radians(arguments.mask_deg)
     if arguments.canyon is None:
         return lambda azimuth: np.full(np.shape(azimuth), mask), f"mask {arguments.mask_deg:g} deg"
-    _between("--above-floor", arguments.above_floor, 0.0, 20_000.0)
+    between("--above-floor", arguments.above_floor, 0.0, 20_000.0)
     cliff, width, heading = arguments.canyon
     canyon = from_mapping(CanyonSettings, {"cliff_m": cliff, "width_m": width, "heading_deg": heading}, "--canyon").canyon()
     if canyon is None:
         raise SettingsError("--canyon: cliffs have a height above zero; leave the option out under an open sky.")
     words = f"mask {arguments.mask_deg:g} deg, {arguments.above_floor:g} m above the floor of a canyon {cliff:g} m deep, {width:g} m wide"
     return lambda azimuth: np.maximum(mask, canyon.lowest(arguments.above_floor, azimuth)), f"{words}, axis {heading:g} deg"
-
-
-def _between(option: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise SettingsError(f"{option}: {value:g} must lie between {low:g} and {high:g}.")

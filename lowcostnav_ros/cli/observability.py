@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.options import check_folders
 
 if TYPE_CHECKING:
     from lowcostnav_ros.navigators.base import Navigator
@@ -19,21 +21,21 @@ WEAK = 0.5
 """A state counts as not told when less than this share of it lies in the observable space."""
 
 
-def add_arguments(job: argparse.ArgumentParser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
-    job.add_argument("bag", help="bag directory, .mcap or .db3 file")
-    job.add_argument("--navigator", default="ins_gps", metavar="NAME", help="which to run (default: %(default)s)")
-    job.add_argument("--config", metavar="DIR", help="directory with <navigator>.yaml (default: the package's own)")
-    job.add_argument("--period", type=float, default=5.0, metavar="S", help="seconds between two looks (default: %(default)g)")
-    job.add_argument("--json", metavar="FILE", help="write rank, singular values and shares of the states over time as JSON")
+    parser.add_argument("bag", help="bag directory, .mcap or .db3 file")
+    parser.add_argument("--navigator", default="ins_gps", metavar="NAME", help="which to run (default: %(default)s)")
+    parser.add_argument("--config", metavar="DIR", help="directory with <navigator>.yaml (default: the package's own)")
+    parser.add_argument("--period", type=float, default=5.0, metavar="S", help="seconds between two looks (default: %(default)g)")
+    parser.add_argument("--json", metavar="FILE", help="write rank, singular values and shares of the states over time as JSON")
 
 
+@job("Which states of a navigator its measurements can tell, along a recording.", add_arguments)
 def observability(arguments: argparse.Namespace) -> int:
     """Replay the bag through one navigator and print what its measurements could tell."""
     if not 0.0 < arguments.period <= 3600.0:
         raise SettingsError(f"--period must be above 0 and at most 3600 s, got {arguments.period:g}.")
-    if arguments.json and not Path(arguments.json).resolve().parent.is_dir():
-        raise SettingsError(f"The folder of {arguments.json} does not exist; create it first.")
+    check_folders(arguments.json)
     navigator, found = watch_bag(Path(arguments.bag), arguments.navigator, arguments.config, arguments.period)
     if not found:
         raise SettingsError(f"{arguments.navigator} fused nothing in {arguments.bag}: it ended {navigator.mode}, {navigator.reason}.")
@@ -107,21 +109,18 @@ def as_plain(navigator: "Navigator", found: "list[Observability]") -> dict[str, 
 
 
 def _print(navigator: "Navigator", found: "list[Observability]") -> None:
-    from rich.console import Console
-    from rich.table import Table
-
+    from lowcostnav_ros.base.tables import Table
+    from lowcostnav_ros.report.terminal import print_report
     from lowcostnav_ros.studies.observability import filter_of
 
     size, labels = filter_of(navigator).layout.size, filter_of(navigator).layout.labels
-    table = Table("t [s]", "rows", "rank", f"not told, of {size}", "largest and smallest counted singular value", box=None)
-    start_ns = found[0].stamp_ns
+    heads = ("t [s]", "rows", "rank", f"not told, of {size}", "largest and smallest counted singular value")
+    rows, start_ns = [], found[0].stamp_ns
     for o in found[:: max(1, len(found) // 20)]:
         values = f"{o.singular_values[0]:.2g}, {o.singular_values[o.rank - 1]:.2g}"
-        table.add_row(f"{(o.stamp_ns - start_ns) / 1e9:.1f}", str(o.rows), str(o.rank), str(size - o.rank), values)
-    console = Console(width=100)
-    console.print(table)
+        rows.append((f"{(o.stamp_ns - start_ns) / 1e9:.1f}", str(o.rows), str(o.rank), str(size - o.rank), values))
     share = sum(o.share for o in found) / len(found)
     weak = [label for label, part in zip(labels, share, strict=True) if part < WEAK]
     ranks = [o.rank for o in found]
-    console.print(f"{navigator.name}: rank {min(ranks)} to {max(ranks)} of {size} at single instants, mean {sum(ranks) / len(ranks):.1f}.")
-    console.print(f"hardly told within an instant: {', '.join(weak) or 'none'}", highlight=False)
+    ranked = f"{navigator.name}: rank {min(ranks)} to {max(ranks)} of {size} at single instants, mean {sum(ranks) / len(ranks):.1f}."
+    print_report("", [Table.plain("", heads, rows, left=0)], [ranked, f"hardly told within an instant: {', '.join(weak) or 'none'}"])

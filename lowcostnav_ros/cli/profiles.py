@@ -7,18 +7,21 @@ lowcostnav profiles result/profile.yaml
 
 import argparse
 import dataclasses
-import sys
 from typing import TYPE_CHECKING
+
+from lowcostnav_ros.cli.jobs import job
 
 if TYPE_CHECKING:
     from lowcostnav_ros.sensors.imu_profile import ImuProfile
 
 
-def add_arguments(job: argparse.ArgumentParser) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
-    job.add_argument("names", nargs="*", metavar="PROFILE", help="name of a shipped profile, or a profile file (default: list all shipped)")
+    text = "name of a shipped profile, or a profile file (default: list all shipped)"
+    parser.add_argument("names", nargs="*", metavar="PROFILE", help=text)
 
 
+@job("IMU profiles with their grade, and the numbers a filter takes from one.", add_arguments)
 def profiles(arguments: argparse.Namespace) -> int:
     """List profiles; of one that was asked for also what a filter takes from it."""
     from lowcostnav_ros.catalogue.equipment import imu_profile_names, load_imu_profile
@@ -34,17 +37,14 @@ def profiles(arguments: argparse.Namespace) -> int:
 
 def _print_table(found: "dict[str, ImuProfile]") -> None:
     import numpy as np
-    from rich.console import Console
-    from rich.table import Table
 
+    from lowcostnav_ros.base.tables import Table
     from lowcostnav_ros.base.units import DEGREE, DEGREE_PER_HOUR, MILLI_G
+    from lowcostnav_ros.report.terminal import print_report
     from lowcostnav_ros.sensors.imu_grade import grade_of
 
     gyros, accels = ("gyro turn-on\ndeg/h", "drift\ndeg/h", "white\ndeg/rt h"), ("accel turn-on\nmg", "drift\nmg", "white\nmg/rt Hz")
-    heads = ("profile", "grade", *gyros, *accels, "from")
-    table = Table(box=None, pad_edge=False)
-    for k, head in enumerate(heads):
-        table.add_column(head, justify="right" if 2 <= k <= 7 else "left", no_wrap=k < 8)
+    rows = []
     for name, profile in found.items():
         gyro, accel = profile.gyro_noise(), profile.accel_noise()
         values = (
@@ -55,9 +55,9 @@ def _print_table(found: "dict[str, ImuProfile]") -> None:
             accel.bias_sigma / MILLI_G,
             accel.noise_density / MILLI_G,
         )
-        table.add_row(name, grade_of(profile) or "-", *(f"{np.max(v):.3g}" if np.any(v) else "-" for v in values), profile.source)
-    Console(width=None if sys.stdout.isatty() else 130).print(table, highlight=False)
-    print("Worst axis, one sigma; - is not stated. The grade is that of the gyro bias, turn-on and drift (Solimeno 2007, table 3.4).")
+        rows.append((name, grade_of(profile) or "-", profile.source, *(f"{np.max(v):.3g}" if np.any(v) else "-" for v in values)))
+    said = "Worst axis, one sigma; - is not stated. The grade is that of the gyro bias, turn-on and drift (Solimeno 2007, table 3.4)."
+    print_report("", [Table.plain("", ("profile", "grade", "from", *gyros, *accels), rows, left=3)], [said])
 
 
 def _print_settings(name: str) -> None:

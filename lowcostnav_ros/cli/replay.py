@@ -1,92 +1,106 @@
 """The replay job: options in, tables and files out, verdict as exit status."""
 
 import argparse
+import dataclasses
 import json
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
+from lowcostnav_ros.base.exit_codes import Exit
+from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.options import check_folders
+from lowcostnav_ros.cli.progress import progress_bar
 
-from lowcostnav_ros.base.settings import SettingsError
-from lowcostnav_ros.replay import baseline
-from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
-from lowcostnav_ros.replay.tables import WIDTH, print_summary, verdict_table
-from lowcostnav_ros.replay.withhold import parse_withhold
+if TYPE_CHECKING:
+    from lowcostnav_ros.replay.baseline import Verdict
+    from lowcostnav_ros.replay.result import ReplayResult
+
+NOTES = """\
+withholding: 'gps/fix,gps/vel@290-350' keeps these sources from the navigators from 290 s to 350 s, @290- to the end; without @ all flight.
+  A window that starts before the bag's first stamp counts from the bag's start, any other is read as stamps (t_s).
+errors: against truth/odometry (or --truth) where the bag has it, else against the withheld fixes."""
 
 
+def add_arguments(replay: argparse.ArgumentParser) -> None:
+    """Add the options of the job."""
+    replay.add_argument("bag", help="bag directory, .mcap or .db3 file")
+    add_common(replay)
+    replay.add_argument("--truth", metavar="TOPIC", help="odometry topic to compare with (default: truth/odometry)")
+    replay.add_argument("--out", metavar="DIR", help="write <navigator>.csv, _aids.csv, _errors.csv, _states.csv and summary.json there")
+    replay.add_argument("--json", metavar="FILE", help="write the result as JSON")
+    replay.add_argument("--baseline", metavar="FILE", help="compare with this baseline; exit status 1 when worse")
+    replay.add_argument("--write-baseline", metavar="FILE", help="write a baseline from this replay")
+
+
+def add_common(parser: argparse.ArgumentParser, note: str = "") -> None:
+    """Add the options that ``replay`` and ``report`` share."""
+    parser.add_argument("--navigators", metavar="A,B", help=f"which to run (default: all whose required inputs the bag has){note}")
+    parser.add_argument("--config", metavar="DIR", help=f"directory with <navigator>.yaml (default: the package's own){note}")
+    text = f"keep sources back; repeatable{note}"
+    parser.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-[B]]", help=text)
+
+
+@job("Run the navigators over a bag, offline and repeatable to the last bit, and judge them.", add_arguments, NOTES)
 def replay(arguments: argparse.Namespace) -> int:
     """Replay a bag; 0 when nothing is worse than the baseline, 1 when something is."""
+    from lowcostnav_ros.replay import baseline
+    from lowcostnav_ros.replay.tables import verdict_table
+    from lowcostnav_ros.report.terminal import print_result, print_table, result_console
+
     expected = baseline.load_baseline(Path(arguments.baseline)) if arguments.baseline else None
-    for path in (arguments.json, arguments.write_baseline):
-        if path and not Path(path).resolve().parent.is_dir():
-            raise SettingsError(f"The folder of {path} does not exist; create it first.")
+    check_folders(arguments.json, arguments.write_baseline)
     out = Path(arguments.out) if arguments.out else None
-    summary = replay_with_progress(arguments, out, arguments.truth)
+    result = replay_with_progress(arguments, out, arguments.truth)
+    if expected is not None and expected[0] not in (None, found := result.recording.bag.sha256):
+        text = f"Baseline {arguments.baseline} belongs to another bag (sha256 {expected[0][:16]}, this one is {found[:16]})."
+        raise baseline.BaselineError(text)
+    console, verdicts = result_console(), []
+    print_result(result, console)
     if expected is not None:
-        _check_identity(expected[0], summary, arguments.baseline)
-    console = result_console()
-    print_summary(summary, console)
-    wanted = set(summary["navigators"]) if arguments.navigators else None
-    judged = [e for e in expected[1] if wanted is None or e.navigator in wanted] if expected is not None else []
-    verdicts = baseline.judge(judged, summary)
-    if expected is not None:
-        summary = {**summary, "verdicts": [{"metric": f"{v.navigator}.{v.metric}", "verdict": v.verdict} for v in verdicts]}
-        console.print(verdict_table(verdicts))
+        judged = [e for e in expected[1] if not arguments.navigators or e.navigator in result.navigators]
+        verdicts = baseline.judge(judged, result.to_mapping())
+        noted = tuple({"metric": f"{v.navigator}.{v.metric}", "verdict": v.verdict} for v in verdicts)
+        result = dataclasses.replace(result, verdicts=noted)
+        print_table(verdict_table(verdicts), console)
         console.print(_verdict_sentence(verdicts), highlight=False)
-    _write(arguments, out, summary, console)
-    return 1 if any(v.verdict == baseline.WORSE for v in verdicts) else 0
+    for line in _write(arguments, out, result.to_mapping()):
+        console.print(line, highlight=False)
+    return Exit.WORSE if any(v.verdict == baseline.WORSE for v in verdicts) else Exit.OK
 
 
-def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth: str | None = None) -> dict[str, Any]:
-    """Replay as the common options of ``replay`` and ``report`` say, with a progress bar on a terminal; return the summary."""
+def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth: str | None = None) -> "ReplayResult":
+    """Replay as the common options of ``replay`` and ``report`` say, with a progress bar on a terminal."""
+    from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
+    from lowcostnav_ros.replay.withhold import parse_withhold
+
     names = tuple(n.strip() for n in arguments.navigators.split(",") if n.strip()) if arguments.navigators else None
     withhold = tuple(parse_withhold(text) for text in arguments.withhold)
     config = Path(arguments.config) if arguments.config else None
     with progress_bar("replay") as advance:
         options = ReplayOptions(names, config, withhold, truth, out, arguments.registry, advance)
-        return replay_bag(arguments.bag if "bag" in arguments else arguments.source, options).summary
+        return replay_bag(arguments.bag if "bag" in arguments else arguments.source, options)
 
 
-@contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
-    """A bar on a terminal's stderr, fed with the share done; None elsewhere, so that logs stay clean."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.progress import Progress
+def _verdict_sentence(verdicts: "Sequence[Verdict]") -> str:
+    from lowcostnav_ros.replay.baseline import BETTER, SAME, WORSE
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(label, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+    count = {v: sum(1 for x in verdicts if x.verdict == v) for v in (BETTER, SAME, WORSE)}
+    return f"{'WORSE' if count[WORSE] else 'PASS'}: {', '.join(f'{n} {verdict}' for verdict, n in count.items())}"
 
 
-def result_console() -> Console:
-    """Where tables go: stdout, never wider than 100 columns."""
-    return Console(width=min(WIDTH, Console().width) if sys.stdout.isatty() else WIDTH, soft_wrap=False)
-
-
-def _check_identity(identity: str | None, summary: dict[str, Any], path: str) -> None:
-    found = summary["bag"]["sha256"]
-    if identity is not None and identity != found:
-        raise baseline.BaselineError(f"Baseline {path} belongs to another bag (sha256 {identity[:16]}, this one is {found[:16]}).")
-
-
-def _verdict_sentence(verdicts: list[baseline.Verdict]) -> str:
-    count = {v: sum(1 for x in verdicts if x.verdict == v) for v in (baseline.BETTER, baseline.SAME, baseline.WORSE)}
-    total = ", ".join(f"{n} {verdict}" for verdict, n in count.items())
-    return f"{'WORSE' if count[baseline.WORSE] else 'PASS'}: {total}"
-
-
-def _write(arguments: argparse.Namespace, out: Path | None, summary: dict[str, Any], console: Console) -> None:
-    text = json.dumps(summary, indent=1, allow_nan=False)
+def _write(arguments: argparse.Namespace, out: Path | None, mapping: dict[str, Any]) -> list[str]:
+    """Write the files that were asked for; return what to say of them."""
+    said = []
+    text = json.dumps(mapping, indent=1, allow_nan=False) + "\n"
     if arguments.json:
-        Path(arguments.json).write_text(text + "\n", encoding="utf-8")
+        Path(arguments.json).write_text(text, encoding="utf-8")
     if out is not None:
-        (out / "summary.json").write_text(text + "\n", encoding="utf-8")
-        console.print(f"results in {out}", highlight=False)
+        (out / "summary.json").write_text(text, encoding="utf-8")
+        said.append(f"results in {out}")
     if arguments.write_baseline:
-        count = baseline.write_baseline(Path(arguments.write_baseline), summary)
-        console.print(f"baseline of {count} metrics in {arguments.write_baseline}", highlight=False)
+        from lowcostnav_ros.replay.baseline import write_baseline
+
+        count = write_baseline(Path(arguments.write_baseline), mapping)
+        said.append(f"baseline of {count} metrics in {arguments.write_baseline}")
+    return said

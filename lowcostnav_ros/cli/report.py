@@ -5,20 +5,29 @@ import json
 import tempfile
 from pathlib import Path
 
-from lowcostnav_ros.cli.replay import replay_with_progress
-from lowcostnav_ros.report.flight.page import write_page
+from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.replay import add_common, replay_with_progress
 
 
+def add_arguments(report: argparse.ArgumentParser) -> None:
+    """Add the options of the job."""
+    report.add_argument("source", help="a bag, which is replayed first, or a directory written by replay --out")
+    report.add_argument("-o", "--output", required=True, metavar="HTML", help="page to write")
+    add_common(report, " (bags only)")
+    report.add_argument("--title", help="heading of the page (default: the name of the bag)")
+
+
+@job("One self-contained HTML page about a flight: map, errors in their sigmas, aids, tables.", add_arguments)
 def report(arguments: argparse.Namespace) -> int:
     """Write the page; returns 0."""
+    from lowcostnav_ros.report.flight.page import write_page
+
     source = Path(arguments.source)
-    if (source / "summary.json").is_file():
+    with tempfile.TemporaryDirectory(prefix="lowcostnav-report-") as folder:
+        if not (source / "summary.json").is_file():
+            source = Path(folder)
+            mapping = replay_with_progress(arguments, source).to_mapping()
+            (source / "summary.json").write_text(json.dumps(mapping, allow_nan=False), encoding="utf-8")
         size = write_page(source, Path(arguments.output), arguments.title)
-    else:
-        with tempfile.TemporaryDirectory(prefix="lowcostnav-report-") as folder:
-            out = Path(folder)
-            summary = replay_with_progress(arguments, out)
-            (out / "summary.json").write_text(json.dumps(summary, allow_nan=False), encoding="utf-8")
-            size = write_page(out, Path(arguments.output), arguments.title)
     print(f"{arguments.output} ({size / 1e6:.1f} MB)")
     return 0

@@ -6,6 +6,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.options import check_folders
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -21,20 +24,19 @@ examples:
   lowcostnav reproduce GR16 GR17 --out results --json results.json"""
 
 
-def add_parsers(jobs: argparse._SubParsersAction) -> None:
-    """Declare ``lowcostnav reproduce``."""
-    text = "Compute the results of the theses again and set them beside the printed numbers, with a verdict each."
-    job = jobs.add_parser("reproduce", help=text, description=text, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
-    job.add_argument("results", nargs="*", metavar="STUDY|ID", help="a study such as gebre, or ids such as GR16 (default: all)")
-    job.add_argument("--list", action="store_true", help="list the results and run nothing")
-    job.add_argument("--quick", action="store_true", help="fewer runs, all results in under two minutes")
-    job.add_argument("--seed", type=int, default=1, help="seed of everything random (default: 1)")
-    job.add_argument("--json", metavar="FILE", help="write the results as JSON")
-    job.add_argument("--out", metavar="DIR", help="write a page per study and its figures there")
-    job.add_argument("--workers", type=int, metavar="N", help="processes to use (default: every core); the numbers do not depend on it")
-    job.add_argument("--cluster", metavar="ADDRESS", help="dask scheduler to use instead, such as tcp://host:8786")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the job."""
+    parser.add_argument("results", nargs="*", metavar="STUDY|ID", help="a study such as gebre, or ids such as GR16 (default: all)")
+    parser.add_argument("--list", action="store_true", help="list the results and run nothing")
+    parser.add_argument("--quick", action="store_true", help="fewer runs, all results in under two minutes")
+    parser.add_argument("--seed", type=int, default=1, help="seed of everything random (default: 1)")
+    parser.add_argument("--json", metavar="FILE", help="write the results as JSON")
+    parser.add_argument("--out", metavar="DIR", help="write a page per study and its figures there")
+    parser.add_argument("--workers", type=int, metavar="N", help="processes to use (default: every core); the numbers do not depend on it")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="dask scheduler to use instead, such as tcp://host:8786")
 
 
+@job("Compute the results of the theses again and set them beside the printed numbers, with a verdict each.", add_arguments, _EPILOG)
 def reproduce(arguments: argparse.Namespace) -> int:
     """Run, print, write; 1 when a result crashed."""
     from lowcostnav_ros.base.settings import SettingsError
@@ -44,8 +46,7 @@ def reproduce(arguments: argparse.Namespace) -> int:
     if arguments.list:
         _list(entries)
         return 0
-    if arguments.json and not Path(arguments.json).resolve().parent.is_dir():
-        raise SettingsError(f"The folder of {arguments.json} does not exist; create it first.")
+    check_folders(arguments.json)
     if arguments.seed < 0 or (arguments.workers is not None and arguments.workers < 1):
         raise SettingsError("The seed must not be negative, and at least one worker is needed.")
     out = Path(arguments.out) if arguments.out else None
@@ -63,12 +64,11 @@ def reproduce(arguments: argparse.Namespace) -> int:
 
 
 def _list(entries: "list[Entry]") -> None:
-    from rich.table import Table
+    from lowcostnav_ros.base.tables import Table
+    from lowcostnav_ros.report.terminal import print_table
 
-    table = Table("id", "study", "result", "source", box=None)
-    for entry in entries:
-        table.add_row(entry.id, entry.study, entry.title, entry.source)
-    _console().print(table)
+    rows = [(entry.id, entry.study, entry.title, entry.source) for entry in entries]
+    print_table(Table.plain("", ("id", "study", "result", "source"), rows, left=4), _console())
 
 
 def _console() -> "Console":

@@ -1,34 +1,45 @@
 """The simulate job: a scenario flown offline, recorded as the nodes would have published it."""
 
+from __future__ import annotations
+
 import argparse
 import dataclasses
-from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-import yaml
-
-from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import SettingsError
-from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.catalogue.config_files import config_dir, find_config
-from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.catalogue.imu_by_name import profile_settings
-from lowcostnav_ros.cli.replay import progress_bar
-from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
-from lowcostnav_ros.messages.store import to_cdr
-from lowcostnav_ros.physics.earth import LocalFrame
-from lowcostnav_ros.simulation.scenario import Scenario, scenario_from_text
-from lowcostnav_ros.simulation.simulator import Simulation
+from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    import numpy as np
+
+    from lowcostnav_ros.base.measurements import Measurement
+    from lowcostnav_ros.base.truth import TruthBlock
+    from lowcostnav_ros.physics.earth import LocalFrame
+    from lowcostnav_ros.simulation.scenario import Scenario
 
 TRUTH_RATE_HZ = 20.0
 
 Record = tuple[int, str, str, bytes]
 
 
+def add_arguments(simulate: argparse.ArgumentParser) -> None:
+    """Add the options of the job."""
+    simulate.add_argument("scenario", help="name of a scenario of the package, or a YAML file")
+    simulate.add_argument("-o", "--output", required=True, metavar="BAG", help="bag to create")
+    simulate.add_argument("--seed", type=int, help="seed instead of the scenario's")
+    simulate.add_argument("--duration", type=float, metavar="S", help="seconds to fly instead of the scenario's")
+    simulate.add_argument("--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)")
+
+
+@job("Fly a scenario offline and record truth and sensors as the nodes would publish them.", add_arguments)
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly a scenario and write the bag, with the settings a navigator needs to know its IMU by."""
+    from lowcostnav_ros.messages.bag import SETTINGS_FOLDER
+
     if arguments.duration is not None and not arguments.duration > 0.0:
         raise SettingsError(f"--duration must be positive, got {arguments.duration:g}.")
     scenario = load_scenario(arguments.scenario, arguments.seed)
@@ -49,6 +60,9 @@ def load_scenario(name: str, seed: int | None = None) -> Scenario:
     SettingsError
         When there is none, or it holds what cannot be used.
     """
+    from lowcostnav_ros.catalogue.config_files import config_dir, find_config
+    from lowcostnav_ros.simulation.scenario import scenario_from_text
+
     is_path = "/" in name or name.endswith((".yaml", ".yml"))
     path = find_config(name if is_path else config_dir() / "scenarios" / f"{name}.yaml")
     changes = {} if seed is None else {"seed": seed}
@@ -70,6 +84,9 @@ def write_bag(scenario: Scenario, output: str, storage: str = "mcap", duration_s
     duration_s : float, optional
         Stop after this many seconds instead of flying the scenario to its end.
     """
+    from lowcostnav_ros.messages.bag import BagWriter
+    from lowcostnav_ros.simulation.simulator import Simulation
+
     simulation = Simulation(scenario)
     planned_s = duration_s or scenario.truth.duration_s
     with BagWriter(output, storage) as writer, progress_bar("simulate") as advance:
@@ -89,6 +106,11 @@ def navigator_settings(scenario: Scenario) -> dict[str, str]:
 
     Empty where there is no IMU aboard, or one without errors, which leaves a filter nothing to know.
     """
+    import yaml
+
+    from lowcostnav_ros.catalogue.equipment import load_imu_profile
+    from lowcostnav_ros.catalogue.imu_by_name import profile_settings
+
     if "imu" not in scenario.sensors or not load_imu_profile(scenario.imu.profile).has_noise:
         return {}
     from lowcostnav_ros.cores.inertial import ImuSettings
@@ -109,6 +131,10 @@ def _write_settings(files: dict[str, str], folder: Path) -> None:
 
 def _flown(blocks: Iterable[tuple[TruthBlock, list[Measurement]]], duration_s: float | None) -> Iterator[tuple[float, list[Record]]]:
     """Records of each block in order of stamps, with the seconds flown."""
+    from lowcostnav_ros.messages import encode, topics
+    from lowcostnav_ros.messages.store import to_cdr
+    from lowcostnav_ros.physics.earth import LocalFrame
+
     origin: LocalFrame | None = None
     first_ns, due_ns = 0, 0
     for truth, measurements in blocks:
@@ -139,6 +165,9 @@ def _due(stamps_ns: np.ndarray, due_ns: int) -> tuple[list[int], int]:
 
 
 def _truth_records(truth: TruthBlock, row: int, origin: LocalFrame) -> Iterator[Record]:
+    from lowcostnav_ros.messages import encode, topics
+    from lowcostnav_ros.messages.store import to_cdr
+
     stamp = int(truth.stamps_ns[row])
     yield stamp, "truth/odometry", topics.ODOMETRY, to_cdr(encode.truth_odometry(truth, row, origin))
     yield stamp, "truth/wind", topics.TWIST, to_cdr(encode.truth_wind(truth, row))

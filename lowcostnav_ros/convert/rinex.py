@@ -12,6 +12,7 @@ import numpy as np
 import yaml
 
 from lowcostnav_ros.base.measurements import GnssEpoch
+from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
@@ -67,9 +68,9 @@ class RinexReport:
     def __str__(self) -> str:
         """Say it in lines for a terminal."""
         lines = [f"{count:8d}  {topic}" for topic, count in self.messages.items()]
-        lines.append(f"{self.epochs} epochs: {_counted(self.verdicts)}")
+        lines.append(f"{self.epochs} epochs: {counted(self.verdicts)}")
         if self.left_out:
-            lines.append(f"satellites left out: {_counted(self.left_out)}")
+            lines.append(f"satellites left out: {counted(self.left_out)}")
         if self.unplaced:
             lines.append(f"{self.unplaced} epochs left out, no position within {HOLD_S:.0f} s before them to correct them at")
         if self.repeated:
@@ -78,10 +79,6 @@ class RinexReport:
             said = ", ".join(f"{key} {str(value).lower()}" for key, value in values.items())
             lines.append(f"the recording carries settings of {name} for this receiver: {said}")
         return "\n".join([*lines, *self.remarks])
-
-
-def _counted(reasons: Counter) -> str:
-    return ", ".join(f"{count} {reason}" for reason, count in reasons.most_common())
 
 
 def convert_rinex(

@@ -138,7 +138,7 @@ class FusionHorizon:
             keep = block.stamps_ns > floor
             if not keep.any():
                 return "late"
-            block = ImuBlock.of(block.source, block.stamps_ns[keep], block.specific_force_b[keep], block.angular_rate_b[keep])
+            block = block[keep]
         if held is None:
             self._imu = block
         elif block.stamps_ns[0] > held.stamp_ns:
@@ -146,7 +146,7 @@ class FusionHorizon:
         else:
             merged = _joined(held, block)
             stamps, first = np.unique(merged.stamps_ns, return_index=True)
-            self._imu = ImuBlock.of(block.source, stamps, merged.specific_force_b[first], merged.angular_rate_b[first])
+            self._imu = merged[first]
             if len(stamps) == len(held):
                 return "duplicate stamp"
         self._imu_newest_ns = self._imu.stamp_ns
@@ -161,7 +161,7 @@ class FusionHorizon:
         n = int(np.searchsorted(stamps, stamp, side="right"))
         if n:
             self._carried_ns = int(stamps[n - 1])
-            yield ImuBlock.of(held.source, stamps[:n], held.specific_force_b[:n], held.angular_rate_b[:n])
+            yield held[:n]
         carried = self._carried_ns
         if split and n < len(stamps) and (carried is None or (carried < stamp and stamps[n] - carried <= HOLE_NS)):
             self._carried_ns = stamp
@@ -169,7 +169,7 @@ class FusionHorizon:
         if n == len(stamps):
             self._imu = None
         elif n:
-            self._imu = ImuBlock.of(held.source, stamps[n:], held.specific_force_b[n:], held.angular_rate_b[n:])
+            self._imu = held[n:]
 
 
 def _joined(a: ImuBlock, b: ImuBlock) -> ImuBlock:

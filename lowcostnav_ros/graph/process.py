@@ -6,16 +6,67 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from lowcostnav_ros.base.exit_codes import Exit
+
 FIRST_BACKOFF_S, LONGEST_BACKOFF_S, HEALTHY_S = 0.5, 10.0, 30.0
 WITHOUT_COMPILER = ("recorder", "player", "monitor")
-CANNOT_RUN = 2  # exit status of a node whose settings cannot be used: starting it again would not help
 TICKS = os.sysconf("SC_CLK_TCK")
 PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+class What(StrEnum):
+    """What happened to a node."""
+
+    DIED = "died"
+    STARTED_AGAIN = "started again"
+    KILLED = "killed"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened to a node; as text it is a sentence.
+
+    Attributes
+    ----------
+    node : str
+    what : What
+    cause : str
+        Why it died, in words, or what it was killed for.
+    retry_s : float or None
+        Time until a dead node is started again, s; None for never.
+    restarts : int
+        How often it has been started again.
+    stamp_s : float
+        Wall time, s since 1970.
+    """
+
+    node: str
+    what: What
+    cause: str = ""
+    retry_s: float | None = None
+    restarts: int = 0
+    stamp_s: float = field(default_factory=time.time)
+
+    @property
+    def is_trouble(self) -> bool:
+        """Whether something went wrong, as a new start after a death does not."""
+        return self.what is not What.STARTED_AGAIN
+
+    def __str__(self) -> str:
+        """The event as a sentence."""
+        if self.what is What.STARTED_AGAIN:
+            return f"{self.node} started again (restart {self.restarts})."
+        if self.what is What.KILLED:
+            return f"{self.node} {self.cause} and was killed."
+        again = "" if self.retry_s is None else f"; starting again in {self.retry_s:.1f} s"
+        return f"{self.node} died: {self.cause}{again}."
 
 
 class NodeProcess:
@@ -60,27 +111,27 @@ class NodeProcess:
         """True while the process runs."""
         return self.process is not None and self.process.poll() is None
 
-    def watch(self) -> str:
-        """Notice a death, start again when it is time; return a sentence when something happened, else ''."""
+    def watch(self) -> Event | None:
+        """Notice a death, start again when it is time; return what happened, if anything did."""
         now = time.monotonic()
         if self.process is None or self.alive or self.given_up:
-            return ""
+            return None
         if self._restart_at is not None:
             if now < self._restart_at:
-                return ""
+                return None
             self.restarts += 1
             self.start()
-            return f"{self.name} started again (restart {self.restarts})."
+            return Event(self.name, What.STARTED_AGAIN, restarts=self.restarts)
         self.exit_code = self.process.returncode
-        said = f"{self.name} died: {describe_exit(self.exit_code)}"
-        if not self.respawn or self.exit_code in (0, CANNOT_RUN):
+        cause = f"{describe_exit(self.exit_code)}{self._last_words()}"
+        if not self.respawn or self.exit_code in (Exit.OK, Exit.CANNOT_RUN):
             self.given_up = True
-            return f"{said}{self._last_words()}."
+            return Event(self.name, What.DIED, cause, restarts=self.restarts)
         self._backoff_s = FIRST_BACKOFF_S if now - self._started_at > HEALTHY_S else self._backoff_s
         self._restart_at = now + self._backoff_s
-        sentence = f"{said}{self._last_words()}; starting again in {self._backoff_s:.1f} s."
+        died = Event(self.name, What.DIED, cause, self._backoff_s, self.restarts)
         self._backoff_s = min(2.0 * self._backoff_s, LONGEST_BACKOFF_S)
-        return sentence
+        return died
 
     def interrupt(self) -> None:
         """Ask it to end (SIGINT) and never start it again."""

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import subprocess
 import threading
 import time
@@ -10,9 +11,10 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any, Self
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode
 from lowcostnav_ros.graph.domain import free_domain, node_environment
-from lowcostnav_ros.graph.process import CANNOT_RUN, NodeProcess, write_parameters
+from lowcostnav_ros.graph.process import Event, NodeProcess, What, write_parameters
 from lowcostnav_ros.graph.wiring import SOURCES, STOP_ORDER, flown_settings, shared_parameters
 
 STOP_S = 5.0
@@ -29,8 +31,8 @@ class GraphRunner:
         Where a recording without a path of its own goes (``<out>/recording``); default is the log folder.
     log_dir : Path, optional
         Where the nodes' output goes; default is a new folder in the temporary directory.
-    say : callable
-        Told, in sentences, what happens (a death, a restart).
+    on_event : callable
+        Called with every event (a death, a restart); as text an event is a sentence.
 
     Examples
     --------
@@ -39,13 +41,13 @@ class GraphRunner:
     """
 
     def __init__(
-        self, graph: Graph, out: Path | None = None, log_dir: Path | None = None, say: Callable[[str], None] = lambda _: None
+        self, graph: Graph, out: Path | None = None, log_dir: Path | None = None, on_event: Callable[[Event], None] = lambda _: None
     ) -> None:
-        self.graph, self._say = graph, say
+        self.graph, self._on_event = graph, on_event
         self.log_dir = Path(log_dir or mkdtemp(prefix=f"lowcostnav_{graph.name}_"))
         self.out = Path(out or self.log_dir)
         self.rows: dict[str, dict[str, Any]] = {}
-        self.events: list[str] = []
+        self.events: list[Event] = []
         self.processes: dict[str, NodeProcess] = {}
         self._domain = contextlib.ExitStack()
         self._monitor: NodeProcess | None = None
@@ -71,14 +73,13 @@ class GraphRunner:
     def __exit__(self, *_exception: object) -> None:
         self.stop()
 
-    def watch(self) -> list[str]:
-        """Look after the processes once: notice deaths, restart; return what happened, in sentences."""
-        happened = [sentence for process in self.processes.values() if (sentence := process.watch())]
-        for sentence in happened:
-            self.events.append(sentence)
-            self._say(sentence)
+    def watch(self) -> list[Event]:
+        """Look after the processes once: notice deaths, restart; return what happened."""
+        happened = [event for process in self.processes.values() if (event := process.watch())]
+        for event in happened:
+            self._note(event)
         for process in self.processes.values():
-            if process.given_up and process.exit_code == CANNOT_RUN:
+            if process.given_up and process.exit_code == Exit.CANNOT_RUN:
                 raise GraphError(f"{process.name} cannot run: {self._first_refusal(process)}")
         return happened
 
@@ -104,16 +105,15 @@ class GraphRunner:
         """
         if not self._sources():
             raise GraphError(f"{self.graph.name} has no truth_source and no player, so it never finishes; stop it instead.")
-        deadline = None if timeout_s is None else time.monotonic() + timeout_s
-        while deadline is None or time.monotonic() < deadline:
-            self.watch()
+
+        def finished() -> bool:
             each()
-            states = [self._source_state(name) for name in self._sources()]
-            if all(state == "finished" for state in states):
-                self._drain()
-                return True
-            time.sleep(WATCH_S)
-        return False
+            return all(state == "finished" for state in [self._source_state(name) for name in self._sources()])
+
+        if not self.wait_for(finished, math.inf if timeout_s is None else timeout_s):
+            return False
+        self._drain()
+        return True
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Watch until ``condition`` holds; return False on time-out."""
@@ -151,15 +151,15 @@ class GraphRunner:
             deadline = time.monotonic() + STOP_S
             for process in group:
                 if not process.wait(max(deadline - time.monotonic(), 0.1)):
-                    self._note(f"{process.name} did not end within {STOP_S:g} s and was killed.")
+                    self._note(Event(process.name, What.KILLED, f"did not end within {STOP_S:g} s"))
         if self._monitor is not None and self._monitor.process is not None and self._monitor.process.stdout:
             self._reader.join(2.0)
             self._monitor.process.stdout.close()
         self._domain.close()
 
-    def _note(self, sentence: str) -> None:
-        self.events.append(sentence)
-        self._say(sentence)
+    def _note(self, event: Event) -> None:
+        self.events.append(event)
+        self._on_event(event)
 
     def _sources(self) -> list[str]:
         return [node.name for node in self.graph.nodes if node.executable in SOURCES]

@@ -2,12 +2,13 @@
 
 from typing import TYPE_CHECKING
 
+from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.graph.runner import GraphRunner
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-COLOURS = ("green", "yellow", "red", "red")
+COLOURS = {Level.OK: "green", Level.WARN: "yellow", Level.ERROR: "red"}
 
 
 def table(runner: GraphRunner) -> "Table":
@@ -29,25 +30,26 @@ def table(runner: GraphRunner) -> "Table":
         cpu = 100.0 * process.cpu_share()
         total += cpu
         level, state = state_of(runner, name)
-        cells = [f"[{COLOURS[level]}]{state}[/]", inputs_of(runner, name), f"{cpu:.1f}", f"{process.rss_mb():.0f}", str(process.restarts)]
+        coloured = f"[{COLOURS[level]}]{state}[/]"
+        cells = [coloured, inputs_of(runner, name), f"{cpu:.1f}", f"{process.rss_mb():.0f}", str(process.restarts)]
         view.add_row(name, *cells)
     view.caption = f"processor together {total:.0f} % of one core; logs in {runner.log_dir}"
     return view
 
 
-def state_of(runner: GraphRunner, name: str) -> tuple[int, str]:
+def state_of(runner: GraphRunner, name: str) -> tuple[Level, str]:
     """Return (level, sentence) for a node: dead, its worst row, its mode, or how far it has flown."""
     process = runner.processes[name]
     if not process.alive:
-        return 2, "stopped" if process.given_up else "dead, starting again"
+        return Level.ERROR, "stopped" if process.given_up else "dead, starting again"
     rows = [row for key, row in list(runner.rows.items()) if key.startswith(f"{name}: ")]
     if not rows:
-        return 1, "starting"
+        return Level.WARN, "starting"
     worst = max(rows, key=lambda row: row["level"])
     for row in rows:
         if row["name"].endswith((": navigator", ": source", ": recording")) and row["level"] >= worst["level"]:
-            return row["level"], row["message"]
-    return worst["level"], worst["message"] if worst["level"] else "ok"
+            return Level(row["level"]), row["message"]
+    return Level(worst["level"]), worst["message"] if worst["level"] else "ok"
 
 
 def inputs_of(runner: GraphRunner, name: str) -> str:

@@ -5,12 +5,12 @@ import sys
 import time
 from pathlib import Path
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.graph.description import Graph, GraphError
 from lowcostnav_ros.graph.runner import WATCH_S, GraphRunner
 from lowcostnav_ros.graph.table import table
 
-EXIT_OK, EXIT_TROUBLE, EXIT_CANNOT_RUN = 0, 1, 2
 DRAW_S = 1.0
 
 
@@ -39,7 +39,7 @@ def up(graph: Graph, out: Path | None = None, show: bool | None = None, until_fi
     show = sys.stdout.isatty() if show is None else show
     before = {number: signal.signal(number, _raise_stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        with GraphRunner(graph, out=out, say=(lambda _: None) if show else print) as runner:
+        with GraphRunner(graph, out=out, on_event=(lambda _: None) if show else print) as runner:
             try:
                 _watch(runner, show, until_finished)
             except _Stop:
@@ -47,15 +47,15 @@ def up(graph: Graph, out: Path | None = None, show: bool | None = None, until_fi
             finally:
                 for number in before:
                     signal.signal(number, signal.SIG_IGN)  # the nodes are being stopped in order; a second Ctrl-C must not break that
-        died = [event for event in runner.events if "died" in event or "killed" in event]
-        for event in died:
+        trouble = [event for event in runner.events if event.is_trouble]
+        for event in trouble:
             print(event, file=sys.stderr)
-        return EXIT_TROUBLE if died else EXIT_OK
+        return Exit.WORSE if trouble else Exit.OK
     except _Stop:
-        return EXIT_OK
+        return Exit.OK
     except (GraphError, SettingsError, RuntimeError) as error:
         print(error, file=sys.stderr)
-        return EXIT_CANNOT_RUN
+        return Exit.CANNOT_RUN
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

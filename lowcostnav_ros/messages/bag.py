@@ -259,9 +259,7 @@ class _RunsOfSamples:
     def take(self) -> Iterator[ImuBlock]:
         """Yield the open runs and close them."""
         for source, (first, last) in self._open.items():
-            block = self._columns[source].block
-            rows = slice(first, last)
-            yield ImuBlock.of(source, block.stamps_ns[rows], block.specific_force_b[rows], block.angular_rate_b[rows])
+            yield self._columns[source].block[first:last]
         self._open.clear()
 
 

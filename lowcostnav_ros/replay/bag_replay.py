@@ -14,8 +14,9 @@ from lowcostnav_ros.messages.bag import BagError, BagReader
 from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay.links import output_topic, output_topics
+from lowcostnav_ros.replay.result import Bag, Recording, ReplayResult, SourceCounts
 from lowcostnav_ros.replay.selection import Selection, check_names, select
-from lowcostnav_ros.replay.session import ReplayResult, Session, first_stamp, times
+from lowcostnav_ros.replay.session import Session, first_stamp, timed
 from lowcostnav_ros.replay.withhold import Withhold, check_sources, resolve
 
 DEFAULT_TRUTH = "truth/odometry"
@@ -111,9 +112,9 @@ class _Replay:
                 self._report_progress(session)
         self.reference.advance(session, everything=True)
         self.recorded.advance(session, everything=True)
-        summary = session.finish()
+        result = session.finish()
         wall_s = perf_counter() - began
-        return ReplayResult({**self._about(), **summary, "time": times(summary, wall_s, self.decode_s)})
+        return timed(dataclasses.replace(result, recording=self._about()), wall_s, self.decode_s)
 
     def _report_progress(self, session: Session) -> None:
         if self.options.on_progress is not None:
@@ -129,20 +130,15 @@ class _Replay:
                 return
             yield measurement
 
-    def _about(self) -> dict[str, Any]:
+    def _about(self) -> Recording:
         rejected: dict[str, dict[str, int]] = {}
         for reader in (self.reader, self.reference.reader):
             for (source, reason), count in sorted(reader.decoder.rejected.items()):
                 rejected.setdefault(source, {})[reason] = count
         counts = self.reader.counts
-        inputs = {s: {"count": counts[s], "rejected": rejected.get(s, {})} for s in dict.fromkeys([*self.sources, *self.reference.sources])}
-        return {
-            "bag": {"name": self.reader.path.name, "sha256": self.reference.reader.identity(), "topics": dict(sorted(counts.items()))},
-            "truth": self.truth,
-            "left_out": self.selection.left_out,
-            "inputs": inputs,
-            "assumed": dict(sorted(self.reader.decoder.notes.items())),
-        }
+        inputs = {s: SourceCounts(counts[s], rejected.get(s, {})) for s in dict.fromkeys([*self.sources, *self.reference.sources])}
+        bag = Bag(self.reader.path.name, self.reference.reader.identity(), dict(sorted(counts.items())))
+        return Recording(bag, self.truth, self.selection.left_out, inputs, dict(sorted(self.reader.decoder.notes.items())))
 
 
 class _Reference:

@@ -11,7 +11,7 @@ import numpy as np
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.physics.earth import difference_n
-from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, quats_to_euler
+from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, quats_to_euler, wrap
 
 _NO3 = np.full(3, np.nan)
 _NO4 = np.full(4, np.nan)
@@ -96,11 +96,6 @@ def position_difference_n(position: np.ndarray, reference: np.ndarray) -> np.nda
     return _position_difference(np.ascontiguousarray(position), np.ascontiguousarray(reference))
 
 
-def wrapped(angle: np.ndarray) -> np.ndarray:
-    """Angles brought to (-pi, pi], rad."""
-    return np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
-
-
 def columns_of(solutions: Sequence[NavSolution]) -> NavColumns:
     """Turn solutions into columns; what a navigator does not estimate is NaN."""
 
@@ -152,9 +147,9 @@ def interpolate(columns: NavColumns, stamps_ns: np.ndarray, max_gap_ns: int) -> 
     usable = (stamps_ns >= t0) & (stamps_ns <= t1) & (t1 - t0 <= max_gap_ns)
     share = np.where(usable, share, np.nan)[:, None]
     step = columns.position[after] - columns.position[before]
-    step[:, 1] = wrapped(step[:, 1])
+    step[:, 1] = wrap(step[:, 1])
     position = columns.position[before] + share * step
-    position[:, 1] = wrapped(position[:, 1])
+    position[:, 1] = wrap(position[:, 1])
     return NavColumns(
         np.asarray(stamps_ns, dtype=np.int64),
         position,

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.replay.result import Fused
+
 _DIAGONAL_6 = slice(None, None, 7)
 _DIAGONAL_3 = slice(None, None, 4)
 
@@ -106,22 +108,21 @@ class Comparison:
         """True, False, or None when nothing was recorded to compare with."""
         return None if self.recorded.count == 0 else self.differing_count + self.missing_count == 0
 
-    def as_dict(self) -> dict:
-        """Plain values for a result file."""
-        recorded = self.recorded.count > 0
-        first = self.first_difference_ns
-        return {
-            "sha256": self.replayed.hexdigest if self.replayed.count else None,
-            "sha256_recorded": self.recorded.hexdigest if recorded else None,
-            "equals_recorded": self.equals_recorded,
-            "first_differing_stamp_s": None if first is None else first / 1e9,
-            "count": self.replayed.count,
-            "count_recorded": self.recorded.count,
-            "count_equal": self.equal_count,
-            "count_differing": self.differing_count,
-            "count_missing": self.missing_count,
-            "count_outside_recording": self.outside_count if recorded else 0,
-        }
+    def result(self) -> Fused:
+        """Fingerprints and counts."""
+        recorded, first = self.recorded.count > 0, self.first_difference_ns
+        return Fused(
+            self.replayed.hexdigest if self.replayed.count else None,
+            self.recorded.hexdigest if recorded else None,
+            self.equals_recorded,
+            None if first is None else first / 1e9,
+            self.replayed.count,
+            self.recorded.count,
+            self.equal_count,
+            self.differing_count,
+            self.missing_count,
+            self.outside_count if recorded else 0,
+        )
 
     def _pair(self) -> None:
         while self._replayed and self._recorded:

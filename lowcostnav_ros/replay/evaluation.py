@@ -11,6 +11,7 @@ from lowcostnav_ros.replay.columns import NavColumns, columns_of, concatenate, i
 from lowcostnav_ros.replay.metrics import Errors, ErrorStatistics, error_row, errors_between
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.requirements import Coverage, monitors
+from lowcostnav_ros.replay.result import IntervalErrors, NavigatorErrors
 from lowcostnav_ros.replay.withhold import NS, Window
 
 MAX_GAP_NS = NS
@@ -120,19 +121,11 @@ class IntervalRecord:
             row = int(np.flatnonzero(np.isfinite(horizontal))[-1])
             self.last = {**self.last, **error_row(errors, row)}
 
-    def as_dict(self, duration_end_ns: int) -> dict:
-        """Plain values for a result file; an interval without an end lasts until ``duration_end_ns``."""
-        end_ns = min(self.end_ns, duration_end_ns)
-        return {
-            "text": self.text,
-            "start_s": self.start_ns / 1e9 if self.start_ns > -(2**61) else None,
-            "end_s": end_ns / 1e9,
-            "samples": self.samples,
-            "worst_horizontal_m": self.worst_horizontal_m,
-            "worst_3d_m": self.worst_3d_m,
-            "satellites": self.satellites,
-            "error_at_end": self.last,
-        }
+    def result(self, duration_end_ns: int) -> IntervalErrors:
+        """Errors of the interval; without an end it lasts until ``duration_end_ns``."""
+        start_s = self.start_ns / 1e9 if self.start_ns > -(2**61) else None
+        end_s, worst = min(self.end_ns, duration_end_ns) / 1e9, (self.worst_horizontal_m, self.worst_3d_m)
+        return IntervalErrors(self.text, start_s, end_s, self.samples, *worst, self.satellites, self.last)
 
 
 class Evaluation:
@@ -215,8 +208,8 @@ class Evaluation:
         for window, record in self.windows:
             record.add(errors[(errors.stamps_ns >= window.start_ns) & (errors.stamps_ns < window.end_ns)])
 
-    def as_dict(self, end_ns: int) -> dict:
-        """Plain values for a result file: statistics, alarms, outages, windows.
+    def result(self, end_ns: int) -> NavigatorErrors:
+        """Statistics, alarms, outages, windows.
 
         Parameters
         ----------
@@ -227,18 +220,19 @@ class Evaluation:
             if start in self.outages:
                 self.outages[start].end_ns = end
                 self.outages[start].satellites = self.gaps.satellites.get(start)
-        services = {name: found for name, monitor in self.services.items() if (found := monitor.as_dict())}
+        services = {name: found for name, monitor in self.services.items() if (found := monitor.result())}
         reference = "truth" if self.truth is not None else "withheld gps"
-        flight = self.flight.as_dict()
-        return {
-            "reference": reference if flight else None,
-            "flight" if self.truth is not None else "withheld_gps": flight,
-            "without_gps": self.without_gps.as_dict(),
-            "services": services,
-            "position_present_s": self.coverage.seconds,
-            "outages": [r.as_dict(end_ns) for _, r in sorted(self.outages.items())],
-            "windows": [r.as_dict(end_ns) for _, r in self.windows],
-        }
+        whole = self.flight.result()
+        return NavigatorErrors(
+            reference if whole else None,
+            whole,
+            self.without_gps.result(),
+            services,
+            self.coverage.seconds,
+            tuple(r.result(end_ns) for _, r in sorted(self.outages.items())),
+            tuple(r.result(end_ns) for _, r in self.windows),
+            self.truth is not None,
+        )
 
 
 def solution_columns(solutions: list) -> NavColumns:

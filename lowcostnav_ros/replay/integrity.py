@@ -7,6 +7,7 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.replay.metrics import Errors
+from lowcostnav_ros.replay.result import Alarm, Exclusion, IntegritySummary
 
 MAX_LISTED = 50
 """Exclusions listed one by one; more are counted."""
@@ -19,9 +20,9 @@ class IntegrityRecord:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = defaultdict(float)
-        self.exclusions: list[dict] = []
+        self.exclusions: list[Exclusion] = []
         self.exclusion_count = 0
-        self.alarm: dict | None = None
+        self.alarm: Alarm | None = None
         self.compared = self.beyond = 0
         self.largest_share = 0.0
         self._levels: dict[int, float] = {}
@@ -39,7 +40,7 @@ class IntegrityRecord:
             for satellite in integrity.excluded.keys() - (last.excluded.keys() if last else ()):
                 self._exclude(solution.stamp_ns, satellite, integrity.excluded[satellite])
             if integrity.alarm and self.alarm is None:
-                self.alarm = {"stamp_s": 1e-9 * integrity.alarm_ns, "text": integrity.alarm}
+                self.alarm = Alarm(1e-9 * integrity.alarm_ns, integrity.alarm)
             if integrity.hpl_m is not None:
                 self._levels[solution.stamp_ns] = integrity.hpl_m
             self._last = solution
@@ -47,7 +48,7 @@ class IntegrityRecord:
     def _exclude(self, stamp_ns: int, satellite: str, why: str) -> None:
         self.exclusion_count += 1
         if len(self.exclusions) < MAX_LISTED:
-            self.exclusions.append({"stamp_s": 1e-9 * stamp_ns, "satellite": satellite, "why": why})
+            self.exclusions.append(Exclusion(1e-9 * stamp_ns, satellite, why))
 
     def add_errors(self, errors: Errors) -> None:
         """Compare horizontal errors with the protection level of their stamp."""
@@ -62,16 +63,10 @@ class IntegrityRecord:
             newest = int(errors.stamps_ns[-1])
             self._levels = {stamp: level for stamp, level in self._levels.items() if stamp > newest}
 
-    def as_dict(self) -> dict | None:
-        """Plain values for a result file; None without integrity tests."""
+    def result(self) -> IntegritySummary | None:
+        """What they found; None without integrity tests."""
         if self._last is None:
             return None
-        return {
-            "verdict_seconds": dict(self.seconds),
-            "exclusions": self.exclusions,
-            "exclusion_count": self.exclusion_count,
-            "alarm": self.alarm,
-            "epochs_with_protection_level": self.compared,
-            "epochs_beyond_protection_level": int(self.beyond),
-            "largest_error_over_protection_level": self.largest_share if self.compared else None,
-        }
+        share = self.largest_share if self.compared else None
+        exclusions = tuple(self.exclusions), self.exclusion_count
+        return IntegritySummary(dict(self.seconds), *exclusions, self.alarm, self.compared, int(self.beyond), share)

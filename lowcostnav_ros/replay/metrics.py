@@ -8,8 +8,10 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.replay.columns import NavColumns, position_difference_n, wrapped
+from lowcostnav_ros.physics.rotation import wrap
+from lowcostnav_ros.replay.columns import NavColumns, position_difference_n
 from lowcostnav_ros.replay.requirements import CategoryShares
+from lowcostnav_ros.replay.result import ErrorSummary, PositionErrors
 from lowcostnav_ros.replay.sketch import MagnitudeStatistics
 
 AXES = (
@@ -70,7 +72,7 @@ def errors_between(estimate: NavColumns, reference: NavColumns) -> Errors:
     Rows in which nothing can be compared are left out.
     """
     position = position_difference_n(estimate.position, reference.position)
-    angles = np.degrees(wrapped(estimate.euler - reference.euler))
+    angles = np.degrees(wrap(estimate.euler - reference.euler))
     values = np.hstack([position, estimate.vel_n - reference.vel_n, angles, estimate.wind_n - reference.wind_n])
     sigmas = np.hstack([_sigmas(estimate.cov_pos), _sigmas(estimate.cov_vel), np.degrees(estimate.sigma_euler), _sigmas(estimate.cov_wind)])
     errors = Errors(estimate.stamps_ns, values, sigmas, _nees(position, estimate.cov_pos), _longer_half_axis(estimate.cov_pos))
@@ -132,14 +134,14 @@ class ErrorStatistics:
         self._categories.add(np.hypot(position[:, 0], position[:, 1]), np.abs(position[:, 2]))
 
     @property
-    def position(self) -> dict | None:
+    def position(self) -> PositionErrors | None:
         """Mean and RMS of the position error north, east and up, RMS in the plane and in space (Solimeno 2007, chapter 7), m."""
         if not self._places:
             return None
         mean, rms = self._sum / self._places, np.sqrt(self._squares / self._places)
         named = {"mean_m": mean * (1.0, 1.0, -1.0), "rms_m": rms}
         axes = {name: dict(zip(("north", "east", "up"), values.tolist(), strict=True)) for name, values in named.items()}
-        return {**axes, "rms_2d_m": float(np.hypot(rms[0], rms[1])), "rms_3d_m": float(np.linalg.norm(rms))}
+        return PositionErrors(**axes, rms_2d_m=float(np.hypot(rms[0], rms[1])), rms_3d_m=float(np.linalg.norm(rms)))
 
     def error_over_sigma(self) -> dict[str, float]:
         """RMS of error over sigma per axis; 1 when the sigmas are honest, above 1 when they are too small."""
@@ -151,16 +153,14 @@ class ErrorStatistics:
         """Mean normalised squared horizontal error (2 expected), None without positions."""
         return self._nees_sum / self._nees_count if self._nees_count else None
 
-    def as_dict(self) -> dict | None:
-        """Plain numbers for a result file, None without samples."""
+    def result(self) -> ErrorSummary | None:
+        """The statistics, None without samples."""
         if self.samples == 0:
             return None
-        sizes = {name: s.as_dict() for name, s in self.sizes.items() if s.count}
+        sizes = {name: s.result() for name, s in self.sizes.items()}
+        approach = self._categories.result(sizes["horizontal_m"].p95, sizes["vertical_m"].p95) if self._places else None
         ratios = {"error_over_sigma": self.error_over_sigma(), "nees_horizontal": self.nees_horizontal}
-        if self._places:
-            approach = self._categories.as_dict(*(sizes[size]["p95"] for size in ("horizontal_m", "vertical_m")))
-            ratios |= {"position": self.position, "approach": approach}
-        return {"samples": self.samples, **sizes, **ratios}
+        return ErrorSummary(self.samples, **sizes, **ratios, position=self.position, approach=approach)
 
 
 def error_row(errors: Errors, row: int) -> dict[str, float]:

@@ -4,11 +4,10 @@ The errors are those against the reference; whether a user was *warned* is judge
 its own sigmas.  So an alert here is one a pilot would have had, not one that takes the truth to raise.
 """
 
-import dataclasses
-
 import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, SERVICES, Service, category
+from lowcostnav_ros.replay.result import Approach, Exceedance, ServiceErrors
 
 HOLE_NS = 3_000_000_000
 """Errors farther apart than this do not belong to one exceedance."""
@@ -49,29 +48,13 @@ class CategoryShares:
             h, v = horizontal_m <= horizontal, vertical_m <= vertical
             self._within[name] += [h.sum(), v.sum(), (h & v).sum()]
 
-    def as_dict(self, horizontal_95_m: float, vertical_95_m: float) -> dict:
+    def result(self, horizontal_95_m: float, vertical_95_m: float) -> Approach:
         """Shares by category, and the strictest category that the 95 % errors meet (empty for none)."""
         shares = {
             name: dict(zip(("horizontal", "vertical", "both"), (within / self._count).tolist(), strict=True))
             for name, within in reversed(self._within.items())
         }
-        return {"met_by_95": category(horizontal_95_m, vertical_95_m), "share_within": shares}
-
-
-@dataclasses.dataclass(slots=True)
-class Exceedance:
-    """One stretch of errors beyond an alert limit, stamps in ns; ``alert_ns`` is when the navigator's own alert began, None for never."""
-
-    start_ns: int
-    end_ns: int
-    alert_ns: int | None
-
-    def verdict(self, time_to_alert_ns: int) -> str:
-        """``warned`` in time, ``brief`` (over before a warning was due), or ``missed``."""
-        due_ns = self.start_ns + time_to_alert_ns
-        if self.alert_ns is not None and self.alert_ns <= due_ns:
-            return "warned"
-        return "brief" if self.end_ns < due_ns else "missed"
+        return Approach(category(horizontal_95_m, vertical_95_m), shares)
 
 
 class IntegrityMonitor:
@@ -92,7 +75,7 @@ class IntegrityMonitor:
         self._factors = service.protection_factors()
         self._counts = {"warned": 0, "brief": 0, "missed": 0}
         self._beyond_ns = self._alert_total_ns = self._misled_ns = self._longest_ns = 0
-        self._open: Exceedance | None = None
+        self._open: tuple[int, int, int | None] | None = None  # start, end, begin of the navigator's own alert
         self._alert_since_ns: int | None = None
         self._last: tuple[int, bool, bool] | None = None
 
@@ -122,46 +105,38 @@ class IntegrityMonitor:
         if not beyond:
             self._close()
             return
-        if self._open is None:
-            self._open = Exceedance(stamp, stamp, None)
-        self._open.end_ns = stamp
-        if self._open.alert_ns is None:
-            self._open.alert_ns = self._alert_since_ns
+        start_ns, _, alert_ns = self._open or (stamp, stamp, None)
+        self._open = start_ns, stamp, self._alert_since_ns if alert_ns is None else alert_ns
 
     def _close(self) -> None:
-        if self._open is not None:
-            self._counts[self._open.verdict(self._to_alert_ns)] += 1
-            self._longest_ns = max(self._longest_ns, self._open.end_ns - self._open.start_ns)
-            if len(self.listed) < LISTED:
-                self.listed.append(self._open)
-        self._open = None
+        if self._open is None:
+            return
+        (start_ns, end_ns, alert_ns), self._open = self._open, None
+        due_ns = start_ns + self._to_alert_ns
+        verdict = "warned" if alert_ns is not None and alert_ns <= due_ns else "brief" if end_ns < due_ns else "missed"
+        self._counts[verdict] += 1
+        self._longest_ns = max(self._longest_ns, end_ns - start_ns)
+        if len(self.listed) < LISTED:
+            alarm_s = None if alert_ns is None else alert_ns / 1e9
+            self.listed.append(Exceedance(start_ns / 1e9, end_ns / 1e9, due_ns / 1e9, alarm_s, verdict))
 
-    def as_dict(self) -> dict | None:
-        """Plain values for a result file, None when no position ever came; an exceedance still open ends here."""
+    def result(self) -> ServiceErrors | None:
+        """What was found, None when no position ever came; an exceedance still open ends here."""
         self._close()
         if self._last is None:
             return None
-        return {
-            "horizontal_limit_m": self.service.horizontal_m,
-            "vertical_limit_m": self.service.vertical_m,
-            "time_to_alert_s": self.service.time_to_alert_s,
-            "exceedances": sum(self._counts.values()),
+        return ServiceErrors(
+            self.service.horizontal_m,
+            self.service.vertical_m,
+            self.service.time_to_alert_s,
+            sum(self._counts.values()),
             **self._counts,
-            "longest_s": self._longest_ns / 1e9,
-            "beyond_limit_s": self._beyond_ns / 1e9,
-            "alert_s": self._alert_total_ns / 1e9,
-            "beyond_without_alert_s": self._misled_ns / 1e9,
-            "listed": [
-                {
-                    "start_s": e.start_ns / 1e9,
-                    "end_s": e.end_ns / 1e9,
-                    "alarm_due_s": (e.start_ns + self._to_alert_ns) / 1e9,
-                    "alarm_s": None if e.alert_ns is None else e.alert_ns / 1e9,
-                    "verdict": e.verdict(self._to_alert_ns),
-                }
-                for e in self.listed
-            ],
-        }
+            longest_s=self._longest_ns / 1e9,
+            beyond_limit_s=self._beyond_ns / 1e9,
+            alert_s=self._alert_total_ns / 1e9,
+            beyond_without_alert_s=self._misled_ns / 1e9,
+            listed=tuple(self.listed),
+        )
 
 
 def monitors() -> dict[str, IntegrityMonitor]:

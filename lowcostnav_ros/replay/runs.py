@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.estimation.aiding import AidStatus
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
@@ -18,6 +19,7 @@ from lowcostnav_ros.replay.evaluation import Evaluation, solution_columns
 from lowcostnav_ros.replay.integrity import IntegrityRecord
 from lowcostnav_ros.replay.links import Link, recorder_of
 from lowcostnav_ros.replay.metrics import Errors
+from lowcostnav_ros.replay.result import AidSummary, InputSummary, NavigatorResult
 
 
 @dataclasses.dataclass(slots=True)
@@ -47,15 +49,14 @@ class AidStatistics:
         self.innovation_sum += status.innovation
         self.innovation_squares += status.innovation**2
 
-    def as_dict(self, labels: tuple[str, ...]) -> dict:
-        """Plain values for a result file."""
-        out = {"used": self.used, "not_used_or_limited": dict(sorted(self.rejected.items())), "tested": self.tested}
-        if self.tested:
-            mean, rms = self.innovation_sum / self.tested, np.sqrt(self.innovation_squares / self.tested)
-            out["nis_per_dof"] = self.nis_sum / self.tested / self.components
-            out["innovation_mean"] = dict(zip(labels, mean.tolist(), strict=True))
-            out["innovation_rms"] = dict(zip(labels, rms.tolist(), strict=True))
-        return out
+    def result(self, labels: tuple[str, ...]) -> AidSummary:
+        """Counts, and the statistics of the innovations by their labels."""
+        counts = self.used, dict(sorted(self.rejected.items())), self.tested
+        if not self.tested:
+            return AidSummary(*counts)
+        moments = self.innovation_sum / self.tested, np.sqrt(self.innovation_squares / self.tested)
+        named = (dict(zip(labels, values.tolist(), strict=True)) for values in moments)
+        return AidSummary(*counts, self.nis_sum / self.tested / self.components, *named)
 
 
 class NavigatorFiles:
@@ -87,8 +88,8 @@ class NavigatorFiles:
             table.close()
 
 
-SILENT, SILENT_S = "no solution", 2.0
-"""What a navigator's mode counts as while it says nothing for longer than this, s."""
+SILENT_S = 2.0
+"""Without a solution for longer than this, s, a navigator's mode counts as ``Mode.SILENT``."""
 
 
 class NavigatorRun:
@@ -143,7 +144,7 @@ class NavigatorRun:
         if self._last is not None:
             since_s = max(0.0, (solution.stamp_ns - self._last[0]) / 1e9)
             longest_s = max(SILENT_S, 3e-9 * self.navigator.output_period_ns)
-            self.mode_seconds[self._last[1] if since_s <= longest_s else SILENT] += since_s
+            self.mode_seconds[self._last[1] if since_s <= longest_s else Mode.SILENT] += since_s
         self._last = (solution.stamp_ns, solution.mode)
         self._pending.append(solution)
         message = self.link.message(solution)
@@ -170,22 +171,19 @@ class NavigatorRun:
         if self.out is not None:
             self.out.aids.rows(files.aid_rows(status, computed))
 
-    def as_dict(self, end_ns: int) -> dict:
-        """Everything about this navigator as plain values."""
+    def result(self, end_ns: int) -> NavigatorResult:
+        """Everything about this navigator; ``end_ns`` is the last stamp of the recording."""
         status = self.navigator.status()
-        inputs = {
-            i.source: {"required": i.required, "received": i.received, "rejected": dict(sorted(i.rejected.items()))} for i in status.inputs
-        }
-        return {
-            "fused": self.comparison.as_dict(),
-            "solutions": self.solutions,
-            "mode_at_end": status.mode,
-            "reason_at_end": status.reason,
-            "mode_seconds": dict(self.mode_seconds),
-            "restarts": dict(self.navigator.restarts),
-            "errors": self.evaluation.as_dict(end_ns),
-            "integrity": self.integrity.as_dict(),
-            "aids": {name: statistics.as_dict(self.labels[name]) for name, statistics in sorted(self.aids.items())},
-            "inputs": inputs,
-            "feed_seconds": self.seconds,
-        }
+        return NavigatorResult(
+            self.comparison.result(),
+            self.solutions,
+            status.mode,
+            status.reason,
+            dict(self.mode_seconds),
+            dict(self.navigator.restarts),
+            self.evaluation.result(end_ns),
+            self.integrity.result(),
+            {name: statistics.result(self.labels[name]) for name, statistics in sorted(self.aids.items())},
+            {i.source: InputSummary(i.required, i.received, dict(sorted(i.rejected.items()))) for i in status.inputs},
+            self.seconds,
+        )

@@ -22,6 +22,7 @@ from lowcostnav_ros.replay.columns import NavColumns, columns_of
 from lowcostnav_ros.replay.evaluation import Evaluation, Truth, blank_columns, fix_columns, truth_columns
 from lowcostnav_ros.replay.links import Link, in_order, output_topics, recorder_of
 from lowcostnav_ros.replay.outages import GpsGaps
+from lowcostnav_ros.replay.result import Place, ReplayResult, Times, WithoutGps
 from lowcostnav_ros.replay.runs import NavigatorFiles, NavigatorRun
 from lowcostnav_ros.replay.withhold import Window, Withhold, WithholdError, resolve, split
 
@@ -33,17 +34,6 @@ LONGEST_BURST_NS = 50_000_000
 navigator speak for a whole second before another has said anything, which is late by the listener's horizon and never happens in flight."""
 
 Item = Measurement | TruthBlock
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class ReplayResult:
-    """What a replay found: ``summary`` is plain values, fit for JSON (see docs of :mod:`lowcostnav_ros.replay`)."""
-
-    summary: dict[str, Any]
-
-    def navigator(self, name: str) -> dict[str, Any]:
-        """The part about one navigator."""
-        return self.summary["navigators"][name]
 
 
 @dataclasses.dataclass(slots=True)
@@ -218,8 +208,8 @@ class Session:
             waiting = [o for run in self.runs.values() if (o := run.evaluation.oldest_pending_ns) is not None]
             self.truth.trim(min([*waiting, self.truth.newest_ns - 2 * FLUSH_NS]))
 
-    def finish(self) -> dict[str, Any]:
-        """End the pass: evaluate the rest, close the files, return the summary as plain values."""
+    def finish(self) -> ReplayResult:
+        """End the pass: evaluate the rest, close the files, return what was found; the times are yet to be set."""
         self.gaps.close(self.newest_ns)
         self.flush()
         for run in self.runs.values():
@@ -230,19 +220,20 @@ class Session:
         first_ns = self.first_ns or 0
         self._check_withheld(first_ns)
         settings = {name: run.navigator.settings for name, run in sorted(self.runs.items())}
-        outages = [[start / 1e9, end / 1e9] for start, end in self.gaps.intervals]
-        return {
-            "version": __version__,
-            "settings_hash": settings_hash(*settings.values()),
-            "settings": {name: to_mapping(value) for name, value in settings.items()},
-            "first_stamp_s": first_ns / 1e9,
-            "last_stamp_s": self.newest_ns / 1e9,
-            "duration_s": (self.newest_ns - first_ns) / 1e9,
-            "withheld": [w.text for w in self.windows],
-            "without_gps": {"intervals_s": outages, "total_s": sum(end - start for start, end in outages)},
-            "stations": list({s["ident"]: s for run in self.runs.values() for s in _stations(run.navigator)}.values()),
-            "navigators": {name: run.as_dict(self.newest_ns) for name, run in self.runs.items()},
-        }
+        outages = tuple((start / 1e9, end / 1e9) for start, end in self.gaps.intervals)
+        return ReplayResult(
+            None,
+            __version__,
+            settings_hash(*settings.values()),
+            {name: to_mapping(value) for name, value in settings.items()},
+            first_ns / 1e9,
+            self.newest_ns / 1e9,
+            (self.newest_ns - first_ns) / 1e9,
+            tuple(w.text for w in self.windows),
+            WithoutGps(outages, sum(end - start for start, end in outages)),
+            tuple({s.ident: s for run in self.runs.values() for s in _stations(run.navigator)}.values()),
+            {name: run.result(self.newest_ns) for name, run in self.runs.items()},
+        )
 
     def _check_withheld(self, first_ns: int) -> None:
         """Refuse a window in which nothing was withheld: it lies elsewhere than its author thought."""
@@ -252,10 +243,10 @@ class Session:
             raise WithholdError(f"--withhold: nothing fell in the window '{idle[0]}'; the recording spans {span}.")
 
 
-def _stations(navigator: Navigator) -> list[dict[str, Any]]:
+def _stations(navigator: Navigator) -> list[Place]:
     """The radio stations a navigator knows, for the map."""
     table = getattr(navigator, "stations", None) or ()
-    return [{"ident": s.ident, "lat_deg": math.degrees(s.lat), "lon_deg": math.degrees(s.lon)} for s in table]
+    return [Place(s.ident, math.degrees(s.lat), math.degrees(s.lon)) for s in table]
 
 
 def _ten_hertz(columns: NavColumns) -> NavColumns:
@@ -302,8 +293,7 @@ def replay_stream(
             session.feed(item)
         if on_progress is not None and count % 200 == 0:
             on_progress(session.newest_ns)
-    summary = session.finish()
-    return ReplayResult({**summary, "time": times(summary, perf_counter() - began, 0.0)})
+    return timed(session.finish(), perf_counter() - began, 0.0)
 
 
 def simulated(blocks: Iterable[tuple[TruthBlock, list[Measurement]]]) -> Iterator[Item]:
@@ -319,8 +309,8 @@ def simulated(blocks: Iterable[tuple[TruthBlock, list[Measurement]]]) -> Iterato
             for k, block in enumerate(inertial):
                 n = int(np.searchsorted(block.stamps_ns, aid.stamp_ns, side="right"))
                 if n:
-                    yield _cut(block, slice(0, n))
-                    inertial[k] = _cut(block, slice(n, None))
+                    yield block[:n]
+                    inertial[k] = block[n:]
             yield aid
         yield from (block for block in inertial if len(block))
 
@@ -332,25 +322,14 @@ def _pieces(measurement: Measurement) -> Iterator[Measurement]:
         return
     cuts = np.flatnonzero(np.diff(measurement.stamps_ns // LONGEST_BURST_NS)) + 1
     for first, last in itertools.pairwise([0, *cuts.tolist(), len(measurement)]):
-        yield _cut(measurement, slice(first, last))
+        yield measurement[first:last]
 
 
-def _cut(block: ImuBlock, rows: slice) -> ImuBlock:
-    stamps = block.stamps_ns[rows]
-    last = int(stamps[-1]) if len(stamps) else block.stamp_ns
-    return ImuBlock(last, block.source, stamps, block.specific_force_b[rows], block.angular_rate_b[rows])
-
-
-def times(summary: dict[str, Any], wall_s: float, decode_s: float) -> dict[str, Any]:
-    """Wall time and real-time factors: of the whole pass, and per navigator (its own feeding plus the decoding, as if it flew alone)."""
-    duration = summary["duration_s"]
-    own = {name: nav["feed_seconds"] + decode_s for name, nav in summary["navigators"].items()}
-    return {
-        "wall_s": wall_s,
-        "decode_s": decode_s,
-        "real_time_factor": duration / wall_s if wall_s > 0.0 else None,
-        "real_time_factor_by_navigator": {name: duration / s if s > 0.0 else None for name, s in own.items()},
-    }
+def timed(result: ReplayResult, wall_s: float, decode_s: float) -> ReplayResult:
+    """Set wall time and real-time factors, of the whole pass and per navigator (its own feeding plus the decoding, as if it flew alone)."""
+    own = {name: navigator.feed_seconds + decode_s for name, navigator in result.navigators.items()}
+    factors = {name: result.duration_s / s if s > 0.0 else None for name, s in own.items()}
+    return dataclasses.replace(result, time=Times(wall_s, decode_s, result.duration_s / wall_s if wall_s > 0.0 else None, factors))
 
 
 def first_stamp(item: Item) -> int:

@@ -8,6 +8,8 @@ import math
 
 import numpy as np
 
+from lowcostnav_ros.replay.result import Size
+
 _RATIO = 1.01
 _LOWEST = 1.0e-9
 _BINS = 4200  # 1e-9 to above 1e9 in steps of one per cent
@@ -63,14 +65,8 @@ class MagnitudeStatistics:
         middle = _LOWEST * _RATIO ** (index + 0.5)
         return min(middle, self.maximum)
 
-    def as_dict(self) -> dict[str, float] | None:
-        """Plain numbers for a result file, None without samples."""
+    def result(self) -> Size | None:
+        """The statistics, None without samples."""
         if self.count == 0:
             return None
-        return {
-            "rms": self.rms,
-            "median": self.quantile(0.5),
-            "p95": self.quantile(0.95),
-            "max": self.maximum,
-            "max_at_s": self.maximum_stamp_ns / 1e9,
-        }
+        return Size(self.rms, self.quantile(0.5), self.quantile(0.95), self.maximum, self.maximum_stamp_ns / 1e9)

@@ -1,249 +1,319 @@
-"""A replay's result as tables that fit 100 columns of a terminal."""
+"""A replay's result as tables; a terminal of 100 columns shows all but the columns that are for a page only."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from operator import itemgetter
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
+from lowcostnav_ros.base.tables import Column, Table, number, percent
+from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.replay.baseline import WORSE, Verdict
-from lowcostnav_ros.replay.words import sentence
+from lowcostnav_ros.replay.metrics import MAGNITUDES
+from lowcostnav_ros.replay.result import ErrorSummary, Fused, InputSummary, IntervalErrors, NavigatorResult, ReplayResult, SourceCounts
+from lowcostnav_ros.replay.words import error_over_sigma
 
-WIDTH = 100
-_SIZES = (
-    ("horizontal_m", "rms"),
-    ("horizontal_m", "p95"),
-    ("horizontal_m", "max"),
-    ("vertical_m", "rms"),
-    ("velocity_mps", "rms"),
-    ("roll_deg", "rms"),
-    ("pitch_deg", "rms"),
-    ("heading_deg", "rms"),
-    ("wind_mps", "rms"),
-)
-_SIZE_HEADS = ("horiz\nRMS m", "\n95 % m", "\nmax m", "vert\nRMS m", "vel\nRMS m/s", "roll\ndeg", "pitch\ndeg", "hdg\ndeg", "wind\nm/s")
 _PARTS = {"flight": "flight", "withheld_gps": "withheld", "without_gps": "no GPS"}
+_SIZES = {
+    "horizontal_m": ("horizontal", "horiz\nRMS", "m"),
+    "vertical_m": ("vertical", "vert\nRMS", "m"),
+    "velocity_mps": ("velocity", "vel\nRMS", "m/s"),
+    "roll_deg": ("roll", "roll\n", "deg"),
+    "pitch_deg": ("pitch", "pitch\n", "deg"),
+    "heading_deg": ("heading", "hdg\n", "deg"),
+    "wind_mps": ("wind", "wind\n", "m/s"),
+}
+"""Sizes that are shown: in full, the head of their RMS in short, unit."""
+_VERDICTS = {"warned": "warned in time", "brief": "over before an alarm was due", "missed": "not warned"}
+
+_NAVIGATOR = Column("navigator", itemgetter(0), left=True)
+_OVER = Column("over", itemgetter(1), left=True)
+_AXES = {"north": "N", "east": "E", "up": "U"}
 
 
-def number(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` significant digits, never in exponents; a dash for none."""
-    if value is None:
-        return "-"
-    whole = len(str(int(abs(value)))) if abs(value) >= 1.0 else 1
-    return f"{value:.{max(0, digits - whole)}f}"
+def tables(result: ReplayResult) -> tuple[Table, ...]:
+    """Every table that a terminal shows, in order."""
+    makers = (error_table, accuracy_table, approach_table, alarm_table, interval_table, aid_table, integrity_table, run_table)
+    return tuple(make(result) for make in makers)
 
 
-def print_summary(summary: Mapping[str, Any], console: Console) -> None:
-    """Print what was replayed, the errors, what they are good for, the outages, the aids and the speed."""
-    _print_head(summary, console)
-    requirements = (accuracy_table(summary), approach_table(summary), alarm_table(summary))
-    rest = (interval_table(summary), aid_table(summary), integrity_table(summary), run_table(summary))
-    for table in (error_table(summary), *requirements, *rest):
-        if table.row_count:
-            console.print(table)
-            console.print()
-    for text in integrity_sentences(summary):
-        console.print(text, highlight=False)
-    for name, navigator in summary["navigators"].items():
-        console.print(sentence(name, navigator, summary["without_gps"]["total_s"]), highlight=False)
+def _parts(result: ReplayResult) -> Iterator[tuple[str, str, ErrorSummary]]:
+    """Navigator, part of the flight in words, errors."""
+    for name, navigator in result.navigators.items():
+        yield from ((name, _PARTS[part], errors) for part, errors in navigator.errors.parts())
 
 
-def _print_head(summary: Mapping[str, Any], console: Console) -> None:
-    bag = summary.get("bag")
-    if bag:
-        console.print(f"[bold]{bag['name']}[/bold]  sha256 {bag['sha256'][:16]}", highlight=False)
-    span = f"stamps {summary['first_stamp_s']:.3f} to {summary['last_stamp_s']:.3f} s"
-    console.print(f"{summary['duration_s']:.1f} s, {span}, settings {summary['settings_hash']}", highlight=False)
-    lost = summary["without_gps"]["total_s"]
-    if lost > 0.0:
-        console.print(f"without GPS for {lost:.0f} s in {len(summary['without_gps']['intervals_s'])} outage(s)", highlight=False)
-    for text in summary["withheld"]:
-        console.print(text, highlight=False)
-    for name, reason in summary.get("left_out", {}).items():
-        console.print(f"{name} left out: {reason}", highlight=False)
-    for source, entry in summary.get("inputs", {}).items():
-        if entry["rejected"]:
-            reasons = ", ".join(f"{count} {reason}" for reason, count in entry["rejected"].items())
-            console.print(f"[yellow]{source}: of {entry['count']} messages rejected: {reasons}[/yellow]", highlight=False)
-    for phrase, count in summary.get("assumed", {}).items():
-        console.print(f"{phrase} ({count} times)", highlight=False)
-    console.print()
+def _size(size: str, statistic: str, page_only: bool = False, short: str = "") -> Column:
+    """Column of one statistic of one size."""
+    (name, _, unit), words = _SIZES[size], {"rms": "RMS", "p95": "95 %", "max": "max"}[statistic]
+
+    def cell(row: tuple[str, str, ErrorSummary]) -> str:
+        found = row[2].size(size)
+        return "-" if found is None else number(getattr(found, statistic))
+
+    return Column(f"{name} {words}", cell, unit, short, page_only=page_only)
 
 
-def _table(title: str, heads: Sequence[str], left: int) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    for k, head in enumerate(heads):
-        table.add_column(head, justify="left" if k < left else "right", no_wrap=True)
-    return table
-
-
-def error_table(summary: Mapping[str, Any]) -> Table:
+def error_table(result: ReplayResult) -> Table:
     """Errors against the reference: a row per navigator and part of the flight."""
-    table = _table("Errors (estimate minus reference)", ("navigator", "over", *_SIZE_HEADS, "err/sigma\nN E"), left=2)
-    for name, navigator in summary["navigators"].items():
-        for part, words in _PARTS.items():
-            errors = navigator["errors"].get(part)
-            if errors:
-                sizes = [number((errors.get(size) or {}).get(statistic)) for size, statistic in _SIZES]
-                ratios = errors["error_over_sigma"]
-                ratio = f"{number(ratios.get('north_m'), 2)} {number(ratios.get('east_m'), 2)}"
-                table.add_row(name, words, *sizes, ratio)
-    return table
+
+    def axes(row: tuple[str, str, ErrorSummary]) -> str:
+        return " ".join(number(row[2].error_over_sigma.get(axis), 2) for axis in ("north_m", "east_m"))
+
+    columns = [_NAVIGATOR, _OVER]
+    for size, (_, short, _) in _SIZES.items():
+        is_first = size == "horizontal_m"
+        columns += [_size(size, "rms", short=short), _size(size, "p95", not is_first, "\n95 %")]
+        columns += [_size(size, "max", short="\nmax")] if is_first else []
+    columns += [
+        Column("error/sigma N E", axes, "", "err/sigma\nN E"),
+        Column("error/sigma", lambda row: number(error_over_sigma(row[2].error_over_sigma), 2), page_only=True),
+    ]
+    return Table.of("Errors (estimate minus reference)", columns, _parts(result))
 
 
-def position_rows(summary: Mapping[str, Any], parts: Mapping[str, str] = _PARTS) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-    """Navigator, part of the flight in words and errors, where a position was compared."""
-    for name, navigator in summary["navigators"].items():
-        for part, words in parts.items():
-            errors = navigator["errors"].get(part)
-            if errors and "position" in errors:
-                yield name, words, errors
+def size_table(result: ReplayResult) -> Table:
+    """Every size with its consistency: RMS, median, 95 %, maximum, error over sigma per axis."""
+    rows = []
+    for name, words, errors in _parts(result):
+        for size, (label, _, unit) in _SIZES.items():
+            if s := errors.size(size):
+                ratios = " ".join(number(errors.error_over_sigma.get(axis), 2) for axis in MAGNITUDES[size])
+                sizes = (number(s.rms), number(s.median), number(s.p95), number(s.max))
+                rows.append((name, words, f"{label} [{unit}]", *sizes, f"{s.max_at_s:.1f}", ratios))
+    heads = ("navigator", "over", "error", "RMS", "median", "95 %", "max", "max at t [s]", "error/sigma per axis")
+    return Table.plain("Errors, estimate minus reference", heads, rows, left=3)
 
 
-def accuracy_table(summary: Mapping[str, Any]) -> Table:
+def accuracy_table(result: ReplayResult) -> Table:
     """Position accuracy: mean and RMS north, east, up, in the plane and in space, and the largest errors."""
-    heads = ("navigator", "over", "mean N\nm", "\nE", "\nU", "RMS N\nm", "\nE", "\nU", "2D\nRMS m", "3D\nRMS m", "3D\nmax m")
-    table = _table("Position accuracy", heads, left=2)
-    for name, words, errors in position_rows(summary):
-        position = errors["position"]
-        axes = [number(position[kind][axis]) for kind in ("mean_m", "rms_m") for axis in ("north", "east", "up")]
-        table.add_row(name, words, *axes, number(position["rms_2d_m"]), number(position["rms_3d_m"]), number(errors["position_m"]["max"]))
-    return table
+    columns = [_NAVIGATOR, _OVER]
+    for kind, head in (("mean_m", "mean"), ("rms_m", "RMS")):
+        for axis, letter in _AXES.items():
+            short = f"{head} {letter}\n" if letter == "N" else f"\n{letter}"
+            unit = "m" if letter == "N" else ""
+            columns.append(Column(f"{head} {letter}", lambda row, k=kind, a=axis: number(getattr(row[2].position, k)[a]), unit, short))
+    columns += [
+        Column("2D RMS", lambda row: number(row[2].position.rms_2d_m), "m", "2D\nRMS"),
+        Column("3D RMS", lambda row: number(row[2].position.rms_3d_m), "m", "3D\nRMS"),
+        _size("horizontal_m", "max", page_only=True),
+        _size("vertical_m", "max", page_only=True),
+        Column("max 3D", lambda row: number(row[2].position_m.max), "m", "3D\nmax"),
+    ]
+    return Table.of("Position accuracy", columns, _positions(result))
 
 
-def approach_table(summary: Mapping[str, Any]) -> Table:
+def _positions(result: ReplayResult) -> Iterator[tuple[str, str, ErrorSummary]]:
+    return (row for row in _parts(result) if row[2].position)
+
+
+def approach_table(result: ReplayResult) -> Table:
     """Precision-approach categories: share of the errors within each, and which one the 95 % errors meet."""
-    limits = [f"cat {name}\n{h:g} m, {v:g} m" for name, (h, v) in reversed(CATEGORIES_M.items())]
-    heads = ("navigator", "over", "there\n%", "95 % H\nm", "V\nm", *limits, "95 %\nmeet")
-    table = _table("Precision approach: share within, horizontal / vertical / both", heads, left=2)
-    for name, words, errors in position_rows(summary):
-        there = presence(summary, name) if words == _PARTS["flight"] else "-"
-        sizes = (number(errors["horizontal_m"]["p95"]), number(errors["vertical_m"]["p95"]))
-        table.add_row(name, words, there, *sizes, *shares_within(errors), errors["approach"]["met_by_95"] or "none")
-    return table
 
+    def present(row: tuple[str, str, ErrorSummary]) -> str:
+        """Per cent of the flight through which the navigator gave a position."""
+        seconds = result.navigators[row[0]].errors.position_present_s
+        return percent(min(1.0, seconds / max(result.duration_s, 1e-9))) if row[1] == _PARTS["flight"] else "-"
 
-def alarm_table(summary: Mapping[str, Any]) -> Table:
-    """Alert limits of the services: how often and how long passed, and whether the navigator's own sigmas warned in time."""
-    counts = ("warned\nin time", "over before\ndue", "not\nwarned")
-    heads = ("navigator", "service", "limits H V m\nwithin s", "passed", "longest\ns", *counts, "alert on\ns")
-    table = _table("Alert limits (alert: by the navigator's own sigmas)", heads, left=2)
-    for name, navigator in summary["navigators"].items():
-        for service, found in navigator["errors"].get("services", {}).items():
-            limits = f"{found['horizontal_limit_m']:g} {found['vertical_limit_m']:g} in {found['time_to_alert_s']:g}"
-            counts = [str(found[k]) for k in ("warned", "brief", "missed")]
-            table.add_row(name, service, limits, str(found["exceedances"]), number(found["longest_s"]), *counts, number(found["alert_s"]))
-    return table
+    def share(category: str, h: float, v: float) -> Column:
+        def cell(row: tuple[str, str, ErrorSummary]) -> str:
+            return "/".join(percent(share) for share in row[2].approach.share_within[category].values())
 
+        return Column(f"category {category}: {h:g} m, {v:g} m", cell, "", f"cat {category}\n{h:g} m, {v:g} m")
 
-def presence(summary: Mapping[str, Any], name: str) -> str:
-    """Per cent of the flight through which a navigator gave a position."""
-    return percent(min(1.0, summary["navigators"][name]["errors"]["position_present_s"] / max(summary["duration_s"], 1e-9)))
-
-
-def shares_within(errors: Mapping[str, Any], between: str = "/") -> list[str]:
-    """Shares within each approach category, per cent: horizontal, vertical, both."""
-    return [between.join(percent(share) for share in shares.values()) for shares in errors["approach"]["share_within"].values()]
-
-
-def percent(share: float) -> str:
-    """A share in per cent; 100 and 0 only where it is all and nothing."""
-    if 0.0 < share < 1.0:
-        return f"{min(99.9, max(0.1, 100.0 * share)):.3g}"
-    return f"{100.0 * share:.0f}"
-
-
-def interval_kind(what: str, interval: Mapping[str, Any]) -> str:
-    """What an interval was: withheld, without GPS, or the satellites that were left."""
-    left = interval.get("satellites")
-    return what if left is None else f"{left} satellite{'' if left == 1 else 's'}"
-
-
-def interval_table(summary: Mapping[str, Any]) -> Table:
-    """Outages and withheld windows: worst error and the error at the end."""
-    heads = ("navigator", "s from start", "what", "worst horiz m", "3D m", "at end N m", "E m", "D m", "hdg deg")
-    table = _table("Outages and withheld windows", heads, left=3)
-    for name, navigator in summary["navigators"].items():
-        errors = navigator["errors"]
-        for what, intervals in (("without GPS", errors["outages"]), ("withheld", errors["windows"])):
-            for interval in (i for i in intervals if i["samples"]):
-                zero = summary["first_stamp_s"]
-                start = 0.0 if interval["start_s"] is None else interval["start_s"] - zero
-                end = interval["error_at_end"]
-                cells = [number(end.get(axis)) for axis in ("north_m", "east_m", "down_m", "heading_deg")]
-                worst = (number(interval["worst_horizontal_m"]), number(interval["worst_3d_m"]))
-                table.add_row(name, f"{start:.1f}-{interval['end_s'] - zero:.1f}", interval_kind(what, interval), *worst, *cells)
-    return table
-
-
-def aid_table(summary: Mapping[str, Any]) -> Table:
-    """Innovations: used, not used and why, NIS per degree of freedom."""
-    table = _table("Aids", ("navigator", "aid", "used", "NIS/dof", "not used, or limited"), left=2)
-    table.columns[-1].justify, table.columns[-1].no_wrap = "left", False
-    for name, navigator in summary["navigators"].items():
-        for aid, entry in navigator["aids"].items():
-            reasons = ", ".join(f"{count} {reason}" for reason, count in entry["not_used_or_limited"].items())
-            table.add_row(name, aid, str(entry["used"]), number(entry.get("nis_per_dof")), reasons or "-")
-    return table
-
-
-def integrity_table(summary: Mapping[str, Any]) -> Table:
-    """Integrity of those who test their satellites: share of time per verdict, satellites left out, largest error over protection level."""
-    verdicts = ("healthy", "excluded", "faulty", "not possible")
-    table = _table(
-        "Integrity", ("navigator", *(f"{v}\n%" for v in verdicts), "left out", "epochs\nwith HPL", "beyond\nHPL", "error/HPL\nmax"), left=1
+    columns = (
+        *(_NAVIGATOR, _OVER),
+        Column("position there", present, "%", "there\n"),
+        _size("horizontal_m", "p95", short="95 % H\n"),
+        _size("vertical_m", "p95", short="V\n"),
+        *(share(name, *limits) for name, limits in reversed(CATEGORIES_M.items())),
+        Column("95 % meet", lambda row: row[2].approach.met_by_95 or "none", "", "95 %\nmeet"),
     )
-    for name, navigator in summary["navigators"].items():
-        integrity = navigator.get("integrity")
-        if integrity:
-            seconds = integrity["verdict_seconds"]
-            total = max(sum(seconds.values()), 1e-9)
-            shares = [number(100.0 * seconds.get(v, 0.0) / total) for v in verdicts]
-            counts = (integrity["exclusion_count"], integrity["epochs_with_protection_level"], integrity["epochs_beyond_protection_level"])
-            table.add_row(name, *shares, *(str(c) for c in counts), number(integrity["largest_error_over_protection_level"]))
-    return table
+    return Table.of("Precision approach: share within, horizontal / vertical / both [%]", columns, _positions(result))
 
 
-def integrity_sentences(summary: Mapping[str, Any]) -> list[str]:
+def alarm_table(result: ReplayResult) -> Table:
+    """Alert limits of the services: how often and how long passed, and whether the navigator's own sigmas warned in time."""
+
+    def limits(row: Sequence[Any]) -> str:
+        return f"{row[2].horizontal_limit_m:g} m, {row[2].vertical_limit_m:g} m, {row[2].time_to_alert_s:g} s"
+
+    columns = (
+        _NAVIGATOR,
+        Column("service", itemgetter(1), left=True),
+        Column("limits H, V, time to alert", limits, "", "limits H, V,\nwithin"),
+        Column("times passed", lambda row: str(row[2].exceedances), "", "passed"),
+        Column("longest", lambda row: number(row[2].longest_s), "s", "longest\n"),
+        Column("beyond", lambda row: number(row[2].beyond_limit_s), "s", page_only=True),
+        Column("of it without alert", lambda row: number(row[2].beyond_without_alert_s), "s", page_only=True),
+        Column(_VERDICTS["warned"], lambda row: str(row[2].warned), "", "warned\nin time"),
+        Column(_VERDICTS["brief"], lambda row: str(row[2].brief), "", "over before\ndue"),
+        Column(_VERDICTS["missed"], lambda row: str(row[2].missed), "", "not\nwarned"),
+        Column("alert on", lambda row: number(row[2].alert_s), "s", "alert on\n"),
+    )
+    rows = [(name, service, found) for name, navigator in result.navigators.items() for service, found in navigator.errors.services.items()]
+    return Table.of("Alert limits (alert: by the navigator's own sigmas)", columns, rows)
+
+
+def exceedance_table(result: ReplayResult) -> Table:
+    """Every stretch beyond an alert limit with the time its alarm was due and the time it came."""
+    rows = []
+    for name, navigator in result.navigators.items():
+        for service, found in navigator.errors.services.items():
+            for e in found.listed:
+                times = ("never" if t is None else f"{t:.1f}" for t in (e.start_s, e.end_s, e.alarm_due_s, e.alarm_s))
+                rows.append((name, service, *times, _VERDICTS[e.verdict]))
+    heads = ("navigator", "service", "from t [s]", "to t [s]", "alarm due by t [s]", "alert since t [s]", "")
+    return Table.plain("Times beyond an alert limit", heads, rows, left=2)
+
+
+def interval_kind(what: str, satellites: int | None) -> str:
+    """What an interval was: withheld, without GPS, or the satellites that were left."""
+    return what if satellites is None else f"{satellites} satellite{'' if satellites == 1 else 's'}"
+
+
+def interval_table(result: ReplayResult) -> Table:
+    """Outages and withheld windows: worst error and the error at the end."""
+
+    def start(interval: IntervalErrors) -> float:
+        return result.first_stamp_s if interval.start_s is None else interval.start_s
+
+    def end(axis: str) -> Any:
+        return lambda row: number(row[2].error_at_end.get(axis))
+
+    zero = result.first_stamp_s
+    columns = (
+        _NAVIGATOR,
+        Column("s from start", lambda row: f"{start(row[2]) - zero:.1f}-{row[2].end_s - zero:.1f}", left=True),
+        Column("what", lambda row: interval_kind(row[1], row[2].satellites), left=True),
+        Column("from t", lambda row: f"{start(row[2]):.1f}", "s", page_only=True),
+        Column("to t", lambda row: f"{row[2].end_s:.1f}", "s", page_only=True),
+        Column("length", lambda row: f"{row[2].end_s - start(row[2]):.0f}", "s", page_only=True),
+        Column("worst horizontal", lambda row: number(row[2].worst_horizontal_m), "m", "worst horiz"),
+        Column("worst 3D", lambda row: number(row[2].worst_3d_m), "m", "3D"),
+        Column("at end N", end("north_m"), "m"),
+        Column("E", end("east_m"), "m"),
+        Column("D", end("down_m"), "m"),
+        Column("heading", end("heading_deg"), "deg", "hdg"),
+    )
+    rows = []
+    for name, navigator in result.navigators.items():
+        for what, found in (("without GPS", navigator.errors.outages), ("withheld", navigator.errors.windows)):
+            rows += [(name, what, interval) for interval in found if interval.samples]
+    return Table.of("Outages and withheld windows", columns, rows)
+
+
+def aid_table(result: ReplayResult) -> Table:
+    """Use of the aids: NIS per degree of freedom near 1 says that the predicted innovations are consistent."""
+
+    def rms(row: Sequence[Any]) -> str:
+        return ", ".join(f"{label} {number(value)}" for label, value in (row[2].innovation_rms or {}).items())
+
+    columns = (
+        _NAVIGATOR,
+        Column("aid", itemgetter(1), left=True),
+        Column("used", lambda row: str(row[2].used)),
+        Column("NIS per degree of freedom", lambda row: number(row[2].nis_per_dof), "", "NIS/dof"),
+        Column("RMS innovation", rms, page_only=True),
+        Column("not used, or limited", lambda row: counted(row[2].not_used_or_limited) or "-", left=True),
+    )
+    rows = [(name, aid, found) for name, navigator in result.navigators.items() for aid, found in navigator.aids.items()]
+    return Table.of("Aids", columns, rows)
+
+
+def integrity_table(result: ReplayResult) -> Table:
+    """Integrity of those who test their satellites: share of time per verdict, satellites left out, largest error over protection level."""
+
+    def share(verdict: str) -> Column:
+        def cell(row: Sequence[Any]) -> str:
+            seconds = row[1].verdict_seconds
+            return number(100.0 * seconds.get(verdict, 0.0) / max(sum(seconds.values()), 1e-9))
+
+        return Column(verdict, cell, "%", f"{verdict}\n")
+
+    columns = (
+        _NAVIGATOR,
+        *(share(verdict) for verdict in ("healthy", "excluded", "faulty", "not possible")),
+        Column("left out", lambda row: str(row[1].exclusion_count)),
+        Column("epochs with HPL", lambda row: str(row[1].epochs_with_protection_level), "", "epochs\nwith HPL"),
+        Column("beyond HPL", lambda row: str(row[1].epochs_beyond_protection_level), "", "beyond\nHPL"),
+        Column("largest error/HPL", lambda row: number(row[1].largest_error_over_protection_level), "", "error/HPL\nmax"),
+    )
+    rows = [(name, navigator.integrity) for name, navigator in result.navigators.items() if navigator.integrity]
+    return Table.of("Integrity", columns, rows, notes=tuple(_integrity_notes(result)))
+
+
+def _integrity_notes(result: ReplayResult) -> Iterator[str]:
     """Every exclusion and alarm, with the seconds from the start."""
-    out = []
-    for name, navigator in summary["navigators"].items():
-        integrity = navigator.get("integrity") or {"exclusions": (), "alarm": None}
-        for entry in integrity["exclusions"]:
-            out.append(f"{name}: {entry['satellite']} left out at {entry['stamp_s'] - summary['first_stamp_s']:.1f} s: {entry['why']}")
-        if integrity["alarm"]:
-            out.append(f"{name}: ALARM at {integrity['alarm']['stamp_s'] - summary['first_stamp_s']:.1f} s: {integrity['alarm']['text']}")
-    return out
+    for name, found in ((name, navigator.integrity) for name, navigator in result.navigators.items() if navigator.integrity):
+        for entry in found.exclusions:
+            yield f"{name}: {entry.satellite} left out at {entry.stamp_s - result.first_stamp_s:.1f} s: {entry.why}"
+        if found.alarm:
+            yield f"{name}: ALARM at {found.alarm.stamp_s - result.first_stamp_s:.1f} s: {found.alarm.text}"
 
 
-def run_table(summary: Mapping[str, Any]) -> Table:
-    """What came out and how fast."""
-    heads = ("navigator", "mode at end", "as recorded", "solutions", "late", "rejected", "x real time", "sha256")
-    table = _table("Fused solutions", heads, left=3)
-    for name, navigator in summary["navigators"].items():
-        rejected = [(reason, count) for i in navigator["inputs"].values() for reason, count in i["rejected"].items()]
-        late = sum(count for reason, count in rejected if reason == "late")
-        factor = summary["time"]["real_time_factor_by_navigator"][name]
-        sha = navigator["fused"]["sha256"]
-        counts = (str(navigator["solutions"]), str(late), str(sum(c for _, c in rejected) - late), f"{factor:.0f}" if factor else "-")
-        table.add_row(name, navigator["mode_at_end"], _as_recorded(navigator["fused"]), *counts, sha[:12] if sha else "-")
-    return table
+def input_table(result: ReplayResult) -> Table:
+    """What each navigator received and rejected, and what the decoder rejected."""
+
+    def row(at: str, source: str, entry: SourceCounts | InputSummary) -> tuple[str, ...]:
+        required, count = ("", entry.count) if isinstance(entry, SourceCounts) else ("required" * entry.required, entry.received)
+        return at, source, required, str(count), counted(entry.rejected) or "-"
+
+    inputs: dict[str, Mapping[str, Any]] = {"recording": result.recording.inputs} if result.recording else {}
+    inputs |= {name: navigator.inputs for name, navigator in result.navigators.items()}
+    rows = [row(at, source, entry) for at, sources in inputs.items() for source, entry in sources.items()]
+    return Table.plain("Inputs", ("at", "source", "", "messages or samples", "rejected"), rows, left=3)
 
 
-def _as_recorded(fused: Mapping[str, Any]) -> str:
-    if fused["equals_recorded"] is None:
+def run_table(result: ReplayResult) -> Table:
+    """Fused solutions: their fingerprint, the comparison with the recording, what was late or rejected, speed."""
+
+    def late(navigator: NavigatorResult) -> int:
+        return sum(entry.rejected.get("late", 0) for entry in navigator.inputs.values())
+
+    def rejected(navigator: NavigatorResult) -> int:
+        return sum(sum(entry.rejected.values()) for entry in navigator.inputs.values()) - late(navigator)
+
+    def factor(row: tuple[str, NavigatorResult]) -> str:
+        found = result.time.real_time_factor_by_navigator.get(row[0]) if result.time else None
+        return f"{found:.0f}" if found else "-"
+
+    def nees(navigator: NavigatorResult) -> float | None:
+        return next((errors.nees_horizontal for _, errors in navigator.errors.parts()), None)
+
+    columns = (
+        _NAVIGATOR,
+        Column("mode at end", lambda row: row[1].mode_at_end, "", "mode\nat end", left=True),
+        Column("as recorded in flight", lambda row: _as_recorded(row[1].fused), "", "as recorded", left=True),
+        Column("equal, of recorded", lambda row: f"{row[1].fused.count_equal} of {row[1].fused.count_recorded}", page_only=True),
+        Column("solutions", lambda row: str(row[1].solutions)),
+        Column("horizontal NEES (2 expected)", lambda row: number(nees(row[1])), page_only=True),
+        Column("late", lambda row: str(late(row[1]))),
+        Column("rejected", lambda row: str(rejected(row[1]))),
+        Column("x real time", factor, "", "x real\ntime"),
+        Column("sha256 of fused output", lambda row: (row[1].fused.sha256 or "-")[:16], "", "sha256"),
+    )
+    return Table.of("Fused solutions", columns, result.navigators.items())
+
+
+def _as_recorded(fused: Fused) -> str:
+    if fused.equals_recorded is None:
         return "not recorded"
-    if fused["equals_recorded"]:
-        return f"equal ({fused['count_equal']})"
-    return f"differs from {fused['first_differing_stamp_s']:.3f} s"
+    return f"equal ({fused.count_equal})" if fused.equals_recorded else f"differs from {fused.first_differing_stamp_s:.3f} s"
 
 
 def verdict_table(verdicts: Sequence[Verdict]) -> Table:
     """The baseline's verdicts, worse ones first."""
-    table = _table("Against the baseline", ("verdict", "navigator", "metric", "found", "expected"), left=3)
-    colours = {"better": "green", "same": "", "worse": "red"}
-    for v in sorted(verdicts, key=lambda v: v.verdict != WORSE):
-        found = "missing" if v.found is None else str(v.found).lower() if isinstance(v.found, bool) else f"{v.found:.4g}"
-        table.add_row(v.verdict, v.navigator, v.metric, found, v.expected, style=colours[v.verdict])
-    return table
+
+    def found(v: Verdict) -> str:
+        return "missing" if v.found is None else str(v.found).lower() if isinstance(v.found, bool) else f"{v.found:.4g}"
+
+    columns = (
+        Column("verdict", lambda v: v.verdict, left=True),
+        Column("navigator", lambda v: v.navigator, left=True),
+        Column("metric", lambda v: v.metric, left=True),
+        Column("found", found),
+        Column("expected", lambda v: v.expected),
+    )
+    ordered = sorted(verdicts, key=lambda v: v.verdict != WORSE)
+    colours = tuple({"better": "green", "same": "", "worse": "red"}[v.verdict] for v in ordered)
+    return Table.of("Against the baseline", columns, ordered, colours=colours)

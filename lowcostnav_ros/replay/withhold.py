@@ -115,15 +115,7 @@ def split(measurement: Measurement, windows: Iterable[Window]) -> tuple[Measurem
         held = np.zeros(len(stamps), dtype=bool)
         for window in held_by:
             held |= (stamps >= window.start_ns) & (stamps < window.end_ns)
-        return _rows(measurement, ~held), _rows(measurement, held)
+        return (measurement, None) if not held.any() else (measurement[~held] if not held.all() else None, measurement[held])
     if any(w.holds(measurement.source, measurement.stamp_ns) for w in held_by):
         return None, measurement
     return measurement, None
-
-
-def _rows(block: ImuBlock, mask: np.ndarray) -> ImuBlock | None:
-    if mask.all():
-        return block
-    if not mask.any():
-        return None
-    return ImuBlock.of(block.source, block.stamps_ns[mask], block.specific_force_b[mask], block.angular_rate_b[mask])

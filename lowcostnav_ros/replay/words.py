@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
+from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.units import NAUTICAL_MILE
+from lowcostnav_ros.replay.result import ErrorSummary, NavigatorResult
 
-LESS = {"sparse": "with fewer than four satellites", "no solution": "without a solution"}
+LESS = {Mode.SPARSE: "with fewer than four satellites", Mode.SILENT: "without a solution"}
 """Modes in which there is less than a GPS position, as a sentence says them."""
 HONEST = (0.5, 1.5)
 """Error over sigma, RMS: between these the sigmas are called honest."""
@@ -19,44 +20,42 @@ def distance(metres: float) -> str:
     return f"{metres:.0f} m" if metres >= 10.0 else f"{metres:.1f} m"
 
 
-def sentence(name: str, navigator: Mapping[str, Any], without_gps_s: float) -> str:
+def sentence(name: str, navigator: NavigatorResult, without_gps_s: float) -> str:
     """Sum up one navigator.
 
     Parameters
     ----------
     name : str
-    navigator : mapping
-        Its part of the replay's summary.
+    navigator : NavigatorResult
     without_gps_s : float
         How long there was no GPS, s.
     """
-    if navigator["solutions"] == 0:
-        return f"{name}: no solution at all; it ended {navigator['mode_at_end']} ({navigator['reason_at_end']})."
-    errors = navigator["errors"]
-    lost = errors.get("without_gps")
-    part = lost or errors.get("flight") or errors.get("withheld_gps")
+    if navigator.solutions == 0:
+        return f"{name}: no solution at all; it ended {navigator.mode_at_end} ({navigator.reason_at_end})."
+    errors = navigator.errors
+    part = errors.without_gps or errors.whole
     if part is None:
-        return f"{name}: nothing to compare with; it ended {navigator['mode_at_end']}{_refused(navigator)}."
-    if lost:
+        return f"{name}: nothing to compare with; it ended {navigator.mode_at_end}{_refused(navigator)}."
+    if errors.without_gps:
         when = f"{without_gps_s:.0f} s without GPS"
-    elif without_gps_s > 0.0 and "flight" in errors:
+    elif without_gps_s > 0.0 and errors.against_truth:
         when = f"silent through {without_gps_s:.0f} s without GPS"
     else:
-        when = "against withheld fixes" if "withheld_gps" in errors else _availability(navigator)
-    return f"{name}: {when}, {_sizes(part)}, {_honesty(part['error_over_sigma'])}{_refused(navigator)}."
+        when = _availability(navigator) if errors.against_truth else "against withheld fixes"
+    return f"{name}: {when}, {_sizes(part)}, {_honesty(part.error_over_sigma)}{_refused(navigator)}."
 
 
-def _availability(navigator: Mapping[str, Any]) -> str:
-    seconds = navigator["mode_seconds"]
+def _availability(navigator: NavigatorResult) -> str:
+    seconds = navigator.mode_seconds
     parts = [f"{seconds[mode]:.0f} s {said}" for mode, said in LESS.items() if seconds.get(mode, 0.0) >= 1.0]
     return " and ".join(parts) or "GPS all flight"
 
 
-def _sizes(part: Mapping[str, Any]) -> str:
-    if "horizontal_m" in part:
-        size = part["horizontal_m"]
-        return f"worst {distance(size['max'])}, 95 % within {distance(size['p95'])}"
-    angles = [f"{axis} {part[f'{axis}_deg']['p95']:.1f}\N{DEGREE SIGN}" for axis in ("heading", "pitch", "roll") if f"{axis}_deg" in part]
+def _sizes(part: ErrorSummary) -> str:
+    if part.horizontal_m:
+        return f"worst {distance(part.horizontal_m.max)}, 95 % within {distance(part.horizontal_m.p95)}"
+    found = ((axis, part.size(f"{axis}_deg")) for axis in ("heading", "pitch", "roll"))
+    angles = [f"{axis} {size.p95:.1f}\N{DEGREE SIGN}" for axis, size in found if size]
     return f"95 % within {', '.join(angles)}" if angles else "nothing comparable"
 
 
@@ -78,9 +77,9 @@ def _honesty(ratios: Mapping[str, float]) -> str:
     return f"sigma {word} (error/sigma {ratio:.1f})"
 
 
-def _refused(navigator: Mapping[str, Any]) -> str:
+def _refused(navigator: NavigatorResult) -> str:
     worst = max(
-        ((count, aid, reason) for aid, entry in navigator["aids"].items() for reason, count in entry["not_used_or_limited"].items()),
+        ((count, aid, reason) for aid, entry in navigator.aids.items() for reason, count in entry.not_used_or_limited.items()),
         default=None,
     )
     return f"; most refused: {worst[1]}, {worst[0]} times '{worst[2]}'" if worst else ""

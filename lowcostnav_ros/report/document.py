@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.report.style import SCRIPT, STYLE
 from lowcostnav_ros.report.svg import escape
 
@@ -22,3 +23,19 @@ def section(title: str, *parts: str) -> str:
 def details(title: str, content: str) -> str:
     """A section that is folded at first."""
     return f"<details><summary>{escape(title)}</summary>{content}</details>" if content else ""
+
+
+def html_table(table: Table) -> str:
+    """A table with all its columns and its notes; an empty string without rows."""
+    if not table.rows:
+        return ""
+    heads = [f"{c.head} [{c.unit}]" if c.unit else c.head for c in table.columns]
+
+    def cells(tag: str, row: Iterable[str]) -> str:
+        texts = zip(table.columns, row, strict=True)
+        return "".join(f'<{tag} class="{"l" if column.left else "r"}">{escape(text)}</{tag}>' for column, text in texts)
+
+    body = "".join(f"<tr>{cells('td', row)}</tr>" for row in table.rows)
+    notes = "".join(f'<p class="note">{escape(note)}</p>' for note in table.notes)
+    caption = f"<caption>{escape(table.title)}</caption>"
+    return f"<table>{caption}<thead><tr>{cells('th', heads)}</tr></thead><tbody>{body}</tbody></table>{notes}"

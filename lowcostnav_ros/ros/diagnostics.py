@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.gnss.accuracy import category
 from lowcostnav_ros.ros import qos
 from lowcostnav_ros.ros.input_monitor import Status
@@ -64,7 +65,7 @@ class DiagnosticsPublisher:
 
     def _log(self, row: Status) -> None:
         # rclpy allows one severity per line of code
-        if row.level > 1:
+        if row.level >= Level.ERROR:
             self._node.get_logger().error(row.message)
         else:
             self._node.get_logger().warning(row.message)
@@ -79,9 +80,11 @@ def navigator_rows(prefix: str, status: NavigatorStatus) -> list[Status]:
     """Return the rows of a navigator: itself (mode, reason, sigmas), its integrity tests where it has any, then one per aid.
 
     Sigma names and aid labels carry their units; the age of an aid is judged at the navigator's own time.  ``approach_category`` is the
-    strictest precision approach that two of its own sigmas (95 % or more, both ways) allow.
+    strictest precision approach that two of its own sigmas (95 % or more, both ways) allow.  The ``details`` of a status, such as
+    ``flying_on`` of the supervisor, are values too.
     """
-    values = {"mode": status.mode, "reason": status.reason} | {k: f"{v:.4g}" for k, v in status.sigmas.items()}
+    values = {"mode": status.mode, "reason": status.reason, **getattr(status, "details", {})}
+    values |= {k: f"{v:.4g}" for k, v in status.sigmas.items()}
     if {"position_horizontal_m", "position_down_m"} <= status.sigmas.keys():
         horizontal, vertical = 2.0 * status.sigmas["position_horizontal_m"], 2.0 * status.sigmas["position_down_m"]
         values["approach_category"] = category(horizontal, vertical) or "none"
@@ -94,6 +97,10 @@ def navigator_rows(prefix: str, status: NavigatorStatus) -> list[Status]:
     return [*rows, *(_aid_row(prefix, aid, status.stamp_ns) for aid in status.aids)]
 
 
+def _warn(is_bad: bool) -> Level:
+    return Level.WARN if is_bad else Level.OK
+
+
 def _integrity_row(prefix: str, integrity: Integrity) -> Status:
     """Verdict, protection levels and what is left out; an alarm, a contradiction and a test that is not possible are warnings."""
     levels = ("hpl_m", "vpl_m", "lasting_hpl_m", "lasting_vpl_m")
@@ -104,7 +111,7 @@ def _integrity_row(prefix: str, integrity: Integrity) -> Status:
     if integrity.alarm_ns is not None:
         values["alarm_stamp_s"] = f"{1e-9 * integrity.alarm_ns:.1f}"
     message = f"{integrity.verdict}: {integrity.alarm or integrity.reason}" if integrity.alarm or integrity.reason else integrity.verdict
-    return Status(f"{prefix}: integrity", int(bool(integrity.alarm) or integrity.verdict != "healthy"), message, values)
+    return Status(f"{prefix}: integrity", _warn(bool(integrity.alarm) or integrity.verdict != "healthy"), message, values)
 
 
 def _aid_row(prefix: str, aid: AidStatus, now_ns: int | None) -> Status:
@@ -117,4 +124,4 @@ def _aid_row(prefix: str, aid: AidStatus, now_ns: int | None) -> Status:
     values |= {f"rejected[{reason}]": str(n) for reason, n in aid.rejected.items()}
     rejecting = not aid.accepted and aid.test_ratio > 1.0
     message = f"{aid.name}: {aid.reason or 'used'}"
-    return Status(f"{prefix}: aid {aid.name}", int(rejecting), message, values)
+    return Status(f"{prefix}: aid {aid.name}", _warn(rejecting), message, values)

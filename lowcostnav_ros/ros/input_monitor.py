@@ -9,7 +9,9 @@ from collections import Counter
 from collections.abc import Callable
 from typing import NamedTuple
 
-OK, WARN, ERROR = 0, 1, 2
+from lowcostnav_ros.base.modes import Level
+
+OK, WARN, ERROR = Level
 SILENT_INTERVALS = 5.0  # a slow sensor is silent after this many of its own intervals
 RECENT_S = 5.0  # a rejection colours the status this long
 

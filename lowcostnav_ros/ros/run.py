@@ -4,10 +4,9 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.ros.memory import release_idle_code
-
-EXIT_OK, EXIT_CANNOT_RUN = 0, 2
 
 
 def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
@@ -46,10 +45,10 @@ def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
             raise
     except SettingsError as error:
         print(error, file=sys.stderr)
-        return EXIT_CANNOT_RUN
+        return Exit.CANNOT_RUN
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-    return EXIT_OK
+    return Exit.OK

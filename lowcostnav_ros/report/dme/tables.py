@@ -1,12 +1,11 @@
 """A DME plan as tables on the terminal and as JSON."""
 
-import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.radionav.benchmarks_vor import REQUIREMENT_M
 from lowcostnav_ros.radionav.geometry import hdop
@@ -14,6 +13,8 @@ from lowcostnav_ros.radionav.layouts import NOISE_M
 from lowcostnav_ros.radionav.plan import Point, pair_changes
 from lowcostnav_ros.radionav.selection import best_pair, usable, view
 from lowcostnav_ros.report.dme.plan import Leg, Level, Plan
+from lowcostnav_ros.report.plan_folder import finite
+from lowcostnav_ros.report.terminal import print_report
 
 BIAS_M = 0.17 * NAUTICAL_MILE
 SCHEDULE_S = 120.0
@@ -21,21 +22,16 @@ SCHEDULE_S = 120.0
 
 def print_plan(plan: Plan) -> None:
     """Print coverage, expected error, stations asked, schedule and what is wrong."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(soft_wrap=True)
-    overview = Table(title=f"{len(plan.table)} stations in the area; expected error without GPS, one receiver, a range every 15 s")
-    for heading in ("altitude", "area % with 1/2/3", "way flown", "with a pair", "worst 1-sigma", "on arrival"):
-        overview.add_column(heading, justify="left" if heading == "way flown" else "right")
+    rows = []
     for level in plan.levels:
         shares = "/".join(f"{100.0 * level.coverage.share(n):.0f}" for n in (1, 2, 3))
         for k, leg in enumerate(level.legs):
             first = (f"{level.altitude_m:.0f} m", shares) if k == 0 else ("", "")
-            overview.add_row(*first, leg.name, f"{100.0 * leg.paired:.0f} %", _metres(leg.worst_m), f"{leg.arrival_m:.0f} m")
-    console.print(overview)
-    for line in (*_said(plan), _schedule_line(plan), *plan.notes, *_closing(plan)):
-        console.print(line, highlight=False)
+            rows.append((*first, leg.name, f"{100.0 * leg.paired:.0f} %", _metres(leg.worst_m), f"{leg.arrival_m:.0f} m"))
+    heads = ("altitude", "area % with 1/2/3", "way flown", "with a pair", "worst 1-sigma", "on arrival")
+    table = Table.plain("Expected error without GPS, one receiver, a range every 15 s", heads, rows, left=3)
+    said = (*_said(plan), _schedule_line(plan), *plan.notes, *_closing(plan))
+    print_report(f"{len(plan.table)} stations in the area", [table], said)
 
 
 def _metres(value: float) -> str:
@@ -69,13 +65,8 @@ def _closing(plan: Plan) -> list[str]:
     ]
 
 
-def write_json(plan: Plan, path: Path) -> None:
-    """Write the plan as JSON; angles in degrees, None where a number does not exist."""
-    path.write_text(json.dumps(as_mapping(plan), indent=1, allow_nan=False), encoding="utf-8")
-
-
 def as_mapping(plan: Plan) -> dict[str, Any]:
-    """Return the plan as plain values."""
+    """Return the plan as plain values, fit for JSON; angles in degrees, None where a number does not exist."""
     return {
         "waypoints_deg": [[_degrees(lat), _degrees(lon)] for lat, lon in plan.waypoints],
         "stations": [
@@ -117,9 +108,9 @@ def _at_airport(plan: Plan, level: Level) -> dict[str, Any]:
             for v in seen
         ],
         "pair": [s.ident for s in pair],
-        "hdop": _finite(dilution),
-        "fix_1_sigma_noise_m": _finite(dilution * NOISE_M),
-        "fix_1_sigma_with_bias_m": _finite(dilution * math.hypot(BIAS_M, NOISE_M)),
+        "hdop": finite(dilution),
+        "fix_1_sigma_noise_m": finite(dilution * NOISE_M),
+        "fix_1_sigma_with_bias_m": finite(dilution * math.hypot(BIAS_M, NOISE_M)),
     }
 
 
@@ -152,14 +143,10 @@ def _point(point: Point) -> dict[str, Any]:
         "usable": list(point.usable),
         "pair": list(point.pair or ()),
         "gamma_deg": round(math.degrees(point.gamma), 1),
-        "hdop": _finite(point.hdop),
+        "hdop": finite(point.hdop),
         "collinear": point.collinear,
     }
 
 
 def _degrees(angle: float) -> float:
     return round(math.degrees(angle), 6)
-
-
-def _finite(value: float) -> float | None:
-    return round(value, 3) if math.isfinite(value) else None

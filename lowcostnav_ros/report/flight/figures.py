@@ -56,8 +56,8 @@ def ground_map(result: Result) -> str:
         if _known(navigator.solutions, "lat_deg"):
             place = navigator.solutions["lat_deg"], navigator.solutions["lon_deg"]
             tracks.append(Track(*place, colour_of(name, names), name, dash=DASHES.get(name)))
-            ellipses += _ellipses(navigator, colour_of(name, names), result.summary["without_gps"]["intervals_s"])
-    stations = [Station(s["ident"], s["lat_deg"], s["lon_deg"]) for s in result.summary.get("stations", [])]
+            ellipses += _ellipses(navigator, colour_of(name, names), result.summary.without_gps.intervals_s)
+    stations = [Station(s.ident, s.lat_deg, s.lon_deg) for s in result.summary.stations]
     return map_chart(tracks, stations, ellipses)
 
 

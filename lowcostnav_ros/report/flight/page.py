@@ -3,12 +3,13 @@
 import datetime
 import json
 from pathlib import Path
-from typing import Any
 
+from lowcostnav_ros.replay import tables
+from lowcostnav_ros.replay.result import ReplayResult
 from lowcostnav_ros.replay.words import sentence
 from lowcostnav_ros.report.chart import TimeAxis
-from lowcostnav_ros.report.document import details, document, section
-from lowcostnav_ros.report.flight import figures, html_tables
+from lowcostnav_ros.report.document import details, document, html_table, section
+from lowcostnav_ros.report.flight import figures
 from lowcostnav_ros.report.flight.result_folder import Result, read_result
 from lowcostnav_ros.report.flight.timeline import timeline
 from lowcostnav_ros.report.svg import escape
@@ -53,8 +54,9 @@ def write_page(folder: Path, output: Path, title: str | None = None) -> int:
 def page_of(result: Result, title: str | None = None) -> str:
     """The page as text."""
     summary = result.summary
-    axis = TimeAxis(summary["first_stamp_s"], summary["last_stamp_s"], [tuple(i) for i in summary["without_gps"]["intervals_s"]])
-    name = title or (summary.get("bag") or {}).get("name") or "simulated flight"
+    axis = TimeAxis(summary.first_stamp_s, summary.last_stamp_s, list(summary.without_gps.intervals_s))
+    name = title or (summary.recording.bag.name if summary.recording else "simulated flight")
+    last = (tables.input_table, tables.aid_table, tables.integrity_table, tables.run_table)
     sections = [
         _header(summary, name),
         section("In a sentence", _sentences(summary)),
@@ -66,33 +68,33 @@ def page_of(result: Result, title: str | None = None) -> str:
         section("Attitude", *figures.attitude_figures(result, axis)),
         section("Height and speed", *figures.motion_figures(result, axis)),
         section("Wind (velocity of the air mass)", *figures.wind_figures(result, axis)),
-        section("Inputs, aids, speed", html_tables.inputs(summary), html_tables.aids(summary), html_tables.runs(summary)),
-        details("Settings", f"<pre>{escape(json.dumps(summary.get('settings', {}), indent=1))}</pre>"),
+        section("Inputs, aids, speed", *(html_table(make(summary)) for make in last)),
+        details("Settings", f"<pre>{escape(json.dumps(summary.settings, indent=1))}</pre>"),
     ]
     return document(name, sections)
 
 
-def _header(summary: dict[str, Any], name: str) -> str:
-    bag = summary.get("bag") or {}
-    lost = summary["without_gps"]["total_s"]
+def _header(summary: ReplayResult, name: str) -> str:
+    recording, lost = summary.recording, summary.without_gps
     facts = {
-        "bag": f"sha256 {bag['sha256'][:16]}" if bag else "simulated stream, no bag",
-        "settings": summary["settings_hash"],
-        "duration": f"{summary['duration_s']:.1f} s",
-        "stamps": f"{summary['first_stamp_s']:.2f} to {summary['last_stamp_s']:.2f} s",
-        "date": _date(summary["first_stamp_s"]),
-        "without GPS": f"{lost:.0f} s in {len(summary['without_gps']['intervals_s'])} outage(s)" if lost else "never",
+        "bag": f"sha256 {recording.bag.sha256[:16]}" if recording else "simulated stream, no bag",
+        "settings": summary.settings_hash,
+        "duration": f"{summary.duration_s:.1f} s",
+        "stamps": f"{summary.first_stamp_s:.2f} to {summary.last_stamp_s:.2f} s",
+        "date": _date(summary.first_stamp_s),
+        "without GPS": f"{lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)" if lost.total_s else "never",
         "reference": _reference(summary),
-        "software": f"lowcostnav_ros {summary['version']}",
+        "software": f"lowcostnav_ros {summary.version}",
     }
     cells = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts.items())
-    withheld = "".join(f'<p class="note">{escape(text)}</p>' for text in summary["withheld"])
-    left_out = "".join(f'<p class="note">{escape(n)} left out: {escape(r)}</p>' for n, r in summary.get("left_out", {}).items())
+    withheld = "".join(f'<p class="note">{escape(text)}</p>' for text in summary.withheld)
+    missing = recording.left_out.items() if recording else ()
+    left_out = "".join(f'<p class="note">{escape(n)} left out: {escape(r)}</p>' for n, r in missing)
     return f"<header><h1>{escape(name)}</h1><dl>{cells}</dl>{withheld}{left_out}</header>"
 
 
-def _reference(summary: dict[str, Any]) -> str:
-    kinds = {n["errors"]["reference"] for n in summary["navigators"].values()} - {None}
+def _reference(summary: ReplayResult) -> str:
+    kinds = {n.errors.reference for n in summary.navigators.values()} - {None}
     return " and ".join(sorted(kinds)) or "none"
 
 
@@ -102,27 +104,27 @@ def _date(stamp_s: float) -> str:
     return f"{datetime.datetime.fromtimestamp(stamp_s, tz=datetime.UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
-def _sentences(summary: dict[str, Any]) -> str:
-    names = list(summary["navigators"])
+def _sentences(summary: ReplayResult) -> str:
+    names = list(summary.navigators)
     items = []
-    for name, navigator in summary["navigators"].items():
-        text = sentence(name, navigator, summary["without_gps"]["total_s"])
+    for name, navigator in summary.navigators.items():
+        text = sentence(name, navigator, summary.without_gps.total_s)
         rest = escape(text.removeprefix(name))
         items.append(f'<li style="border-color:{figures.colour_of(name, names)}"><b>{escape(name)}</b>{rest}</li>')
     return f'<ul class="sentences">{"".join(items)}</ul>'
 
 
-def _error_tables(summary: dict[str, Any]) -> list[str]:
-    everything = details("All error statistics", html_tables.errors(summary))
-    return [html_tables.overview(summary), html_tables.intervals(summary), everything]
+def _error_tables(summary: ReplayResult) -> list[str]:
+    everything = details("All error statistics", html_table(tables.size_table(summary)))
+    return [html_table(tables.error_table(summary)), html_table(tables.interval_table(summary)), everything]
 
 
 def _requirements(result: Result, axis: TimeAxis) -> list[str]:
-    tables = [html_tables.accuracy(result.summary), html_tables.approaches(result.summary), html_tables.alarms(result.summary)]
-    if not any(tables):
+    shown = [html_table(make(result.summary)) for make in (tables.accuracy_table, tables.approach_table, tables.alarm_table)]
+    if not any(shown):
         return []
-    each = details("Every time beyond an alert limit", html_tables.exceedances(result.summary))
-    return [*figures.requirement_figures(result, axis), *tables, each, _REQUIREMENTS]
+    each = details("Every time beyond an alert limit", html_table(tables.exceedance_table(result.summary)))
+    return [*figures.requirement_figures(result, axis), *shown, each, _REQUIREMENTS]
 
 
 def _per_navigator(result: Result, axis: TimeAxis) -> list[str]:

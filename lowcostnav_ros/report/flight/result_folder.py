@@ -4,9 +4,10 @@ import csv
 import dataclasses
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+
+from lowcostnav_ros.replay.result import ReplayResult
 
 Columns = dict[str, np.ndarray]
 """Column name to values, shape (n,); numbers as float64 (NaN where blank), text columns as str."""
@@ -34,7 +35,7 @@ class NavigatorResult:
 class Result:
     """Everything a report shows."""
 
-    summary: dict[str, Any]
+    summary: ReplayResult
     navigators: dict[str, NavigatorResult]
     truth: Columns
     truth_wind: Columns
@@ -77,11 +78,11 @@ def read_result(folder: Path) -> Result:
         When the folder has no readable summary.
     """
     try:
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        names = list(summary["navigators"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        summary = ReplayResult.from_mapping(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError) as error:
         raise ReportError(f"{folder} holds no readable summary.json; give a bag, or a folder written by replay --out.") from error
-    navigators = {name: NavigatorResult(name, *(read_table(folder / f"{name}{part}.csv") for part in _PARTS)) for name in names}
+    parts = {name: (read_table(folder / f"{name}{part}.csv") for part in _PARTS) for name in summary.navigators}
+    navigators = {name: NavigatorResult(name, *tables) for name, tables in parts.items()}
     recorded = {p.stem.removeprefix("recorded_"): read_table(p) for p in sorted(folder.glob("recorded_*.csv"))}
     tables = (read_table(folder / f"{name}.csv") for name in ("truth", "truth_wind", "gps"))
     return Result(summary, navigators, *tables, recorded)

@@ -1,16 +1,17 @@
 """A plan of satellites in view as tables on the terminal and as JSON."""
 
 import datetime
-import json
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.gnss.sky_plan import Lowest, SkyPlan, Window
-from lowcostnav_ros.report.gnss.words import spread
+from lowcostnav_ros.report.gnss.words import SPREAD, spread
+from lowcostnav_ros.report.plan_folder import finite
+from lowcostnav_ros.report.terminal import print_report
 
 DOPS = ("gdop", "pdop", "hdop", "vdop", "tdop")
 MOST_WINDOWS = 8
@@ -60,25 +61,11 @@ class GnssPlan:
 
 def print_plan(plan: GnssPlan) -> None:
     """Print the spread over all hours, a row per hour, and the windows without a good position."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(soft_wrap=True)
-    overall = Table(title=f"{plan.title}, {plan.view}")
-    for column in ("", "smallest", "median", "95 %", "largest"):
-        overall.add_column(column, justify="right" if column else "left")
-    overall.add_row("satellites in view", *spread(plan.sky.counts, 0))
-    for dop in DOPS:
-        overall.add_row(dop.upper(), *spread(plan.sky.column(dop), 2))
-    console.print(overall)
-    hourly = Table(title=f"by the hour, UTC, from {plan.start:%Y-%m-%d %H:%M}")
-    for column in ("from", "satellites", "HDOP median/worst", "VDOP", "PDOP", f"PDOP above {plan.pdop_limit:g} or none"):
-        hourly.add_column(column, justify="right")
-    for row in hour_rows(plan):
-        hourly.add_row(*row)
-    console.print(hourly)
-    for line in (*sentences(plan), *plan.notes):
-        console.print(line, highlight=False)
+    rows = [("satellites in view", *spread(plan.sky.counts, 0)), *((dop.upper(), *spread(plan.sky.column(dop), 2)) for dop in DOPS)]
+    overall = Table.plain("over all hours", ("", *SPREAD), rows)
+    heads = ("from", "satellites", "HDOP median/worst", "VDOP", "PDOP", f"PDOP above {plan.pdop_limit:g} or none")
+    hourly = Table.plain(f"by the hour, UTC, from {plan.start:%Y-%m-%d %H:%M}", heads, hour_rows(plan))
+    print_report(f"{plan.title}, {plan.view}", (overall, hourly), (*sentences(plan), *plan.notes))
 
 
 def hour_rows(plan: GnssPlan) -> list[tuple[str, ...]]:
@@ -125,13 +112,8 @@ def _why(window: Window) -> str:
     return f"{worst} with {window.fewest} satellites."
 
 
-def write_json(plan: GnssPlan, path: Path) -> None:
-    """Write the plan as JSON; angles in degrees, None where a number does not exist."""
-    path.write_text(json.dumps(as_mapping(plan), indent=1, allow_nan=False), encoding="utf-8")
-
-
 def as_mapping(plan: GnssPlan) -> dict[str, Any]:
-    """Return the plan as plain values."""
+    """Return the plan as plain values, fit for JSON; angles in degrees, None where a number does not exist."""
     sky = plan.sky
     times = []
     for k, t_s in enumerate(sky.time_s):
@@ -139,7 +121,7 @@ def as_mapping(plan: GnssPlan) -> dict[str, Any]:
             {"name": sky.names[j], "azimuth_deg": _degrees(sky.azimuth[k, j]), "elevation_deg": _degrees(sky.elevation[k, j])}
             for j in np.flatnonzero(sky.visible[k])
         ]
-        times.append({"time_s": float(t_s), **{dop: _finite(getattr(sky.dops[k], dop)) for dop in DOPS}, "satellites": seen})
+        times.append({"time_s": float(t_s), **{dop: finite(getattr(sky.dops[k], dop)) for dop in DOPS}, "satellites": seen})
     return {
         "title": plan.title,
         "view": plan.view,
@@ -147,7 +129,7 @@ def as_mapping(plan: GnssPlan) -> dict[str, Any]:
         "pdop_limit": plan.pdop_limit,
         "good_enough": plan.good_enough(),
         "windows": [
-            {"from_s": w.start_s, "to_s": w.end_s, "fewest_satellites": w.fewest, "worst_pdop": _finite(w.worst_pdop)} for w in plan.windows
+            {"from_s": w.start_s, "to_s": w.end_s, "fewest_satellites": w.fewest, "worst_pdop": finite(w.worst_pdop)} for w in plan.windows
         ],
         "times": times,
         "notes": plan.notes,
@@ -156,7 +138,3 @@ def as_mapping(plan: GnssPlan) -> dict[str, Any]:
 
 def _degrees(angle: float) -> float:
     return round(math.degrees(angle), 2)
-
-
-def _finite(value: float) -> float | None:
-    return round(float(value), 3) if math.isfinite(value) else None

@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.tables import Table
+from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.gnss.gps_time import SECOND, unix_ns, week_and_tow
 from lowcostnav_ros.gnss.rinex_nav import Navigation
 from lowcostnav_ros.gnss.rinex_obs import Observations
 from lowcostnav_ros.gnss.track import Located, Track
 from lowcostnav_ros.physics.earth import dcm_ne, ecef_to_geodetic
-from lowcostnav_ros.report.gnss.words import counted, date, spread
+from lowcostnav_ros.report.gnss.words import SPREAD, date, spread
+from lowcostnav_ros.report.terminal import print_report
 
 ELSEWHERE_M = 1000.0
 """Median distance from the header's coordinates above which they cannot be those of a receiver at rest."""
@@ -66,25 +69,7 @@ def summarise(name: str, observations: Observations, navigation: Navigation, tra
 
 def print_track(summary: TrackSummary) -> None:
     """Print the tables and sentences."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(soft_wrap=True)
-    spread = Table(title=heading(summary))
-    for column in ("", "smallest", "median", "95 %", "largest"):
-        spread.add_column(column, justify="right" if column else "left")
-    for row in spread_rows(summary):
-        spread.add_row(*row)
-    console.print(spread)
-    if rows := error_rows(summary):
-        errors = Table(title="position minus the coordinates in the header")
-        for column in ("", "north", "east", "down", "3D"):
-            errors.add_column(column, justify="right" if column else "left")
-        for row in rows:
-            errors.add_row(*row)
-        console.print(errors)
-    for line in sentences(summary):
-        console.print(line, highlight=False)
+    print_report(heading(summary), (spread_table(summary), error_table(summary)), sentences(summary))
 
 
 def heading(summary: TrackSummary) -> str:
@@ -93,7 +78,7 @@ def heading(summary: TrackSummary) -> str:
     return f"{summary.name}: {len(located)} epochs, {date(located[0].gps_ns)} to {date(located[-1].gps_ns)} GPS time"
 
 
-def spread_rows(summary: TrackSummary) -> list[tuple[str, ...]]:
+def spread_table(summary: TrackSummary) -> Table:
     """Smallest, median, 95 % and largest of satellites, dilutions and protection levels."""
     good = summary.usable
     columns = {
@@ -105,14 +90,16 @@ def spread_rows(summary: TrackSummary) -> list[tuple[str, ...]]:
         "HPL, m": ([one.result.hpl_m for one in good], 1),
         "VPL, m": ([one.result.vpl_m for one in good], 1),
     }
-    return [(name, *spread(values, digits)) for name, (values, digits) in columns.items() if len(values)]
+    rows = [(name, *spread(values, digits)) for name, (values, digits) in columns.items() if len(values)]
+    return Table.plain("Satellites, dilutions, protection levels", ("", *SPREAD), rows)
 
 
-def error_rows(summary: TrackSummary) -> list[tuple[str, ...]]:
+def error_table(summary: TrackSummary) -> Table:
     """RMS, mean and largest error and the stated sigma, north, east, down and 3D; no row without coordinates to compare with."""
     errors = summary.compared_n()
+    title, heads = "Position minus the coordinates in the header", ("", "north", "east", "down", "3D")
     if not len(errors):
-        return []
+        return Table.plain(title, heads, ())
     rms, mean, largest = np.sqrt(np.mean(errors**2, axis=0)), errors.mean(axis=0), np.abs(errors).max(axis=0)
     stated = np.sqrt(np.mean([np.diag(one.result.fix.cov_n) for one in summary.usable], axis=0))
     rows = {
@@ -121,7 +108,7 @@ def error_rows(summary: TrackSummary) -> list[tuple[str, ...]]:
         "largest, m": (*largest, np.linalg.norm(errors, axis=1).max()),
         "stated 1-sigma, m": (*stated, np.linalg.norm(stated)),
     }
-    return [(name, *(f"{value:.2f}" for value in values)) for name, values in rows.items()]
+    return Table.plain(title, heads, [(name, *(f"{value:.2f}" for value in values)) for name, values in rows.items()])
 
 
 def sentences(summary: TrackSummary) -> list[str]:

@@ -7,9 +7,8 @@ import numpy as np
 from lowcostnav_ros.gnss import raim
 from lowcostnav_ros.gnss.gps_time import unix_ns
 from lowcostnav_ros.report.chart import Band, Curve, Dots, TimeAxis, time_chart
-from lowcostnav_ros.report.document import document, section
-from lowcostnav_ros.report.flight.html_tables import table
-from lowcostnav_ros.report.gnss.track import TrackSummary, error_rows, heading, sentences, spread_rows
+from lowcostnav_ros.report.document import document, html_table, section
+from lowcostnav_ros.report.gnss.track import TrackSummary, error_table, heading, sentences, spread_table
 from lowcostnav_ros.report.svg import escape
 
 BLUE, ORANGE, GREEN, RED = "#1f77b4", "#d95f02", "#2a9d5c", "#c0392b"
@@ -33,8 +32,8 @@ def page_of(summary: TrackSummary) -> str:
         section("In sentences", f'<ul class="sentences">{said}</ul>'),
         section(
             "Tables",
-            table("Position minus the coordinates in the header", ("", "north", "east", "down", "3D"), error_rows(summary)),
-            table("Satellites, dilutions, protection levels", ("", "smallest", "median", "95 %", "largest"), spread_rows(summary)),
+            html_table(error_table(summary)),
+            html_table(spread_table(summary)),
         ),
         section(f"Position minus the {compared}, in its stated 1 and 2 sigma", *(charts[axis] for axis in ("north", "east", "down"))),
         section("Geometry and protection levels", *(charts[name] for name in ("satellites", "dops", "levels"))),

@@ -2,7 +2,7 @@
 
 import datetime
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -16,9 +16,7 @@ def date(gps_ns: int) -> str:
     return f"{_ORIGIN + datetime.timedelta(seconds=(gps_ns + SECOND // 2) // SECOND):%Y-%m-%d %H:%M:%S}"
 
 
-def counted(reasons: Mapping[str, int]) -> str:
-    """Counts by reason, the commonest first."""
-    return ", ".join(f"{count} {reason}" for reason, count in sorted(reasons.items(), key=lambda item: (-item[1], item[0])))
+SPREAD = ("smallest", "median", "95 %", "largest")
 
 
 def spread(values: Iterable[float], digits: int) -> list[str]:

@@ -220,17 +220,11 @@ def fed(navigator: Navigator, block: ImuBlock, aids: Sequence) -> list[NavSoluti
     """Feed aids and inertial samples in order, none of them far ahead of the others; the first sample only dates the start."""
     waiting, out = deque(aids), []
     for first in range(1, len(block), PIECE):
-        piece = part(block, first, first + PIECE)
+        piece = block[first : first + PIECE]
         while waiting and waiting[0].stamp_ns <= piece.stamp_ns:
             out += navigator.feed(waiting.popleft())
         out += navigator.feed(piece)
     return out
-
-
-def part(block: ImuBlock, first: int, last: int) -> ImuBlock:
-    """Rows of a block."""
-    rows = slice(first, last)
-    return ImuBlock.of(block.source, block.stamps_ns[rows], block.specific_force_b[rows], block.angular_rate_b[rows])
 
 
 def flight_of(truth: TruthBlock, solutions: Sequence[Any]) -> Flight:

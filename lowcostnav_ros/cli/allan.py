@@ -1,0 +1,40 @@
+"""The allan job: from a recording at rest to Allan deviations, coefficients and an IMU profile."""
+
+import argparse
+from typing import Any
+
+from lowcostnav_ros.cli import calibrate_rest as rest
+from lowcostnav_ros.cli.jobs import job
+
+
+@job("Allan deviation of inertial sensors at rest: chart, coefficients, and the numbers of an IMU profile.", rest.add_arguments)
+def allan(arguments: argparse.Namespace) -> int:
+    """Charts and numbers of every column."""
+    from lowcostnav_ros.calibration.allan import allan_chart
+    from lowcostnav_ros.calibration.allan_fit import fit_chart
+    from lowcostnav_ros.cli import calibrate_charts as charts
+
+    columns, rate_hz = rest.inertial(arguments)
+    results: dict[str, Any] = {}
+    for name, values in columns.values.items():
+        chart = allan_chart(rest.named(values, rate_hz, name), rate_hz)
+        results[name] = (chart, fit_chart(chart))
+    fits = {name: fit for name, (_, fit) in results.items()}
+    rows = [
+        (name, f.white_density, f.drift_sigma, f.drift_tau_s, f.bias_instability, f.minimum_s, f.random_walk) for name, f in fits.items()
+    ]
+    heads = ("column", "white N [u/rtHz]", "drift sigma [u]", "tau [s]", "B [u]", "minimum at [s]", "K [u/s/rtHz]")
+    rest.print_columns(heads, rows, columns)
+    for name, fit in fits.items():
+        if not fit.drift_tau_observed:
+            print(f"{name}: the correlation time exceeds a third of the record; only sigma^2/tau is known, record longer.")
+    rest.print_grade({name: f.drift_sigma for name, f in fits.items()}, columns)
+    numbers = {name: (f.white_density, f.drift_sigma, f.drift_tau_s) for name, f in fits.items()}
+    out = rest.out_dir(arguments)
+    if out is not None:
+        for unit in dict.fromkeys(columns.units.values()):
+            of_unit = {n: results[n] for n in results if columns.units[n] == unit}
+            charts.save(out / f"allan_{rest.quantity(unit)}.png", charts.allan_figure(of_unit, unit))
+        rest.write_numbers(out / "allan.csv", heads, rows)
+        rest.write_profile(out, "Allan deviation", numbers, columns, rate_hz)
+    return 0

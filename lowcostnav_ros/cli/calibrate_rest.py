@@ -1,0 +1,117 @@
+"""What the calibration jobs of sensors at rest share: options, columns out of a recording, and what is printed and written."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from lowcostnav_ros.cli.calibrate_input import Columns
+
+UNITS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``allan`` and ``identify``."""
+    parser.add_argument("source", metavar="BAG|CSV", help="recording at rest: a bag, or a table with a header line")
+    parser.add_argument("--topic", default="imu/data_raw", help="inertial topic of a bag (default: imu/data_raw)")
+    parser.add_argument("--column", metavar="A,B,C", help="columns to use (default: all but the time)")
+    parser.add_argument("--unit", choices=UNITS, help="unit of the columns of a table; needed for the profile")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate of a table without a time column")
+    parser.add_argument("-o", "--output", metavar="DIR", help="write chart, numbers and profile there")
+
+
+def inertial(arguments: argparse.Namespace) -> tuple["Columns", float]:
+    """Columns of a recording and their sampling rate, Hz."""
+    from lowcostnav_ros.calibration.record import CalibrationError, regular_rate
+    from lowcostnav_ros.cli import calibrate_input as files
+
+    wanted = split(arguments.column) if arguments.column else None
+    if not files.is_table(arguments.source):
+        columns = files.read_imu(arguments.source, arguments.topic)
+        if wanted:
+            columns = _chosen(columns, wanted)
+        return columns, regular_rate(columns.stamps_s, arguments.topic)
+    columns = files.read_table(arguments.source, wanted, arguments.unit or "")
+    if columns.stamps_s is not None:
+        return columns, regular_rate(columns.stamps_s, arguments.source)
+    if arguments.rate is None:
+        raise CalibrationError(f"{arguments.source} has no time column such as t or time_s; give the sampling rate with --rate.")
+    return columns, arguments.rate
+
+
+def _chosen(columns: "Columns", wanted: list[str]) -> "Columns":
+    from dataclasses import replace
+
+    from lowcostnav_ros.base.settings import nearest
+    from lowcostnav_ros.calibration.record import CalibrationError
+
+    for name in wanted:
+        if name not in columns.values:
+            raise CalibrationError(f"The topic has no axis '{name}'{nearest(name, columns.values)}.")
+    return replace(columns, values={name: columns.values[name] for name in wanted})
+
+
+def named(values: "np.ndarray", rate_hz: float, name: str) -> "np.ndarray":
+    """Values of a column, checked to be usable."""
+    from lowcostnav_ros.calibration.record import checked_record
+
+    return checked_record(values, rate_hz, f"'{name}'")
+
+
+def split(text: str) -> list[str]:
+    """Parts of a list of names."""
+    return [part.strip() for part in text.split(",") if part.strip()]
+
+
+def out_dir(arguments: argparse.Namespace) -> Path | None:
+    """The folder to write to, made where it is not there; None when none was asked for."""
+    if arguments.output is None:
+        return None
+    out = Path(arguments.output)
+    out.mkdir(parents=True, exist_ok=True)
+    return out
+
+
+def print_columns(heads: tuple[str, ...], rows: list[tuple], columns: "Columns") -> None:
+    """Print a row for each column, and what the unit is."""
+    from lowcostnav_ros.base.tables import Table
+    from lowcostnav_ros.report.terminal import print_report
+
+    units = ", ".join(sorted({unit for unit in columns.units.values() if unit})) or "the unit of the columns (say which with --unit)"
+    table = Table.plain("", heads, [(row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows])
+    print_report("", [table], [f"u is {units}; {columns.source}"])
+
+
+def print_grade(drifts: dict[str, float], columns: "Columns") -> None:
+    """Say of what grade the gyros are by their drift; a recording at rest does not show the turn-on bias."""
+    from lowcostnav_ros.base.units import DEGREE_PER_HOUR
+    from lowcostnav_ros.calibration.profile_text import GYRO_UNITS
+    from lowcostnav_ros.sensors.imu_grade import grade
+
+    gyros = {n: sigma * GYRO_UNITS[columns.units[n]] / DEGREE_PER_HOUR for n, sigma in drifts.items() if columns.units[n] in GYRO_UNITS}
+    worst = max(gyros, key=gyros.get, default=None)
+    if worst is not None and gyros[worst] > 0.0:
+        print(f"gyro drift of {gyros[worst]:.3g} deg/h ({worst}): {grade(gyros[worst])} grade at best; the turn-on bias may be larger.")
+
+
+def write_numbers(path: Path, heads: tuple[str, ...], rows: list[tuple]) -> None:
+    """Write the numbers of a table as CSV."""
+    lines = [",".join(heads), *(",".join([row[0], *(f"{value:.9g}" for value in row[1:])]) for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def quantity(unit: str) -> str:
+    """What a unit is of."""
+    return {"rad/s": "gyro", "deg/s": "gyro", "deg/h": "gyro", "": "columns"}.get(unit, "accelerometer")
+
+
+def write_profile(out: Path, how: str, numbers: dict[str, tuple], columns: "Columns", rate_hz: float) -> None:
+    """Write what was found as the numbers of an IMU profile."""
+    from lowcostnav_ros.calibration.profile_text import profile_text
+
+    source = f"{how} of {columns.source}, {len(next(iter(columns.values.values()))) / rate_hz / 3600.0:.2f} h at {rate_hz:.6g} Hz"
+    text = profile_text(numbers, columns.units, rate_hz, source)
+    (out / "profile.yaml").write_text(text, encoding="utf-8")
+    print(f"chart, numbers and profile in {out}")

@@ -1,0 +1,36 @@
+"""The identify job: error model of sensors at rest by mean, scatter and autocorrelation."""
+
+import argparse
+import math
+
+from lowcostnav_ros.cli import calibrate_rest as rest
+from lowcostnav_ros.cli.jobs import job
+
+
+@job("Error model of sensors at rest by mean, scatter and autocorrelation, as numbers of an IMU profile.", rest.add_arguments)
+def identify(arguments: argparse.Namespace) -> int:
+    """Mean, scatter, correlation time of every column."""
+    from lowcostnav_ros.calibration.identification import identify_static
+    from lowcostnav_ros.cli import calibrate_charts as charts
+
+    columns, rate_hz = rest.inertial(arguments)
+    found = {name: identify_static(rest.named(values, rate_hz, name), rate_hz) for name, values in columns.values.items()}
+    rows = [
+        (n, f.mean, f.mean_sigma, f.white_sigma, f.drift_sigma, f.correlation_time_s or 0.0, f.long_term_sigma or math.nan)
+        for n, f in found.items()
+    ]
+    heads = ("column", "mean [u]", "+- [u]", "white sigma/sample [u]", "drift sigma [u]", "tau [s]", "1-min sigma [u]")
+    rest.print_columns(heads, rows, columns)
+    for name, f in found.items():
+        if f.correlation_time_s is not None and not f.correlation_time_sure:
+            print(f"{name}: the record holds fewer than 20 correlation times; expect the true one to be longer.")
+    rest.print_grade({name: f.drift_sigma for name, f in found.items()}, columns)
+    out = rest.out_dir(arguments)
+    if out is not None:
+        for unit in dict.fromkeys(columns.units.values()):
+            of_unit = {n: v for n, v in columns.values.items() if columns.units[n] == unit}
+            charts.save(out / f"identify_{rest.quantity(unit)}.png", charts.identification_figure(of_unit, rate_hz, unit))
+        numbers = {n: (f.white_density, f.drift_sigma, f.correlation_time_s or 0.0) for n, f in found.items()}
+        rest.write_numbers(out / "identify.csv", heads, rows)
+        rest.write_profile(out, "mean, scatter and autocorrelation", numbers, columns, rate_hz)
+    return 0

@@ -1,0 +1,129 @@
+"""The magcal job: a magnetometer calibrated from a turn or a flight."""
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lowcostnav_ros.cli.calibrate_rest import split
+from lowcostnav_ros.cli.jobs import job
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit
+    from lowcostnav_ros.cli.calibrate_input import Columns
+
+METHODS = ("two-step", "batch", "known-strength", "level-turn")
+UNITS = ("T", "G", "mG", "uT", "nT")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the job."""
+    parser.add_argument("source", metavar="BAG|CSV", help="recording with the attitudes to calibrate from")
+    parser.add_argument("--topic", default="imu/mag", help="magnetometer topic of a bag (default: imu/mag)")
+    parser.add_argument("--column", metavar="X,Y,Z", default="x,y,z", help="columns forward, right, down of a table (default: x,y,z)")
+    parser.add_argument("--unit", choices=UNITS, help="unit of a table (default: told from the magnitude)")
+    parser.add_argument("--strength", type=float, metavar="UT", help="earth field strength, microtesla (level-turn: the horizontal one)")
+    parser.add_argument("--place", metavar="LAT,LON[,M]", help="degrees and metres, for the magnetic model (default: the bag's first fix)")
+    parser.add_argument("--date", type=float, metavar="YEAR", help="decimal year for the magnetic model (default: of the bag)")
+    parser.add_argument("--method", choices=METHODS, default="two-step", help="how to fit (default: two-step)")
+    parser.add_argument("--min-coverage", type=float, default=15.0, metavar="DEG", help="refuse free fits from less tilt (default: 15)")
+    parser.add_argument("-o", "--output", metavar="FILE.yaml", help="write the calibration, and a chart beside it")
+
+
+@job("Calibrate a magnetometer from a turn or a flight: hard iron, scale factors, and how far to trust them.", add_arguments)
+def magcal(arguments: argparse.Namespace) -> int:
+    """Fit, print how far to trust it, write the calibration."""
+    import numpy as np
+
+    from lowcostnav_ros.calibration import magnetometer_fit as fits
+    from lowcostnav_ros.cli import calibrate_input as files
+
+    table = files.is_table(arguments.source)
+    wanted = split(arguments.column)
+    if table:
+        columns = files.read_table(arguments.source, wanted, arguments.unit or "")
+    else:
+        columns = files.read_field(arguments.source, arguments.topic)
+    if len(columns.values) != 3:
+        raise fits.CalibrationError("A calibration needs three columns, forward, right, down; name them with --column.")
+    raw = np.column_stack(list(columns.values.values()))
+    finite = raw[np.all(np.isfinite(raw), axis=1)]
+    told = next(iter(columns.units.values()))
+    unit = told or fits.unit_by_magnitude(finite if len(finite) else raw)
+    measured_ut = raw * fits.TESLA_PER[unit] * 1e6
+    fit = _fit(arguments, measured_ut, _strength_ut(arguments, columns))
+    _print_fit(fit, unit, bool(told))
+    if arguments.output:
+        _write_calibration(arguments, fit, measured_ut)
+    return 0
+
+
+def _strength_ut(arguments: argparse.Namespace, columns: "Columns") -> float:
+    import numpy as np
+
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.physics.geomagnetism import field_n
+
+    if arguments.strength is not None:
+        return arguments.strength
+    place, year = _place(arguments.place) or columns.place, arguments.date or columns.decimal_year
+    if place is None or year is None:
+        raise CalibrationError("The strength of the earth's field is needed: give --strength, or --place and --date.")
+    try:
+        field = field_n(*place, year)
+    except ValueError as error:
+        raise CalibrationError(str(error)) from None
+    used = field[:2] if arguments.method == "level-turn" else field
+    return float(np.linalg.norm(used)) * 1e6
+
+
+def _place(text: str | None) -> tuple[float, float, float] | None:
+    from lowcostnav_ros.calibration.record import CalibrationError
+
+    if text is None:
+        return None
+    try:
+        lat_deg, lon_deg, *height = (float(part) for part in text.split(","))
+        return math.radians(lat_deg), math.radians(lon_deg), *(height or [0.0])[:1]
+    except ValueError:
+        raise CalibrationError(f"'{text}' is not a place; write latitude and longitude in degrees, such as 37.4,-122.1.") from None
+
+
+def _fit(arguments: argparse.Namespace, measured_ut: "np.ndarray", strength_ut: float) -> "MagnetometerFit":
+    from lowcostnav_ros.calibration.magnetometer_batch import batch_fit
+    from lowcostnav_ros.calibration.magnetometer_known_strength import known_strength_fit
+    from lowcostnav_ros.calibration.magnetometer_two_step import level_turn_fit, two_step_fit
+
+    if arguments.method == "known-strength":
+        return known_strength_fit(measured_ut, strength_ut)
+    if arguments.method == "level-turn":
+        return level_turn_fit(measured_ut, strength_ut)
+    if arguments.method == "batch":
+        return batch_fit(measured_ut, strength_ut, minimum_strip_deg=arguments.min_coverage)
+    return two_step_fit(measured_ut, strength_ut, arguments.min_coverage)
+
+
+def _print_fit(fit: "MagnetometerFit", unit: str, told: bool) -> None:
+    print(f"{fit.method}: {fit.samples} samples in {unit}{'' if told else ' (told from the magnitude)'}, field {fit.strength:.2f} uT")
+    print(f"coverage: {fit.coverage}")
+    for axis, name in enumerate("xyz"):
+        scale, sigma = fit.scale[axis], 100.0 * fit.scale_sigma[axis]
+        print(f"  {name}: hard iron {fit.hard_iron[axis]:9.3f} +- {fit.hard_iron_sigma[axis]:.3f} uT, factor {scale:.4f} +- {sigma:.2f} %")
+    print(f"residual {fit.residual_rms:.3f} uT RMS, condition {fit.condition:.1f}")
+    for warning in fit.warnings:
+        print(f"note: {warning}")
+
+
+def _write_calibration(arguments: argparse.Namespace, fit: "MagnetometerFit", measured_ut: "np.ndarray") -> None:
+    from lowcostnav_ros.calibration.magnetometer_fit import calibration_of
+    from lowcostnav_ros.calibration.profile_text import calibration_text
+    from lowcostnav_ros.cli import calibrate_charts as charts
+
+    path = Path(arguments.output)
+    text = calibration_text(calibration_of(fit, "uT"), fit, Path(arguments.source).name)
+    path.write_text(text, encoding="utf-8")
+    chart = path.with_suffix(".png")
+    charts.save(chart, charts.sphere_figure(measured_ut, fit, "uT"), (11.0, 4.0))
+    print(f"calibration in {path}, chart in {chart}")
