@@ -5,14 +5,18 @@ entry is asked for.  What stands outside this package is named by the environmen
 commas: they are imported before the first look-up and register what they define in the same way.
 """
 
+import ast
+import contextlib
 import importlib
 import os
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields
 from functools import cache
-from typing import Generic, TypeVar
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
-from lowcostnav_ros.base.settings import nearest
+from lowcostnav_ros.base.settings import SettingsError, nearest
 
 T = TypeVar("T")
 
@@ -20,7 +24,7 @@ PLUGINS = "LOWCOSTNAV_PLUGINS"
 """Environment variable that names modules to import, separated by commas."""
 
 
-class RegistryError(ValueError):
+class RegistryError(SettingsError):
     """A name that is not registered, or registered twice; the message is one sentence that says what exists."""
 
 
@@ -57,8 +61,8 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def __getitem__(self, name: str) -> T:
         load_plugins()
-        if name not in self._things and name in _modules(self.room, self.hidden):
-            importlib.import_module(f"{self.room}.{name}")
+        if name not in self._things and name in self._places():
+            importlib.import_module(self._places()[name])
         try:
             return self._things[name]
         except KeyError:
@@ -69,14 +73,18 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def __iter__(self) -> Iterator[str]:
         load_plugins()
-        return iter(dict.fromkeys([*_modules(self.room, self.hidden), *self._things]))
+        return iter(dict.fromkeys([*self._places(), *self._things]))
 
     def __len__(self) -> int:
         return len(list(iter(self)))
 
     def own(self) -> tuple[str, ...]:
         """Names of the entries of this package, without those of plugins."""
-        return _modules(self.room, self.hidden)
+        return tuple(self._places())
+
+    def _places(self) -> dict[str, str]:
+        """Name of each entry of the room, and the module that holds it."""
+        return {name: f"{self.room}.{name}" for name in _modules(self.room, self.hidden)}
 
     def registering(self, name_of: Callable[[T], str]) -> Callable[[T], T]:
         """Make a decorator that enters what it decorates under the name that ``name_of`` gives."""
@@ -85,6 +93,84 @@ class Registry(Mapping[str, T], Generic[T]):
             return self.register(name_of(thing), thing, getattr(thing, "__module__", self.room))
 
         return decorator
+
+
+class ClassRegistry(Registry[type]):
+    """Classes that carry one decorator, in any file of a room; what a class writes out is read without importing it.
+
+    Parameters
+    ----------
+    what, room : str
+        As of :class:`Registry`.
+    decorator : str
+        Name of the decorator; it calls :meth:`enter`.
+    label : type
+        Dataclass of what may be asked without the import: ``name`` and other attributes, with defaults.  An attribute is a keyword of the
+        decorator or stands in the body of the class itself, in either case as a literal.
+    """
+
+    def __init__(self, what: str, room: str, decorator: str, label: type) -> None:
+        super().__init__(what, room)
+        self.decorator, self._label = decorator, label
+
+    def enter(self, cls: type, **attributes: Any) -> type:
+        """Give a class its attributes and enter it under its ``name``.
+
+        Raises
+        ------
+        RegistryError
+            When another module has entered one of this name, or the room holds one.
+        """
+        for attribute, value in attributes.items():
+            setattr(cls, attribute, value)
+        self._origins.setdefault(cls.name, self._places().get(cls.name, cls.__module__))
+        return self.register(cls.name, cls, cls.__module__)
+
+    def label(self, name: str) -> Any:
+        """Return what a class writes out about itself."""
+        own = _described(self.room, self.decorator)
+        written = own[name][1] if name in own else vars(self[name])
+        return self._label(**{f.name: written[f.name] for f in fields(self._label) if f.name in written})
+
+    def labels(self) -> dict[str, Any]:
+        """Return the labels of all by name."""
+        return {name: self.label(name) for name in self}
+
+    def _places(self) -> dict[str, str]:
+        return {name: module for name, (module, _) in _described(self.room, self.decorator).items()}
+
+
+@cache
+def _described(room: str, decorator: str) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Decorated classes of a room by name: their module, and what they write out as literals."""
+    found = {}
+    for folder in map(Path, importlib.import_module(room).__path__):
+        for file in sorted(folder.rglob("*.py")):
+            text = file.read_text(encoding="utf-8")
+            if f"\n@{decorator}" not in text:
+                continue
+            module = ".".join((room, *file.relative_to(folder).with_suffix("").parts))
+            for node in ast.parse(text).body:
+                written = _written(node, decorator) if isinstance(node, ast.ClassDef) else {}
+                if "name" in written:
+                    found[written["name"]] = module, written
+    return dict(sorted(found.items()))
+
+
+def _written(node: ast.ClassDef, decorator: str) -> dict[str, Any]:
+    """Literals of a class and of its decorator, the decorator's first argument as ``name``; empty where it has no such decorator."""
+    pairs: list[tuple[str | None, ast.expr | None]] = []
+    for mark in node.decorator_list:
+        call = mark if isinstance(mark, ast.Call) else ast.Call(mark, [], [])
+        if isinstance(call.func, ast.Name) and call.func.id == decorator:
+            pairs += [*(("name", argument) for argument in call.args[:1]), *((word.arg, word.value) for word in call.keywords)]
+            pairs += [(t.id, line.value) for line in node.body if isinstance(line, ast.Assign) for t in line.targets if isinstance(t, ast.Name)]
+            pairs += [(line.target.id, line.value) for line in node.body if isinstance(line, ast.AnnAssign)]
+    written = {}
+    for attribute, value in pairs:
+        with contextlib.suppress(ValueError, TypeError):  # no literal
+            written[attribute] = ast.literal_eval(value)
+    return written
 
 
 @cache
