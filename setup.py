@@ -6,26 +6,30 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "lowcostnav_ros"
-NODES = [
-    "truth_source",
-    "imu_simulator",
-    "magnetometer_simulator",
-    "air_data_simulator",
-    "gps_simulator",
-    "dme_simulator",
-    "vor_simulator",
-    "gps_attitude_simulator",
-    "gnss_simulator",
-    "ahrs",
-    "dead_reckoning",
-    "ins_gps",
-    "gnss_only",
-    "ins_gnss",
-    "supervisor",
-    "recorder",
-    "player",
-    "monitor",
-]
+EXECUTABLE = '''#!/usr/bin/env python3
+"""Run the executable under whose name this file is installed."""
+
+import sys
+from pathlib import Path
+
+from lowcostnav_ros.nodes.dispatch import main
+
+sys.exit(main(Path(sys.argv[0]).name, sys.argv[1:]))
+'''
+
+
+def executables() -> list[str]:
+    """Make one file for every executable, the same script under every name, and return their paths.
+
+    `ros2 run` looks for them in lib/<package>.  They are those that have a parameter file, and the monitor.
+    """
+    names = {"monitor", *(path.stem for path in Path("config").glob("*.yaml"))}
+    folder = Path("build/executables")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        (folder / name).write_text(EXECUTABLE)
+        (folder / name).chmod(0o755)
+    return [f"{folder.as_posix()}/{name}" for name in sorted(names)]
 
 
 def shared_files(folder: str, patterns: tuple[str, ...]) -> list[tuple[str, list[str]]]:
@@ -50,8 +54,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         *shared_files("config", ("*.yaml", "*.csv")),
         *shared_files("launch", ("*.launch.py",)),
-        # `ros2 run` looks in lib/<package>; wheels put console scripts only in bin/
-        (f"lib/{NAME}", sorted(glob("scripts/*"))),
+        (f"lib/{NAME}", executables()),
     ],
     install_requires=[
         "setuptools",
@@ -84,5 +87,5 @@ setup(
             "import-linter>=2.0",
         ],
     },
-    entry_points={"console_scripts": ["lowcostnav = lowcostnav_ros.cli.main:main", *(f"{n} = {NAME}.nodes.{n}:main" for n in NODES)]},
+    entry_points={"console_scripts": ["lowcostnav = lowcostnav_ros.cli.main:main"]},
 )

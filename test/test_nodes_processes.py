@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph.wiring import EXECUTABLES  # noqa: E402
+from lowcostnav_ros.graph.executables import EXECUTABLES  # noqa: E402
 from lowcostnav_ros.messages.bag import BagReader  # noqa: E402
 from lowcostnav_ros.messages.encode import encode_cdr  # noqa: E402
 from lowcostnav_ros.nodes.recorder import free_path, header_stamp_ns  # noqa: E402

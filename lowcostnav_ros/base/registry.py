@@ -164,8 +164,9 @@ def _written(node: ast.ClassDef, decorator: str) -> dict[str, Any]:
         call = mark if isinstance(mark, ast.Call) else ast.Call(mark, [], [])
         if isinstance(call.func, ast.Name) and call.func.id == decorator:
             pairs += [*(("name", argument) for argument in call.args[:1]), *((word.arg, word.value) for word in call.keywords)]
-            pairs += [(t.id, line.value) for line in node.body if isinstance(line, ast.Assign) for t in line.targets if isinstance(t, ast.Name)]
-            pairs += [(line.target.id, line.value) for line in node.body if isinstance(line, ast.AnnAssign)]
+            lines = [line for line in node.body if isinstance(line, ast.Assign | ast.AnnAssign)]
+            targets = [line.target if isinstance(line, ast.AnnAssign) else line.targets[0] for line in lines]
+            pairs += [(getattr(target, "id", None), line.value) for target, line in zip(targets, lines, strict=True)]
     written = {}
     for attribute, value in pairs:
         with contextlib.suppress(ValueError, TypeError):  # no literal
@@ -192,4 +193,5 @@ def load_plugins() -> None:
         try:
             importlib.import_module(name)
         except ImportError as error:
-            raise RegistryError(f"The plugin '{name}' of {PLUGINS} cannot be imported ({error}); correct the name or PYTHONPATH.") from error
+            sentence = f"The plugin '{name}' of {PLUGINS} cannot be imported ({error}); correct the name or PYTHONPATH."
+            raise RegistryError(sentence) from error

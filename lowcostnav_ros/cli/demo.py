@@ -15,7 +15,7 @@ from rich.table import Table
 from lowcostnav_ros.cli.replay import progress_bar, result_console
 from lowcostnav_ros.graph.description import Graph, GraphError, load_graph
 from lowcostnav_ros.graph.runner import GraphRunner
-from lowcostnav_ros.graph.wiring import NAVIGATOR_NAMES
+from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
 from lowcostnav_ros.replay.tables import print_summary
 from lowcostnav_ros.report.flight.page import write_page
@@ -67,7 +67,7 @@ def _demonstrate(graph: Graph, out: Path, console: Console) -> int:
         console.print(f"[yellow]{event}[/]")
     console.rule("2  Replay the recording through the same navigators, without middleware")
     with progress_bar("replay") as advance:
-        flown = tuple(node.executable for node in graph.nodes if node.executable in NAVIGATOR_NAMES)
+        flown = tuple(node.executable for node in graph.nodes if node.executable in NAVIGATORS)
         options = ReplayOptions(navigators=flown, out=out / "replay", on_progress=advance)
         summary = replay_bag(out / "recording", options).summary
     (out / "replay" / "summary.json").write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -33,6 +33,7 @@ examples:
 _JOBS = {
     "run": "system",
     "up": "system",
+    "parameters": "system",
     "doctor": "system",
     "demo": "system",
     "convert": "system",
@@ -80,6 +81,9 @@ def _add_system_jobs(jobs: argparse._SubParsersAction) -> None:
     run = _job(jobs, "run", "Run one node in this process.", "example: lowcostnav run ahrs --ros-args --params-file ahrs.yaml")
     run.add_argument("node", help="name of the node, such as ahrs or recorder")
     run.add_argument("ros_args", nargs=argparse.REMAINDER, help="passed on to the node, usually --ros-args ...")
+    text = "Print the parameter file of an executable: every parameter with its meaning, unit and range."
+    parameters = _job(jobs, "parameters", text, "example: lowcostnav parameters ins_gps > ins_gps.yaml")
+    parameters.add_argument("node", help="name of the executable")
     example = "example: lowcostnav up livermore --until-finished --out runs/1"
     up = _job(jobs, "up", "Start a graph of nodes, watch it, stop it with Ctrl-C.", example)
     up.add_argument("graph", help="name of a graph of the package, or a YAML file")

@@ -2,22 +2,22 @@
 
 import argparse
 import importlib
-import importlib.util
-import pkgutil
 import sys
 from pathlib import Path
-
-from lowcostnav_ros.base.settings import SettingsError, nearest
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run one node in this process; returns the node's exit status."""
-    from lowcostnav_ros import nodes
+    # by name: the command line itself imports no ROS
+    return importlib.import_module("lowcostnav_ros.nodes.dispatch").run_executable(arguments.node, arguments.ros_args)
 
-    known = sorted(m.name for m in pkgutil.iter_modules(nodes.__path__) if not m.name.startswith("_"))
-    if arguments.node not in known:
-        raise SettingsError(f"There is no node '{arguments.node}'{nearest(arguments.node, known)}.")
-    return importlib.import_module(f"lowcostnav_ros.nodes.{arguments.node}").main(arguments.ros_args) or 0
+
+def parameters(arguments: argparse.Namespace) -> int:
+    """Print the parameter file of an executable."""
+    from lowcostnav_ros.graph.executables import parameter_file
+
+    print(parameter_file(arguments.node), end="")
+    return 0
 
 
 def up(arguments: argparse.Namespace) -> int:

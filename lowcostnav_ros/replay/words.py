@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from lowcostnav_ros.navigators.registry import known_modes
+
 METRES_PER_NM = 1852.0
-LESS = {"sparse": "with fewer than four satellites", "no solution": "without a solution"}
-"""Modes in which there is less than a GPS position, as a sentence says them."""
 HONEST = (0.5, 1.5)
 """Error over sigma, RMS: between these the sigmas are called honest."""
 
@@ -47,7 +47,7 @@ def sentence(name: str, navigator: Mapping[str, Any], without_gps_s: float) -> s
 
 def _availability(navigator: Mapping[str, Any]) -> str:
     seconds = navigator["mode_seconds"]
-    parts = [f"{seconds[mode]:.0f} s {said}" for mode, said in LESS.items() if seconds.get(mode, 0.0) >= 1.0]
+    parts = [f"{seconds[mode]:.0f} s {said}" for mode, (_, said) in known_modes().items() if said and seconds.get(mode, 0.0) >= 1.0]
     return " and ".join(parts) or "GPS all flight"
 
 
