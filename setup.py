@@ -1,9 +1,10 @@
 """Install lowcostnav_ros with pip or colcon; metadata lives here because ament_python reads setup.py."""
 
+import sys
 from glob import glob
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
 
 NAME = "lowcostnav_ros"
 EXECUTABLE = '''#!/usr/bin/env python3
@@ -16,6 +17,14 @@ from lowcostnav_ros.nodes.dispatch import main
 
 sys.exit(main(Path(sys.argv[0]).name, sys.argv[1:]))
 '''
+
+
+class Package(Distribution):
+    """A package whose data files are installed in an editable installation, too."""
+
+    def has_data(self) -> bool:
+        """Setuptools asks this before it installs them."""
+        return True
 
 
 def executables() -> list[str]:
@@ -39,6 +48,14 @@ def shared_files(folder: str, patterns: tuple[str, ...]) -> list[tuple[str, list
     return [entry for entry in found if entry[1]]
 
 
+data_files = [("share/ament_index/resource_index/packages", [f"resource/{NAME}"]), (f"lib/{NAME}", executables())]
+if "editable_wheel" not in sys.argv:  # an editable installation reads these where they are edited
+    data_files += [
+        (f"share/{NAME}", ["package.xml"]),
+        *shared_files("config", ("*.yaml", "*.csv")),
+        *shared_files("launch", ("*.launch.py",)),
+    ]
+
 setup(
     name=NAME,
     version="0.1.0",
@@ -49,13 +66,8 @@ setup(
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     python_requires=">=3.11",
     zip_safe=False,
-    data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml"]),
-        *shared_files("config", ("*.yaml", "*.csv")),
-        *shared_files("launch", ("*.launch.py",)),
-        (f"lib/{NAME}", executables()),
-    ],
+    data_files=data_files,
+    distclass=Package,
     install_requires=[
         "setuptools",
         "numpy>=1.26",

@@ -23,7 +23,7 @@ def installed(tmp_path_factory) -> dict:
     for name in ("setup.py", "config", "launch", "resource", "package.xml"):
         (folder / name).symlink_to(ROOT / name)
     listing = (
-        "import setuptools, json; seen = {}; setuptools.setup = lambda **k: seen.update(k); "
+        "import setuptools, json; seen = {}; setuptools.setup = lambda distclass, **k: seen.update(k); "
         "exec(open('setup.py').read()); print(json.dumps(seen))"
     )
     out = subprocess.run([sys.executable, "-c", listing], cwd=folder, capture_output=True, text=True, check=True).stdout
