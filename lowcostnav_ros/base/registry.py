@@ -96,82 +96,81 @@ class Registry(Mapping[str, T], Generic[T]):
 
 
 class ClassRegistry(Registry[type]):
-    """Classes that carry one decorator, in any file of a room; what a class writes out is read without importing it.
+    """Classes that carry one decorator, in any file of a room; what a class writes out about itself is read without importing it.
 
     Parameters
     ----------
     what, room : str
         As of :class:`Registry`.
     decorator : str
-        Name of the decorator; it calls :meth:`enter`.
+        Name under which modules use :meth:`entry`.
     label : type
-        Dataclass of what may be asked without the import: ``name`` and other attributes, with defaults.  An attribute is a keyword of the
-        decorator or stands in the body of the class itself, in either case as a literal.
+        Dataclass of what may be asked without the import: ``name`` and more, with defaults.  Each stands as a literal among the arguments
+        of the decorator or in the body of the class itself.
     """
 
     def __init__(self, what: str, room: str, decorator: str, label: type) -> None:
         super().__init__(what, room)
-        self.decorator, self._label = decorator, label
+        self._decorator, self._label = decorator, label
 
-    def enter(self, cls: type, **attributes: Any) -> type:
-        """Give a class its attributes and enter it under its ``name``.
+    def entry(self, name: str = "", **attributes: Any) -> Callable[[type], type]:
+        """Make a decorator that gives a class these attributes and its ``name``, if it has none, and enters it.
 
         Raises
         ------
         RegistryError
-            When another module has entered one of this name, or the room holds one.
+            (from the decorator) when another module has entered one of this name, or the room holds one.
         """
-        for attribute, value in attributes.items():
-            setattr(cls, attribute, value)
-        self._origins.setdefault(cls.name, self._places().get(cls.name, cls.__module__))
-        return self.register(cls.name, cls, cls.__module__)
+
+        def decorate(cls: type) -> type:
+            for attribute, value in (attributes | ({"name": name} if name else {})).items():
+                setattr(cls, attribute, value)
+            self._origins.setdefault(cls.name, self._places().get(cls.name, cls.__module__))
+            return self.register(cls.name, cls, cls.__module__)
+
+        return decorate
 
     def label(self, name: str) -> Any:
         """Return what a class writes out about itself."""
-        own = _described(self.room, self.decorator)
+        own = _described(self.room, self._decorator)
         written = own[name][1] if name in own else vars(self[name])
         return self._label(**{f.name: written[f.name] for f in fields(self._label) if f.name in written})
 
-    def labels(self) -> dict[str, Any]:
-        """Return the labels of all by name."""
-        return {name: self.label(name) for name in self}
-
     def _places(self) -> dict[str, str]:
-        return {name: module for name, (module, _) in _described(self.room, self.decorator).items()}
+        return {name: module for name, (module, _) in _described(self.room, self._decorator).items()}
 
 
 @cache
 def _described(room: str, decorator: str) -> dict[str, tuple[str, dict[str, Any]]]:
-    """Decorated classes of a room by name: their module, and what they write out as literals."""
+    """Decorated classes of a room by name: their module, and what they write out."""
     found = {}
     for folder in map(Path, importlib.import_module(room).__path__):
-        for file in sorted(folder.rglob("*.py")):
+        for file in folder.rglob("*.py"):
             text = file.read_text(encoding="utf-8")
-            if f"\n@{decorator}" not in text:
-                continue
-            module = ".".join((room, *file.relative_to(folder).with_suffix("").parts))
-            for node in ast.parse(text).body:
-                written = _written(node, decorator) if isinstance(node, ast.ClassDef) else {}
+            for node in ast.parse(text).body if f"\n@{decorator}" in text else ():
+                written = _written(node, decorator)
                 if "name" in written:
-                    found[written["name"]] = module, written
+                    found[written["name"]] = ".".join((room, *file.relative_to(folder).with_suffix("").parts)), written
     return dict(sorted(found.items()))
 
 
-def _written(node: ast.ClassDef, decorator: str) -> dict[str, Any]:
+def _written(node: ast.stmt, decorator: str) -> dict[str, Any]:
     """Literals of a class and of its decorator, the decorator's first argument as ``name``; empty where it has no such decorator."""
-    pairs: list[tuple[str | None, ast.expr | None]] = []
-    for mark in node.decorator_list:
+    pairs: list[tuple[str, ast.expr]] = []
+    for mark in getattr(node, "decorator_list", ()):
         call = mark if isinstance(mark, ast.Call) else ast.Call(mark, [], [])
-        if isinstance(call.func, ast.Name) and call.func.id == decorator:
+        if isinstance(node, ast.ClassDef) and getattr(call.func, "id", "") == decorator:
+            pairs = [(t.id, line.value) for line in node.body for t in _targets(line) if isinstance(t, ast.Name)]
             pairs += [*(("name", argument) for argument in call.args[:1]), *((word.arg, word.value) for word in call.keywords)]
-            lines = [line for line in node.body if isinstance(line, ast.Assign | ast.AnnAssign)]
-            targets = [line.target if isinstance(line, ast.AnnAssign) else line.targets[0] for line in lines]
-            pairs += [(getattr(target, "id", None), line.value) for target, line in zip(targets, lines, strict=True)]
     written = {}
     for attribute, value in pairs:
         with contextlib.suppress(ValueError, TypeError):  # no literal
             written[attribute] = ast.literal_eval(value)
     return written
+
+
+def _targets(line: ast.stmt) -> list[ast.expr]:
+    return line.targets if isinstance(line, ast.Assign) else [line.target] if isinstance(line, ast.AnnAssign) else []
 
 
 @cache

@@ -1,6 +1,6 @@
 """The executables by name: the nodes of ``nodes/``, one for every sensor simulator, one for every navigator, plugins included."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from lowcostnav_ros.base.registry import ClassRegistry, RegistryError
@@ -17,7 +17,12 @@ _SUFFIX = "_simulator"
 
 @dataclass(frozen=True)
 class Executable:
-    """One executable: its ``kind`` of :data:`KINDS`, whether its process needs compiled kernels, the topics it is known to subscribe to."""
+    """One executable, as a node class describes itself in ``@executable("player", kind="source", Settings=PlayerSettings)``.
+
+    ``kind`` is one of :data:`KINDS`; ``compiled`` is False where a process computes next to nothing: without the compiler it needs half the
+    memory; ``inputs`` are the topics it is known to subscribe to.  The class is made without arguments; ``Settings``, if any, are those of
+    its parameter file.
+    """
 
     name: str
     kind: str = NODE
@@ -26,27 +31,7 @@ class Executable:
 
 
 NODES = ClassRegistry("node", "lowcostnav_ros.nodes", "executable", Executable)
-
-
-def executable(
-    name: str, *, kind: str = NODE, settings: type | None = None, compiled: bool = True, inputs: tuple[str, ...] = ()
-) -> Callable[[type], type]:
-    """Enter a node class, made without arguments, as an executable.
-
-    Parameters
-    ----------
-    name : str
-        Name of the executable.
-    kind : str
-        One of :data:`KINDS`.
-    settings : type, optional
-        Settings dataclass of its parameter file.
-    compiled : bool
-        False for a process that computes next to nothing: without the compiler it needs half the memory.
-    inputs : tuple of str
-        Topics that it subscribes to.
-    """
-    return lambda cls: NODES.enter(cls, name=name, kind=kind, compiled=compiled, inputs=inputs, Settings=settings)
+executable = NODES.entry
 
 
 class _Executables(Mapping[str, Executable]):
@@ -106,4 +91,4 @@ def settings_of(name: str) -> type | None:
     """Return the settings dataclass of an executable's parameter file, None where it has none; imports the executable's module."""
     kind = kind_of(name)
     found = SIMULATORS[sensor_of(name)] if kind == SIMULATOR else NAVIGATORS[name] if kind == NAVIGATOR else NODES[name]
-    return found.Settings
+    return getattr(found, "Settings", None)

@@ -11,7 +11,7 @@ from lowcostnav_ros.base.registry import ClassRegistry
 
 @dataclass(frozen=True)
 class NavigatorLabel:
-    """What a navigator says of itself, written as literals in its class.
+    """What a navigator says of itself in its class, which is decorated with ``@navigator`` and has ``Settings`` whose defaults make one.
 
     ``room`` is the first part of its topics, empty for its name; ``outputs`` its topics where they are not the usual ones; ``colour`` and
     ``dash`` how reports draw it, empty for any; ``healthy_modes`` those with its full accuracy; ``modes`` those that only it has: for each
@@ -28,6 +28,7 @@ class NavigatorLabel:
 
 
 NAVIGATORS = ClassRegistry("navigator", "lowcostnav_ros.navigators", "navigator", NavigatorLabel)
+navigator = NAVIGATORS.entry()
 
 HEALTHY_COLOUR = "#1b9e77"
 COMMON_MODES = {
@@ -39,11 +40,6 @@ COMMON_MODES = {
 }
 
 
-def navigator(cls: type) -> type:
-    """Enter a class as a navigator; it has ``name`` and ``Settings``, whose defaults make a navigator, and what else its label needs."""
-    return NAVIGATORS.enter(cls)
-
-
 def label_of(name: str) -> NavigatorLabel:
     """Return the label of a navigator; the usual one for a name that is not registered."""
     return NAVIGATORS.label(name) if name in NAVIGATORS else NavigatorLabel(name)
@@ -51,6 +47,6 @@ def label_of(name: str) -> NavigatorLabel:
 
 def known_modes() -> dict[str, tuple[str, str]]:
     """Return all modes of all navigators, each with its colour and, where there is less than a position, what there is."""
-    labels = NAVIGATORS.labels().values()
+    labels = [NAVIGATORS.label(name) for name in NAVIGATORS]
     healthy = {mode: (HEALTHY_COLOUR, "") for label in labels for mode in label.healthy_modes}
     return COMMON_MODES | healthy | {mode: said for label in labels for mode, said in label.modes.items()}

@@ -5,22 +5,12 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, NODES, SIMULATOR, needs_compiler, sensor_of
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, NODES, SIMULATOR, kind_of, needs_compiler, sensor_of
 
 
-def run_executable(name: str, args: Sequence[str] | None = None) -> int:
-    """Run an executable until it is told to stop.
-
-    Parameters
-    ----------
-    name : str
-    args : sequence of str, optional
-        Its command line, default that of the process.
-
-    Returns
-    -------
-    int
-        Exit status, see :func:`lowcostnav_ros.ros.run.run`.
+def run_executable(name: str, args: Sequence[str]) -> int:
+    """Run an executable with its command line until it is told to stop; return the exit status (:func:`lowcostnav_ros.ros.run.run`).
 
     Raises
     ------
@@ -36,7 +26,7 @@ def run_executable(name: str, args: Sequence[str] | None = None) -> int:
 
 
 def _maker(name: str) -> Callable:
-    kind = EXECUTABLES[name].kind
+    kind = kind_of(name)
     if kind == SIMULATOR:
         from lowcostnav_ros.ros.simulator_node import SimulatorNode
 
@@ -52,9 +42,7 @@ def main(name: str, args: Sequence[str]) -> int:
     """Run an executable as a process; a name that does not exist is one sentence on stderr and exit status 2."""
     try:
         return run_executable(name, args)
-    except ValueError as error:
-        if not type(error).__module__.startswith("lowcostnav_ros"):
-            raise
+    except SettingsError as error:
         print(error, file=sys.stderr)
         return 2
 

@@ -25,7 +25,7 @@ class PlayerSettings:
     begin_s: float = setting(0.0, "Begin this long after the start of the recording.", unit="s", minimum=0.0)
 
 
-@executable("player", kind="source", settings=PlayerSettings, compiled=False)
+@executable("player", kind="source", Settings=PlayerSettings, compiled=False)
 class Player(SourceNode):
     """Publish the bytes of a bag in recorded order at ``real_time_factor`` times its pace."""
 

@@ -29,7 +29,7 @@ class RecorderSettings:
     topics: list[str] = setting([], "Topics to record; empty records every sensor, truth and navigator topic except truth/imu.")
 
 
-@executable("recorder", kind="recorder", settings=RecorderSettings, compiled=False)
+@executable("recorder", kind="recorder", Settings=RecorderSettings, compiled=False)
 class Recorder(NodeBase):
     """Write what arrives; the bag is closed, index and all, when the node ends.
 

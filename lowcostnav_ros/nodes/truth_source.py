@@ -12,7 +12,7 @@ from lowcostnav_ros.simulation.truth_states import TruthStates
 from lowcostnav_ros.trajectory import TruthSettings, build
 
 
-@executable("truth_source", kind="source", settings=TruthSettings)
+@executable("truth_source", kind="source", Settings=TruthSettings)
 class TruthSource(SourceNode):
     """Publish the truth at the pace of the clock on the wall; the inertial sample first, so that states find it."""
 

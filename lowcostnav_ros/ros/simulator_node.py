@@ -1,11 +1,11 @@
 """A sensor simulator as a node: hears its part of the truth, says what the sensor would say."""
 
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import Attitude, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Attitude, NavSolution
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.messages.encode import encode
 from lowcostnav_ros.messages.store import to_cdr
@@ -15,13 +15,6 @@ from lowcostnav_ros.sensors.registry import SIMULATORS
 from lowcostnav_ros.simulation.equipment import build
 
 NO_WIND, NO_VELOCITY, NO_RATE = np.zeros(3), np.zeros(3), np.zeros(3)
-
-
-class Simulator(Protocol):
-    """What all sensor simulators have in common."""
-
-    def simulate(self, truth: TruthBlock) -> list[Measurement]:
-        """Return the measurements that become available during ``truth``."""
 
 
 class SimulatorNode(NodeBase):
@@ -36,7 +29,7 @@ class SimulatorNode(NodeBase):
     def __init__(self, sensor: str, **kwargs: Any) -> None:
         super().__init__(f"{sensor}_simulator", partial(sensor_bases, sensor), **kwargs)
         self._make = partial(build, sensor)
-        self._simulator: Simulator = self._make(self.parameters.settings[0])
+        self._simulator = self._make(self.parameters.settings[0])
         for note in getattr(self._simulator, "notes", ()):
             self.get_logger().info(note)
         label = SIMULATORS.label(sensor)

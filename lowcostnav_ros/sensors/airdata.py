@@ -97,7 +97,7 @@ def _airflow(incidence: float, sideslip: float) -> tuple[np.ndarray, np.ndarray,
 
 @simulator(
     "air_data",
-    settings=AirDataSimulatorSettings,
+    Settings=AirDataSimulatorSettings,
     truth=("truth/odometry", "truth/wind"),
     topics=("air/static_pressure", "air/dynamic_pressure", "air/temperature", "air/velocity"),
     usual=3,

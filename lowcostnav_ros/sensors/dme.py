@@ -43,7 +43,7 @@ def range_error(settings: DmeSimulatorSettings, ident: str) -> StationDrift:
     return StationDrift(rng, settings.bias_m, settings.drift_m, settings.correlation_distance_m, settings.noise_m)
 
 
-@simulator("dme", settings=DmeSimulatorSettings, truth=("truth/odometry",), topics=("dme/range",), needs="stations_file", usual=5)
+@simulator("dme", Settings=DmeSimulatorSettings, truth=("truth/odometry",), topics=("dme/range",), needs="stations_file", usual=5)
 class DmeSimulator:
     """Turn truth into slant ranges; keeps lock, schedule and errors from call to call.
 

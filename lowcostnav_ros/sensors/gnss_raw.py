@@ -105,7 +105,7 @@ def constellation_of(settings: GnssRawSimulatorSettings, almanac: Almanac | None
     return gps if settings.constellation == "gps" else together(gps, constellation_named("galileo"))
 
 
-@simulator("gnss", settings=GnssRawSimulatorSettings, truth=("truth/odometry",), topics=("gnss/raw",), needs="almanac_file")
+@simulator("gnss", Settings=GnssRawSimulatorSettings, truth=("truth/odometry",), topics=("gnss/raw",), needs="almanac_file")
 class GnssRawSimulator:
     """Turn truth into epochs of observations; keeps clock, slow errors and selection from call to call.
 

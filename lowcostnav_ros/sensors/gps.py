@@ -40,7 +40,7 @@ class GpsSimulatorSettings:
         check_outages(self.outages_s, "GPS")
 
 
-@simulator("gps", settings=GpsSimulatorSettings, truth=("truth/odometry",), topics=("gps/fix", "gps/vel"), usual=4)
+@simulator("gps", Settings=GpsSimulatorSettings, truth=("truth/odometry",), topics=("gps/fix", "gps/vel"), usual=4)
 class GpsSimulator:
     """Turn truth into fixes; keeps its errors and what is still on its way from call to call.
 

@@ -36,7 +36,7 @@ class GpsAttitudeSimulatorSettings:
         check_outages(self.outages_s, "GPS attitude")
 
 
-@simulator("gps_attitude", settings=GpsAttitudeSimulatorSettings, truth=("truth/odometry",), topics=("gps/attitude",))
+@simulator("gps_attitude", Settings=GpsAttitudeSimulatorSettings, truth=("truth/odometry",), topics=("gps/attitude",))
 class GpsAttitudeSimulator:
     """Turn truth into attitudes; keeps what is still on its way from call to call.
 

@@ -64,7 +64,7 @@ class _Triad:
         return seen + errors[:, 0:3] + errors[:, 3:6] + errors[:, 6:9] * seen + white
 
 
-@simulator("imu", settings=ImuSimulatorSettings, truth=("truth/imu",), topics=("imu/data_raw",), needs="profile", usual=1)
+@simulator("imu", Settings=ImuSimulatorSettings, truth=("truth/imu",), topics=("imu/data_raw",), needs="profile", usual=1)
 class ImuSimulator:
     """Turn truth into the samples of one IMU; keeps its errors from call to call.
 

@@ -42,7 +42,7 @@ class MagnetometerSimulatorSettings:
                 raise SettingsError(f"Magnetometer: '{name}' needs {count} numbers, got {len(getattr(self, name))}.")
 
 
-@simulator("magnetometer", settings=MagnetometerSimulatorSettings, truth=("truth/odometry",), topics=("imu/mag",), usual=2)
+@simulator("magnetometer", Settings=MagnetometerSimulatorSettings, truth=("truth/odometry",), topics=("imu/mag",), usual=2)
 class MagnetometerSimulator:
     """Turn truth into magnetic field measurements; keeps its errors from call to call."""
 

@@ -50,7 +50,7 @@ class VorSimulatorSettings:
         return float(np.radians(1.0) ** 2 * (self.bias_deg**2 + self.bend_deg**2 + self.noise_deg**2))
 
 
-@simulator("vor", settings=VorSimulatorSettings, truth=("truth/odometry",), topics=("vor/bearing",), needs="stations_file")
+@simulator("vor", Settings=VorSimulatorSettings, truth=("truth/odometry",), topics=("vor/bearing",), needs="stations_file")
 class VorSimulator:
     """Turn truth into radials; keeps tuning, errors and what is on its way from call to call.
 

@@ -25,5 +25,5 @@ def build(sensor: str, settings: Any) -> Any:
     ValueError
         (SettingsError, StationError) when there is no such sensor, or no such file, or it cannot be used.
     """
-    simulator = SIMULATORS[sensor]
-    return simulator(settings, LOADERS[simulator.needs](getattr(settings, simulator.needs))) if simulator.needs else simulator(settings)
+    simulator, needs = SIMULATORS[sensor], SIMULATORS.label(sensor).needs
+    return simulator(settings, LOADERS[needs](getattr(settings, needs))) if needs else simulator(settings)
