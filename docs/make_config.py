@@ -1,9 +1,7 @@
 """Write config/<executable>.yaml of every executable from the settings it declares: ``make config`` (a test compares all of them)."""
 
-import os
 from pathlib import Path
 
-from lowcostnav_ros.base.registry import PLUGINS
 from lowcostnav_ros.graph.executables import EXECUTABLES, parameter_file, settings_of
 
 FOLDER = Path(__file__).resolve().parents[1] / "config"
@@ -11,8 +9,7 @@ FOLDER = Path(__file__).resolve().parents[1] / "config"
 
 def main() -> None:
     """Write all files of the package itself."""
-    os.environ.pop(PLUGINS, None)
-    for name in EXECUTABLES:
+    for name in EXECUTABLES.own():
         if settings_of(name) is not None:
             (FOLDER / f"{name}.yaml").write_text(parameter_file(name), encoding="utf-8")
 

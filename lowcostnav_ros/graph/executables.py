@@ -54,6 +54,10 @@ class _Executables(Mapping[str, Executable]):
     def __len__(self) -> int:
         return len(list(iter(self)))
 
+    def own(self) -> tuple[str, ...]:
+        """Names of the executables of this package, without those of plugins."""
+        return (*NODES.own(), *(name + _SUFFIX for name in SIMULATORS.own()), *NAVIGATORS.own())
+
 
 EXECUTABLES = _Executables()
 
