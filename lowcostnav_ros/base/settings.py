@@ -55,7 +55,7 @@ def setting(
         Value in the parameter file of the package where it is not the default.
     """
     meta = {"description": description, "unit": unit, "minimum": minimum, "maximum": maximum, "choices": choices, "live": live}
-    meta |= {"per_axis": per_axis, "shipped": default if shipped is None else shipped}
+    meta |= {"per_axis": per_axis, "shipped": shipped}
     if isinstance(default, list | dict):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=meta)
     return dataclasses.field(default=default, metadata=meta)

@@ -139,7 +139,8 @@ def yaml_of(cls: type, node: str = "/**") -> str:
         lines += [f"{'  ' * (depth + 2)}{path[depth]}:" for depth in range(shared, len(path))]
         group = path
         indent = "  " * (len(path) + 2)
-        lines += _wrapped(_comment(entry), indent) + [f"{indent}{leaf}: {_plain(entry.shipped)}"]
+        value = entry.default if entry.shipped is None else entry.shipped
+        lines += _wrapped(_comment(entry), indent) + [f"{indent}{leaf}: {_plain(value)}"]
     return "\n".join(lines) + "\n"
 
 
