@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint unit venv clean
+.PHONY: demo test lint unit config docs venv clean
 
 demo: venv ## fly a whole mission and write the page
 	$(BIN)/lowcostnav demo
@@ -18,6 +18,12 @@ lint: venv
 
 unit: venv
 	$(BIN)/python -m pytest -q -n 2
+
+config: venv ## write the parameter files from the settings that the code declares
+	$(BIN)/python docs/make_config.py
+
+docs: venv ## write docs/interfaces.md
+	$(BIN)/python docs/make_interfaces.py
 
 venv: $(STAMP)
 

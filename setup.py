@@ -1,31 +1,44 @@
 """Install lowcostnav_ros with pip or colcon; metadata lives here because ament_python reads setup.py."""
 
+import sys
 from glob import glob
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
 
 NAME = "lowcostnav_ros"
-NODES = [
-    "truth_source",
-    "imu_simulator",
-    "magnetometer_simulator",
-    "air_data_simulator",
-    "gps_simulator",
-    "dme_simulator",
-    "vor_simulator",
-    "gps_attitude_simulator",
-    "gnss_simulator",
-    "ahrs",
-    "dead_reckoning",
-    "ins_gps",
-    "gnss_only",
-    "ins_gnss",
-    "supervisor",
-    "recorder",
-    "player",
-    "monitor",
-]
+EXECUTABLE = '''#!/usr/bin/env python3
+"""Run the executable under whose name this file is installed."""
+
+import sys
+from pathlib import Path
+
+from lowcostnav_ros.nodes.dispatch import main
+
+sys.exit(main(Path(sys.argv[0]).name, sys.argv[1:]))
+'''
+
+
+class Package(Distribution):
+    """A package whose data files are installed in an editable installation, too."""
+
+    def has_data(self) -> bool:
+        """Setuptools asks this before it installs them."""
+        return True
+
+
+def executables() -> list[str]:
+    """Make one file for every executable, the same script under every name, and return their paths.
+
+    `ros2 run` looks for them in lib/<package>.  They are those that have a parameter file, and the monitor.
+    """
+    names = {"monitor", *(path.stem for path in Path("config").glob("*.yaml"))}
+    folder = Path("build/executables")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        (folder / name).write_text(EXECUTABLE)
+        (folder / name).chmod(0o755)
+    return [f"{folder.as_posix()}/{name}" for name in sorted(names)]
 
 
 def shared_files(folder: str, patterns: tuple[str, ...]) -> list[tuple[str, list[str]]]:
@@ -34,6 +47,14 @@ def shared_files(folder: str, patterns: tuple[str, ...]) -> list[tuple[str, list
     found = [(f"share/{NAME}/{p.as_posix()}", sorted(f for g in patterns for f in glob(f"{p.as_posix()}/{g}"))) for p in folders]
     return [entry for entry in found if entry[1]]
 
+
+data_files = [("share/ament_index/resource_index/packages", [f"resource/{NAME}"]), (f"lib/{NAME}", executables())]
+if "editable_wheel" not in sys.argv:  # an editable installation reads these where they are edited
+    data_files += [
+        (f"share/{NAME}", ["package.xml"]),
+        *shared_files("config", ("*.yaml", "*.csv")),
+        *shared_files("launch", ("*.launch.py",)),
+    ]
 
 setup(
     name=NAME,
@@ -45,14 +66,8 @@ setup(
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     python_requires=">=3.11",
     zip_safe=False,
-    data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
-        (f"share/{NAME}", ["package.xml"]),
-        *shared_files("config", ("*.yaml", "*.csv")),
-        *shared_files("launch", ("*.launch.py",)),
-        # `ros2 run` looks in lib/<package>; wheels put console scripts only in bin/
-        (f"lib/{NAME}", sorted(glob("scripts/*"))),
-    ],
+    data_files=data_files,
+    distclass=Package,
     install_requires=[
         "setuptools",
         "numpy>=1.26",
@@ -86,5 +101,5 @@ setup(
             "types-PyYAML>=6.0",
         ],
     },
-    entry_points={"console_scripts": ["lowcostnav = lowcostnav_ros.cli.main:main", *(f"{n} = {NAME}.nodes.{n}:main" for n in NODES)]},
+    entry_points={"console_scripts": ["lowcostnav = lowcostnav_ros.cli.main:main"]},
 )

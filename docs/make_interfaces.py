@@ -90,8 +90,8 @@ def parameter_rows(settings_class: type) -> Iterator[str]:
 def page() -> str:
     """The whole page."""
     lines = [HEAD, *topic_rows(), "", "## Parameters", NODE_PARAMETERS]
-    for name, (settings_class, _) in NAVIGATORS.items():
-        lines += [f"### `{name}`", "", f"`config/{name}.yaml`", "", *parameter_rows(settings_class), ""]
+    for name in NAVIGATORS.own():
+        lines += [f"### `{name}`", "", f"`config/{name}.yaml`", "", *parameter_rows(NAVIGATORS[name].Settings), ""]
     return "\n".join(lines)
 
 

@@ -91,7 +91,7 @@ def start(domain, tmp_path):
 
     def run(executable: str, *ros_args: str) -> subprocess.Popen:
         log = tmp_path / f"{executable}_{len(started)}.log"
-        command = [sys.executable, "-m", f"lowcostnav_ros.nodes.{executable}", "--ros-args", *ros_args]
+        command = [sys.executable, "-m", "lowcostnav_ros.nodes.dispatch", executable, "--ros-args", *ros_args]
         with log.open("wb") as out:
             process = subprocess.Popen(
                 command, stdout=out, stderr=out, env=node_environment(domain, tmp_path), cwd=tmp_path, start_new_session=True

@@ -33,6 +33,7 @@ class FixFollower(Navigator):
     """Believes the last fix, holds it between fixes, and reports 10 Hz off the inertial stamps; 5 m sigma, level, heading east."""
 
     name = "follower"
+    Settings = FakeSettings
     inputs = {"imu/data_raw": True, "gps/fix": True}
     inertial = "imu/data_raw"
 
@@ -82,6 +83,7 @@ class Listener(Navigator):
     """Hears an AHRS and a follower, and keeps what it heard."""
 
     name = "listener"
+    Settings = FakeSettings
     inputs = {"imu/data_fused": True, "follower/odometry_fused": False}
 
     def __init__(self, settings):
@@ -113,7 +115,7 @@ class FakeAhrs(FixFollower):
                            cov_att=np.eye(3) * 1e-4, mode="gps")  # fmt: skip
 
 
-REGISTRY = {"ahrs": (FakeSettings, FakeAhrs), "follower": (FakeSettings, FixFollower), "listener": (FakeSettings, Listener)}
+REGISTRY = {"ahrs": FakeAhrs, "follower": FixFollower, "listener": Listener}
 
 
 def truth(t_s, start_s=0.0):

@@ -5,13 +5,14 @@ import pytest
 from lowcostnav_ros.graph import wiring as graph_nodes
 from lowcostnav_ros.graph.description import GraphError, graph_names, load_graph, parse_graph
 from lowcostnav_ros.graph.domain import free_domain, node_environment
+from lowcostnav_ros.graph.executables import EXECUTABLES
 
 
 @pytest.mark.parametrize("name", ["livermore", "navigators_only", "sensors_only"])
 def test_shipped_graphs_load(name):
     graph = load_graph(name)
     assert graph.name == name and name in graph_names()
-    assert all(node.executable in graph_nodes.EXECUTABLES for node in graph.nodes)
+    assert all(node.executable in EXECUTABLES for node in graph.nodes)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -53,7 +54,7 @@ def wait_for_children(pid: int, count: int) -> dict[str, int]:
         found = {}
         for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
             words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
-            found |= {w.decode().rpartition(".")[2]: int(child) for w in words if w.startswith(b"lowcostnav_ros.nodes.")}
+            found |= {name.decode(): int(child) for w, name in pairwise(words) if w == b"lowcostnav_ros.nodes.dispatch"}
         if len(found) >= count:
             return found
         time.sleep(0.05)

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from lowcostnav_ros.base.settings import SettingsError, from_mapping
-from lowcostnav_ros.catalogue.building import build_navigators, make_navigator
+from lowcostnav_ros.catalogue.building import build_navigators, complete_settings, make_navigator
 from lowcostnav_ros.catalogue.config_files import load_settings, yaml_of
 from lowcostnav_ros.catalogue.equipment import imu_profile_names, load_imu_profile
 from lowcostnav_ros.catalogue.imu_by_name import profile_settings, with_imu_profile
@@ -19,11 +19,11 @@ from lowcostnav_ros.graph.wiring import flown_settings
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
 
 CRISTA = imu_settings(load_imu_profile("crista").filter_noise())
-REGISTRY = {"ins_gps": (InsGpsSettings, InsGps)}
+REGISTRY = {"ins_gps": InsGps}
 
 
 def named(**imu):
-    return from_mapping(InsGpsSettings, {"imu": imu})
+    return complete_settings(InsGpsSettings, {"imu": imu})
 
 
 def test_a_name_brings_all_numbers_and_states_of_the_data_sheet():
@@ -96,7 +96,7 @@ def test_a_node_tells_the_numbers_it_flies_with():
     rclpy.init(context=context)
     node = rclpy.create_node("profile_test", context=context, automatically_declare_parameters_from_overrides=True)
     try:
-        parameters = Parameters(node, [InsGpsSettings()], {"imu.profile": "crista"}, lambda settings: None)
+        parameters = Parameters(node, [InsGpsSettings()], {"imu.profile": "crista"}, lambda settings: None, complete_settings)
         assert np.ravel(node.get_parameter("imu.gyro_turn_on_dps").value).tolist() == np.ravel(CRISTA.gyro_turn_on_dps).tolist()
         assert parameters.settings[0].imu.profile == "crista"
     finally:

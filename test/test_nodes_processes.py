@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph.wiring import EXECUTABLES
+from lowcostnav_ros.graph.executables import EXECUTABLES
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.nodes.recorder import free_path, header_stamp_ns
@@ -50,7 +50,7 @@ def small_bag(tmp_path):
 
 
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize("executable", EXECUTABLES)
+@pytest.mark.parametrize("executable", EXECUTABLES.own())
 def test_two_interrupts_end_a_node_cleanly(ros, start, tmp_path, executable):
     process = start(executable, *arguments_of(executable, tmp_path))
     wait_until_up(ros, executable)

@@ -1,6 +1,5 @@
-"""The package as pip and colcon see it: every executable has a wrapper, an entry point and a module, the metadata is valid."""
+"""The package as pip and colcon see it: every executable is installed and finds itself by its name, the metadata is valid."""
 
-import ast
 import importlib.util
 import json
 import os
@@ -12,26 +11,43 @@ from pathlib import Path
 
 import pytest
 
-from lowcostnav_ros.graph.wiring import EXECUTABLES
+from lowcostnav_ros.graph.executables import EXECUTABLES, settings_of
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def setup_constant(name: str):
-    for node in ast.parse((ROOT / "setup.py").read_text()).body:
-        if isinstance(node, ast.Assign) and node.targets[0].id == name:
-            return ast.literal_eval(node.value)
-    raise AssertionError(name)
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory) -> dict:
+    """What setup.py hands to setuptools, in a copy of the files that it reads."""
+    folder = tmp_path_factory.mktemp("package")
+    for name in ("setup.py", "config", "launch", "resource", "package.xml"):
+        (folder / name).symlink_to(ROOT / name)
+    listing = (
+        "import setuptools, json; seen = {}; setuptools.setup = lambda distclass, **k: seen.update(k); "
+        "exec(open('setup.py').read()); print(json.dumps(seen))"
+    )
+    out = subprocess.run([sys.executable, "-c", listing], cwd=folder, capture_output=True, text=True, check=True).stdout
+    return {"folder": folder, **json.loads(out)}
 
 
-def test_every_executable_has_module_entry_point_and_wrapper():
-    assert sorted(setup_constant("NODES")) == sorted(EXECUTABLES)
-    assert sorted(p.name for p in (ROOT / "scripts").iterdir()) == sorted(EXECUTABLES)
-    for name in EXECUTABLES:
-        wrapper = ROOT / "scripts" / name
-        assert os.access(wrapper, os.X_OK) and f"from lowcostnav_ros.nodes.{name} import main" in wrapper.read_text()
-        module = (ROOT / "lowcostnav_ros" / "nodes" / f"{name}.py").read_text()
-        assert 'if __name__ == "__main__":\n    sys.exit(main())' in module
+def test_every_executable_is_installed_where_ros2_run_looks_and_only_the_command_line_on_the_path(installed):
+    own = [name for name in EXECUTABLES.own() if settings_of(name) is not None or name == "monitor"]
+    files = [file for folder, files in installed["data_files"] if folder == "lib/lowcostnav_ros" for file in files]
+    assert sorted(Path(file).name for file in files) == sorted(own) == sorted(EXECUTABLES.own())
+    assert all(os.access(installed["folder"] / file, os.X_OK) for file in files)
+    assert installed["entry_points"] == {"console_scripts": ["lowcostnav = lowcostnav_ros.cli.main:main"]}
+
+
+def test_an_executable_knows_by_its_name_what_to_run(installed, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    (script,) = (file for _, files in installed["data_files"] for file in files if Path(file).name == "gps_simulator")
+    (tmp_path / "radar_simulator").symlink_to(installed["folder"] / script)
+    unknown = subprocess.run([sys.executable, tmp_path / "radar_simulator"], env=environment, capture_output=True, text=True)
+    assert unknown.returncode == 2 and unknown.stderr.startswith("There is no executable 'radar_simulator' (did you mean")
+    pytest.importorskip("rclpy")
+    known = [sys.executable, installed["folder"] / script, "--ros-args", "-p", "rate_hz:=900.0"]
+    refused = subprocess.run(known, env=environment, capture_output=True, text=True)
+    assert refused.returncode == 2 and "gps_simulator: 'rate_hz' must be at least 0.1" in refused.stderr
 
 
 def test_package_xml_is_valid_and_agrees_with_setup():
@@ -47,15 +63,10 @@ def test_package_xml_is_valid_and_agrees_with_setup():
     assert used <= {element.text for element in package.findall("exec_depend")}
 
 
-def test_the_installed_files_hold_every_configuration():
-    listing = (
-        "import setuptools, json; seen = {}; setuptools.setup = lambda **k: seen.update(k); "
-        "exec(open('setup.py').read()); print(json.dumps(seen['data_files']))"
-    )
-    out = subprocess.run([sys.executable, "-c", listing], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    installed = {f for _, files in json.loads(out) for f in files}
+def test_the_installed_files_hold_every_configuration(installed):
+    files = {f for _, files in installed["data_files"] for f in files}
     shipped = {str(p.relative_to(ROOT)) for p in (ROOT / "config").rglob("*") if p.suffix in (".yaml", ".csv")}
-    assert shipped <= installed and "resource/lowcostnav_ros" in installed and "launch/lowcostnav.launch.py" in installed
+    assert shipped <= files and "resource/lowcostnav_ros" in files and "launch/lowcostnav.launch.py" in files
 
 
 def test_the_launch_file_says_what_to_use_where_ros2_launch_is_missing():

@@ -5,14 +5,18 @@ entry is asked for.  What stands outside this package is named by the environmen
 commas: they are imported before the first look-up and register what they define in the same way.
 """
 
+import ast
+import contextlib
 import importlib
 import os
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields
 from functools import cache
-from typing import Generic, TypeVar
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
-from lowcostnav_ros.base.settings import nearest
+from lowcostnav_ros.base.settings import SettingsError, nearest
 
 T = TypeVar("T")
 
@@ -20,7 +24,7 @@ PLUGINS = "LOWCOSTNAV_PLUGINS"
 """Environment variable that names modules to import, separated by commas."""
 
 
-class RegistryError(ValueError):
+class RegistryError(SettingsError):
     """A name that is not registered, or registered twice; the message is one sentence that says what exists."""
 
 
@@ -60,7 +64,7 @@ class Registry(Mapping[str, T], Generic[T]):
     def __getitem__(self, name: str) -> T:
         names = self._load()
         if name not in self._things and name in names:
-            importlib.import_module(f"{self.room}.{name}")
+            importlib.import_module(names[name])
         try:
             return self._things[name]
         except KeyError:
@@ -79,17 +83,21 @@ class Registry(Mapping[str, T], Generic[T]):
     def own(self) -> tuple[str, ...]:
         """Names of the entries of this package, without those of plugins."""
         names = self._load()
-        return tuple(name for name in self if self._origins[name].startswith(f"{self.room}.")) if self.many else names
+        return tuple(name for name in self if self._origins[name].startswith(f"{self.room}.")) if self.many else tuple(names)
 
-    def _load(self) -> tuple[str, ...]:
-        """Import the plugins, and the modules of a room of many; return the names of the modules that are entries."""
+    def _load(self) -> dict[str, str]:
+        """Import the plugins, and the modules of a room of many; return the entries that a look-up may still import."""
         load_plugins()
-        names = _modules(self.room, self.hidden)
+        places = self._places()
         if not self.many:
-            return names
-        for name in names:
-            importlib.import_module(f"{self.room}.{name}")
-        return ()
+            return places
+        for module in places.values():
+            importlib.import_module(module)
+        return {}
+
+    def _places(self) -> dict[str, str]:
+        """Name of each entry of the room, and the module that holds it."""
+        return {name: f"{self.room}.{name}" for name in _modules(self.room, self.hidden)}
 
     def registering(self, name_of: Callable[[T], str]) -> Callable[[T], T]:
         """Make a decorator that enters what it decorates under the name that ``name_of`` gives."""
@@ -98,6 +106,84 @@ class Registry(Mapping[str, T], Generic[T]):
             return self.register(name_of(thing), thing, getattr(thing, "__module__", self.room))
 
         return decorator
+
+
+class ClassRegistry(Registry[type]):
+    """Classes that carry one decorator, in any file of a room; what a class writes out about itself is read without importing it.
+
+    Parameters
+    ----------
+    what, room : str
+        As of :class:`Registry`.
+    decorator : str
+        Name under which modules use :meth:`entry`.
+    label : type
+        Dataclass of what may be asked without the import: ``name`` and more, with defaults.  Each stands as a literal among the arguments
+        of the decorator or in the body of the class itself.
+    """
+
+    def __init__(self, what: str, room: str, decorator: str, label: type) -> None:
+        super().__init__(what, room)
+        self._decorator, self._label = decorator, label
+
+    def entry(self, name: str = "", **attributes: Any) -> Callable[[type], type]:
+        """Make a decorator that gives a class these attributes and its ``name``, if it has none, and enters it.
+
+        Raises
+        ------
+        RegistryError
+            (from the decorator) when another module has entered one of this name, or the room holds one.
+        """
+
+        def decorate(cls: type) -> type:
+            for attribute, value in (attributes | ({"name": name} if name else {})).items():
+                setattr(cls, attribute, value)
+            self._origins.setdefault(cls.name, self._places().get(cls.name, cls.__module__))
+            return self.register(cls.name, cls, cls.__module__)
+
+        return decorate
+
+    def label(self, name: str) -> Any:
+        """Return what a class writes out about itself."""
+        own = _described(self.room, self._decorator)
+        written = own[name][1] if name in own else vars(self[name])
+        return self._label(**{f.name: written[f.name] for f in fields(self._label) if f.name in written})
+
+    def _places(self) -> dict[str, str]:
+        return {name: module for name, (module, _) in _described(self.room, self._decorator).items()}
+
+
+@cache
+def _described(room: str, decorator: str) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Decorated classes of a room by name: their module, and what they write out."""
+    found = {}
+    for folder in map(Path, importlib.import_module(room).__path__):
+        for file in folder.rglob("*.py"):
+            text = file.read_text(encoding="utf-8")
+            for node in ast.parse(text).body if f"\n@{decorator}" in text else ():
+                written = _written(node, decorator)
+                if "name" in written:
+                    found[written["name"]] = ".".join((room, *file.relative_to(folder).with_suffix("").parts)), written
+    return dict(sorted(found.items()))
+
+
+def _written(node: ast.stmt, decorator: str) -> dict[str, Any]:
+    """Literals of a class and of its decorator, the decorator's first argument as ``name``; empty where it has no such decorator."""
+    pairs: list[tuple[str, ast.expr]] = []
+    for mark in getattr(node, "decorator_list", ()):
+        call = mark if isinstance(mark, ast.Call) else ast.Call(mark, [], [])
+        if isinstance(node, ast.ClassDef) and getattr(call.func, "id", "") == decorator:
+            pairs = [(t.id, line.value) for line in node.body for t in _targets(line) if isinstance(t, ast.Name)]
+            pairs += [*(("name", argument) for argument in call.args[:1]), *((word.arg, word.value) for word in call.keywords)]
+    written = {}
+    for attribute, value in pairs:
+        with contextlib.suppress(ValueError, TypeError):  # no literal
+            written[attribute] = ast.literal_eval(value)
+    return written
+
+
+def _targets(line: ast.stmt) -> list[ast.expr]:
+    return line.targets if isinstance(line, ast.Assign) else [line.target] if isinstance(line, ast.AnnAssign) else []
 
 
 @cache
@@ -119,4 +205,5 @@ def load_plugins() -> None:
         try:
             importlib.import_module(name)
         except ImportError as error:
-            raise RegistryError(f"The plugin '{name}' of {PLUGINS} cannot be imported ({error}); correct it or PYTHONPATH.") from error
+            sentence = f"The plugin '{name}' of {PLUGINS} cannot be imported ({error}); correct the name or PYTHONPATH."
+            raise RegistryError(sentence) from error

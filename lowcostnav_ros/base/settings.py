@@ -31,6 +31,7 @@ def setting(
     choices: tuple = (),
     live: bool = False,
     per_axis: bool = False,
+    shipped: Any = None,
 ) -> Any:
     """Declare one setting of a frozen dataclass.
 
@@ -50,9 +51,11 @@ def setting(
         True when a running node may change it; False means it takes a restart.
     per_axis : bool
         True for a number that may also be given as three, x y z.
+    shipped : bool, int, float, str or list of these, optional
+        Value in the parameter file of the package where it is not the default.
     """
     meta = {"description": description, "unit": unit, "minimum": minimum, "maximum": maximum, "choices": choices, "live": live}
-    meta["per_axis"] = per_axis
+    meta |= {"per_axis": per_axis, "shipped": shipped}
     if isinstance(default, list | dict):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=meta)
     return dataclasses.field(default=default, metadata=meta)
@@ -76,6 +79,7 @@ class Declared:
     choices: tuple
     live: bool
     per_axis: bool = False
+    shipped: Any = None
 
 
 def declared(cls: type, prefix: str = "") -> Iterator[Declared]:

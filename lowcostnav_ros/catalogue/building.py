@@ -2,16 +2,17 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from lowcostnav_ros.base.settings import SettingsError, from_mapping, to_mapping
 from lowcostnav_ros.catalogue import config_files
 from lowcostnav_ros.catalogue.imu_by_name import with_imu_profile
 from lowcostnav_ros.navigators.base import Navigator
 
-Registry = Mapping[str, tuple[type, Callable[..., Navigator]]]
-"""Name to (settings class, navigator class), as :data:`lowcostnav_ros.navigators.registry.NAVIGATORS`."""
+Registry = Mapping[str, type[Navigator]]
+"""Navigator classes by name, as :data:`lowcostnav_ros.navigators.registry.NAVIGATORS`."""
 
+S = TypeVar("S")
 _NODE_GROUPS = ("output.", "qos.", "input.")
 """Parameters of the node around the estimator; they change no fused solution."""
 
@@ -36,34 +37,42 @@ def build_navigators(names: Iterable[str], registry: Registry, config: Path | No
     """
     if config is not None and not config.is_dir():
         raise SettingsError(f"Configuration directory {config} does not exist; give one that holds <navigator>.yaml files.")
-    return {name: _build(name, *registry[name], config, flown) for name in names}
+    return {name: _build(name, registry[name], config, flown) for name in names}
 
 
-def _build(
-    name: str, settings_class: type, navigator_class: Callable[..., Navigator], config: Path | None, flown: Path | None
-) -> Navigator:
+def _build(name: str, navigator_class: type[Navigator], config: Path | None, flown: Path | None) -> Navigator:
     path = (config or config_files.config_dir()) / f"{name}.yaml"
     if config is None and flown is not None and (flown / f"{name}.yaml").is_file():
         path = flown / f"{name}.yaml"
     if config is None and not path.exists():
-        return make_navigator(settings_class(), navigator_class)
+        return make_navigator(navigator_class.Settings(), navigator_class)
     values = {
         key: value
         for key, value in config_files.read_parameters(path, name).items()
         if not key.startswith(_NODE_GROUPS) and key != "use_sim_time"
     }
-    return make_navigator(from_mapping(settings_class, values, str(path)), navigator_class)
+    return make_navigator(complete_settings(navigator_class.Settings, values, str(path)), navigator_class)
+
+
+def complete_settings(cls: type[S], values: Mapping[str, Any], where: str = "settings") -> S:
+    """Build settings as :func:`from_mapping` does, with the numbers of the IMU profile they name in place: what a navigator is made of.
+
+    Raises
+    ------
+    SettingsError
+        For what :func:`from_mapping` refuses, and when there is no such profile or a filter cannot fly on its numbers.
+    """
+    return with_imu_profile(from_mapping(cls, values, where))
 
 
 def make_navigator(settings: Any, navigator_class: Callable[..., Navigator]) -> Navigator:
-    """Make a navigator from its settings, with the IMU profile and the station table they name, if any.
+    """Make a navigator from its complete settings, with the station table they name, if any.
 
     Raises
     ------
     ValueError
-        (SettingsError, StationError) when the profile or the station table is missing or cannot be flown on.
+        (SettingsError, StationError) when the station table is missing or cannot be flown on.
     """
-    settings = with_imu_profile(settings)
     stations_file = _stations_file(to_mapping(settings))
     if not stations_file:
         return navigator_class(settings)

@@ -119,8 +119,8 @@ def load_settings(cls: type[S], path: str | Path | None = None, node: str | None
     return from_mapping(cls, values, str(path))
 
 
-def yaml_of(cls: type, node: str = "/**", title: str = "") -> str:
-    """Write a settings dataclass as commented YAML: every parameter with its meaning, unit, range and default.
+def yaml_of(cls: type, node: str = "/**") -> str:
+    """Write a settings dataclass as commented YAML: every parameter with its meaning, unit, range and shipped value.
 
     Parameters
     ----------
@@ -128,10 +128,8 @@ def yaml_of(cls: type, node: str = "/**", title: str = "") -> str:
         Settings dataclass.
     node : str
         Key of the file, ``/**`` for any node.
-    title : str
-        First comment line.
     """
-    lines = _wrapped(title or " ".join((cls.__doc__ or "").split()), "") + [f"{node}:", "  ros__parameters:"]
+    lines = _wrapped(" ".join((cls.__doc__ or "").split()), "") + [f"{node}:", "  ros__parameters:"]
     group: list[str] = []
     for entry in declared(cls):
         *path, leaf = entry.name.split(".")
@@ -141,7 +139,8 @@ def yaml_of(cls: type, node: str = "/**", title: str = "") -> str:
         lines += [f"{'  ' * (depth + 2)}{path[depth]}:" for depth in range(shared, len(path))]
         group = path
         indent = "  " * (len(path) + 2)
-        lines += _wrapped(_comment(entry), indent) + [f"{indent}{leaf}: {_plain(entry.default)}"]
+        value = entry.default if entry.shipped is None else entry.shipped
+        lines += _wrapped(_comment(entry), indent) + [f"{indent}{leaf}: {_plain(value)}"]
     return "\n".join(lines) + "\n"
 
 

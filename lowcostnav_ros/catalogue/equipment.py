@@ -1,6 +1,7 @@
 """What settings name: IMU profiles, station tables and almanacs, by the name of a shipped file or by a path."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from lowcostnav_ros.base.settings import SettingsError, nearest
 from lowcostnav_ros.catalogue.config_files import config_dir, find_config
@@ -60,3 +61,11 @@ def load_almanac(name: str) -> "Almanac":
         return almanac_from_yuma(path.read_text(encoding="ascii", errors="replace"), path.name)
     except GnssError as error:
         raise SettingsError(str(error)) from error
+
+
+LOADERS: dict[str, Callable[[str], Any]] = {
+    "profile": load_imu_profile,
+    "stations_file": load_stations,
+    "almanac_file": lambda name: load_almanac(name) if name else None,
+}
+"""How the file that a setting of a simulator names is loaded."""

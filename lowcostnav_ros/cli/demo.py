@@ -54,7 +54,7 @@ def _emptied(out: Path) -> Path:
 
 
 def _demonstrate(graph: "Graph", out: Path, console: "Console") -> int:
-    from lowcostnav_ros.graph.wiring import NAVIGATOR_NAMES
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
     from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
     from lowcostnav_ros.report.flight.page import write_page
     from lowcostnav_ros.report.terminal import print_result
@@ -66,7 +66,7 @@ def _demonstrate(graph: "Graph", out: Path, console: "Console") -> int:
         console.print(f"[yellow]{event}[/]")
     console.rule("2  Replay the recording through the same navigators, without middleware")
     with progress_bar("replay") as advance:
-        flown = tuple(node.executable for node in graph.nodes if node.executable in NAVIGATOR_NAMES)
+        flown = tuple(node.executable for node in graph.nodes if node.executable in NAVIGATORS)
         options = ReplayOptions(navigators=flown, out=out / "replay", on_progress=advance)
         result = replay_bag(out / "recording", options)
     text = json.dumps(result.to_mapping(), indent=1, allow_nan=False)

@@ -2,9 +2,7 @@
 
 import argparse
 import importlib
-import pkgutil
 
-from lowcostnav_ros.base.settings import SettingsError, nearest
 from lowcostnav_ros.cli.jobs import job
 
 
@@ -17,9 +15,5 @@ def add_arguments(run: argparse.ArgumentParser) -> None:
 @job("Run one node in this process.", add_arguments, "example: lowcostnav run ahrs --ros-args --params-file ahrs.yaml")
 def run(arguments: argparse.Namespace) -> int:
     """Run one node in this process; returns the node's exit status."""
-    from lowcostnav_ros import nodes
-
-    known = sorted(m.name for m in pkgutil.iter_modules(nodes.__path__) if not m.name.startswith("_"))
-    if arguments.node not in known:
-        raise SettingsError(f"There is no node '{arguments.node}'{nearest(arguments.node, known)}.")
-    return importlib.import_module(f"lowcostnav_ros.nodes.{arguments.node}").main(arguments.ros_args) or 0
+    # by name: the command line itself imports no ROS
+    return importlib.import_module("lowcostnav_ros.nodes.dispatch").run_executable(arguments.node, arguments.ros_args)

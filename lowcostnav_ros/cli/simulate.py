@@ -14,14 +14,9 @@ from lowcostnav_ros.cli.progress import progress_bar
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    import numpy as np
-
     from lowcostnav_ros.base.measurements import Measurement
     from lowcostnav_ros.base.truth import TruthBlock
-    from lowcostnav_ros.physics.earth import LocalFrame
     from lowcostnav_ros.simulation.scenario import Scenario
-
-TRUTH_RATE_HZ = 20.0
 
 Record = tuple[int, str, str, bytes]
 
@@ -39,6 +34,7 @@ def add_arguments(simulate: argparse.ArgumentParser) -> None:
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly a scenario and write the bag, with the settings a navigator needs to know its IMU by."""
     from lowcostnav_ros.messages.bag import SETTINGS_FOLDER
+    from lowcostnav_ros.simulation.scenario import load_scenario
 
     if arguments.duration is not None and not arguments.duration > 0.0:
         raise SettingsError(f"--duration must be positive, got {arguments.duration:g}.")
@@ -50,23 +46,6 @@ def simulate(arguments: argparse.Namespace) -> int:
         print(f"{topic:24} {count:8d}")
     print(f"flight '{scenario.name}' (seed {scenario.seed}) in {arguments.output}")
     return 0
-
-
-def load_scenario(name: str, seed: int | None = None) -> Scenario:
-    """Read a scenario by the name of a shipped one or by path.
-
-    Raises
-    ------
-    SettingsError
-        When there is none, or it holds what cannot be used.
-    """
-    from lowcostnav_ros.catalogue.config_files import config_dir, find_config
-    from lowcostnav_ros.simulation.scenario import scenario_from_text
-
-    is_path = "/" in name or name.endswith((".yaml", ".yml"))
-    path = find_config(name if is_path else config_dir() / "scenarios" / f"{name}.yaml")
-    changes = {} if seed is None else {"seed": seed}
-    return scenario_from_text(path.read_text(encoding="utf-8"), str(path), **changes)
 
 
 def write_bag(scenario: Scenario, output: str, storage: str = "mcap", duration_s: float | None = None) -> dict[str, int]:
@@ -120,7 +99,7 @@ def navigator_settings(scenario: Scenario) -> dict[str, str]:
     del numbers["profile"]
     head = f"# The IMU of scenario {scenario.name}: profile {scenario.imu.profile}. Every other parameter keeps its default.\n"
     text = head + yaml.safe_dump({"/**": {"ros__parameters": {"imu": numbers}}}, sort_keys=False)
-    return {name: text for name, (settings, _) in NAVIGATORS.items() if isinstance(getattr(settings(), "imu", None), ImuSettings)}
+    return {name: text for name, kind in NAVIGATORS.items() if isinstance(getattr(kind.Settings(), "imu", None), ImuSettings)}
 
 
 def _write_settings(files: dict[str, str], folder: Path) -> None:
@@ -131,43 +110,19 @@ def _write_settings(files: dict[str, str], folder: Path) -> None:
 
 def _flown(blocks: Iterable[tuple[TruthBlock, list[Measurement]]], duration_s: float | None) -> Iterator[tuple[float, list[Record]]]:
     """Records of each block in order of stamps, with the seconds flown."""
-    from lowcostnav_ros.messages import encode, topics
+    from lowcostnav_ros.messages import encode
     from lowcostnav_ros.messages.store import to_cdr
-    from lowcostnav_ros.physics.earth import LocalFrame
+    from lowcostnav_ros.simulation.truth_states import TruthStates
 
-    origin: LocalFrame | None = None
-    first_ns, due_ns = 0, 0
+    states, first_ns = TruthStates(), None
     for truth, measurements in blocks:
-        records: list[Record] = []
-        if origin is None:
-            first_ns = due_ns = int(truth.stamps_ns[0])
-            origin = LocalFrame(float(truth.lat[0]), float(truth.lon[0]), float(truth.height[0]))
-            records.append((first_ns, "truth/origin", topics.NAV_SAT_FIX, to_cdr(encode.origin_fix(first_ns, origin))))
-        rows, due_ns = _due(truth.stamps_ns, due_ns)
-        records += [record for row in rows for record in _truth_records(truth, row, origin)]
+        first_ns = int(truth.stamps_ns[0]) if first_ns is None else first_ns
+        stamps = [first_ns, *truth.stamps_ns.tolist()]
+        said = [states.begin(truth), *(states.at(truth, row) for row in range(len(truth)))]
+        records = [(t, topic, m.__msgtype__, to_cdr(m)) for t, messages in zip(stamps, said, strict=True) for topic, m in messages]
         records += [record for m in measurements for record in encode.encode_cdr(m)]
         end_ns = first_ns + round(1e9 * duration_s) if duration_s else None
         kept = [r for r in records if end_ns is None or r[0] <= end_ns]
         yield (int(truth.stamps_ns[-1]) - first_ns) / 1e9, sorted(kept, key=lambda r: r[0])
         if end_ns is not None and truth.stamps_ns[-1] >= end_ns:
             return
-
-
-def _due(stamps_ns: np.ndarray, due_ns: int) -> tuple[list[int], int]:
-    """Rows at which truth is due, and when it is due next."""
-    period_ns = round(1e9 / TRUTH_RATE_HZ)
-    rows = []
-    for row, stamp in enumerate(stamps_ns.tolist()):
-        if stamp >= due_ns:
-            rows.append(row)
-            due_ns += period_ns * (1 + (stamp - due_ns) // period_ns)
-    return rows, due_ns
-
-
-def _truth_records(truth: TruthBlock, row: int, origin: LocalFrame) -> Iterator[Record]:
-    from lowcostnav_ros.messages import encode, topics
-    from lowcostnav_ros.messages.store import to_cdr
-
-    stamp = int(truth.stamps_ns[row])
-    yield stamp, "truth/odometry", topics.ODOMETRY, to_cdr(encode.truth_odometry(truth, row, origin))
-    yield stamp, "truth/wind", topics.TWIST, to_cdr(encode.truth_wind(truth, row))

@@ -89,7 +89,9 @@ class DmeGateSettings(GateSettings):
 class DmeSettings:
     """DME slant ranges."""
 
-    stations_file: str = setting("", "Station table; the file name is resolved where the configuration is read.")
+    stations_file: str = setting(
+        "", "Station table; the file name is resolved where the configuration is read.", shipped="dme_stations_bay_area.csv"
+    )
     bias: str = setting("estimate", "Range bias: estimated per station or only considered.", choices=("estimate", "consider"))
     bias_nm: float = setting(0.17, "Range bias of a station, Gauss-Markov sigma.", unit="NM", minimum=0.0, maximum=10.0)
     bias_distance_nm: float = setting(0.5, "Distance flown over which the bias stays correlated.", unit="NM", minimum=0.01, maximum=100.0)

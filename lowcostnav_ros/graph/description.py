@@ -22,7 +22,7 @@ import yaml
 
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.catalogue.config_files import config_dir
-from lowcostnav_ros.graph.wiring import EXECUTABLES, SIMULATION, SOURCES
+from lowcostnav_ros.graph.executables import EXECUTABLES, SIMULATOR, SOURCE, kind_of
 
 TOP_KEYS = ("scenario", "domain", "lossless", "real_time_factor", "nodes")
 NODE_KEYS = ("executable", "name", "config", "parameters", "respawn")
@@ -138,7 +138,7 @@ def _node(entry: Any, where: str, scenario: str, folder: Path | None) -> GraphNo
         raise GraphError(f"{where}: 'parameters' of {executable} must be names and values, got {parameters!r}.")
     config = _config(entry.get("config"), executable, where, scenario, folder)
     # a flight that starts again from its beginning would jump back in time, so its source stays dead
-    respawn = entry.get("respawn", executable not in SOURCES)
+    respawn = entry.get("respawn", kind_of(executable) != SOURCE)
     return GraphNode(executable, str(entry.get("name", executable)), config, dict(parameters), bool(respawn))
 
 
@@ -146,11 +146,16 @@ def _config(given: str | None, executable: str, where: str, scenario: str, folde
     if given is None:
         default = config_dir() / f"{executable}.yaml"
         # the scenario sets its simulators; the file of defaults would set them back
-        return default if default.is_file() and not (scenario and executable in SIMULATION) else None
+        return default if default.is_file() and not (scenario and takes_scenario(executable)) else None
     for candidate in (config_dir() / given, *([folder / given] if folder else []), Path(given)):
         if candidate.is_file():
             return candidate
     raise GraphError(f"{where}: the config file '{given}' of {executable} is neither in {config_dir()} nor a path that exists.")
+
+
+def takes_scenario(executable: str) -> bool:
+    """Whether an executable takes its defaults from the scenario of its graph."""
+    return executable == "truth_source" or kind_of(executable) == SIMULATOR
 
 
 def _mapping(content: Any, where: str, keys: tuple[str, ...]) -> None:

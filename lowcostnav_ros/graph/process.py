@@ -87,9 +87,8 @@ class NodeProcess:
         self, name: str, executable: str, params_files: list[Path], environment: Mapping[str, str], log: Path, respawn: bool = True
     ) -> None:
         self.name, self.executable, self.log, self.respawn = name, executable, log, respawn
-        # these pass bytes on and compute next to nothing: without the compiler they need half the memory
-        self._environment = {**environment, "LOWCOSTNAV_KERNELS": "interpreted"} if executable in WITHOUT_COMPILER else environment
-        self._command = [sys.executable, "-m", f"lowcostnav_ros.nodes.{executable}", "--ros-args", "-r", f"__node:={name}"]
+        self._environment = environment
+        self._command = [sys.executable, "-m", "lowcostnav_ros.nodes.dispatch", executable, "--ros-args", "-r", f"__node:={name}"]
         for path in params_files:
             self._command += ["--params-file", str(path)]
         self.process: subprocess.Popen | None = None

@@ -14,8 +14,9 @@ from typing import Any, Self
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode
 from lowcostnav_ros.graph.domain import free_domain, node_environment
+from lowcostnav_ros.graph.executables import KINDS, SOURCE, kind_of
 from lowcostnav_ros.graph.process import Event, NodeProcess, What, write_parameters
-from lowcostnav_ros.graph.wiring import SOURCES, STOP_ORDER, flown_settings, shared_parameters
+from lowcostnav_ros.graph.wiring import flown_settings, shared_parameters
 
 STOP_S = 5.0
 WATCH_S = 0.1
@@ -144,8 +145,9 @@ class GraphRunner:
 
     def stop(self) -> None:
         """End all nodes by SIGINT, those that feed before those that are fed, the recorder last; kill what does not end."""
-        for kinds in STOP_ORDER:
-            group = [p for p in (*self.processes.values(), *([self._monitor] if self._monitor else [])) if p.executable in kinds]
+        running = [*self.processes.values(), *([self._monitor] if self._monitor else [])]
+        for kind in KINDS:
+            group = [process for process in running if kind_of(process.executable) == kind]
             for process in group:
                 process.interrupt()
             deadline = time.monotonic() + STOP_S
@@ -162,7 +164,7 @@ class GraphRunner:
         self._on_event(event)
 
     def _sources(self) -> list[str]:
-        return [node.name for node in self.graph.nodes if node.executable in SOURCES]
+        return [node.name for node in self.graph.nodes if kind_of(node.executable) == SOURCE]
 
     def _source_state(self, name: str) -> str:
         row = self.rows.get(f"{name}: source")

@@ -23,6 +23,7 @@ from lowcostnav_ros.estimation.error_state import Block, Kind, Layout
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.ins_gnss import ENOUGH, EPOCH, THESIS_POSITION_PSD, clock_block
+from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.physics.earth import displace, transport_rate_n
 from lowcostnav_ros.starts.point_solution import point_solution, unknown_velocity
 
@@ -156,6 +157,7 @@ class MotionCore:
         self.estimate[6:] += dx[6:]
 
 
+@navigator
 class GnssOnly(ClockHost, Navigator):
     """Satellites-only navigator; see the module head.
 
@@ -164,6 +166,9 @@ class GnssOnly(ClockHost, Navigator):
     """
 
     name = "gnss_only"
+    Settings = GnssOnlySettings
+    colour = "#8c6d31"
+    modes = {"suspect": ("#d95f02", "")}
     inputs = {EPOCH: True}
 
     def __init__(self, settings: GnssOnlySettings) -> None:

@@ -19,6 +19,7 @@ from lowcostnav_ros.estimation.error_state import Block, Kind, chain, random_wal
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
+from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.starts.point_solution import SlopeVelocity, point_solution
 
@@ -100,6 +101,7 @@ def clock_block(settings: GnssSettings) -> Block:
     return chain("clock", labels, sigmas, (model.bias_psd(), model.drift_psd()))
 
 
+@navigator
 class InsGnss(ClockHost, InsGps):
     """INS/GNSS navigator; see the module head.
 
@@ -108,6 +110,9 @@ class InsGnss(ClockHost, InsGps):
     """
 
     name = "ins_gnss"
+    Settings = InsGnssSettings
+    colour = "#7a5195"
+    modes = {"sparse": ("#b8b042", "with fewer than four satellites"), "suspect": ("#d95f02", "")}
 
     def __init__(self, settings: InsGnssSettings, stations: StationTable | None = None) -> None:
         self.tight = settings.coupling == "tight"

@@ -42,6 +42,7 @@ from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.inertial import ATT, CORE, DEG, GAP_NS, POS, VEL, ImuSettings, InertialCore, bias_blocks, core_block, typical
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
+from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.physics.magnetic_heading import MagneticReference, magnetic_heading
 from lowcostnav_ros.physics.rotation import euler_to_quat
 from lowcostnav_ros.radionav.stations import StationTable
@@ -102,6 +103,7 @@ def chosen_blocks(settings: InsGpsSettings) -> list[Block]:
     return blocks + vor_bias_blocks(settings.vor)
 
 
+@navigator
 class InsGps(Navigator):
     """GPS/INS navigator; see the module head.
 
@@ -117,6 +119,8 @@ class InsGps(Navigator):
     """
 
     name = "ins_gps"
+    Settings = InsGpsSettings
+    colour = "#0072b2"
     inertial = IMU
     inputs = {IMU: True, FIX: True, VELOCITY: True, MAG: False, PRESSURE: False, AIR: False}
 

@@ -1,33 +1,52 @@
-"""The navigators by name; imported lazily so that a node loads only its own."""
+"""The navigators by name, in the order in which one feeds the next.
 
-from collections.abc import Callable, Mapping
-from importlib import import_module
+A navigator describes itself in its class; what :class:`NavigatorLabel` names can be asked for without importing it and the compiler
+behind it.
+"""
 
-from lowcostnav_ros.navigators.base import Navigator
+from dataclasses import dataclass, field
 
-_WHERE = {
-    "ahrs": ("ahrs.base", "AhrsSettings", "Ahrs"),
-    "dead_reckoning": ("dead_reckoning.navigator", "DeadReckoningSettings", "DeadReckoning"),
-    "gnss_only": ("gnss_only", "GnssOnlySettings", "GnssOnly"),
-    "ins_gnss": ("ins_gnss", "InsGnssSettings", "InsGnss"),
-    "ins_gps": ("ins_gps", "InsGpsSettings", "InsGps"),
-    "supervisor": ("supervisor.navigator", "SupervisorSettings", "Supervisor"),
+from lowcostnav_ros.base.registry import ClassRegistry
+
+
+@dataclass(frozen=True)
+class NavigatorLabel:
+    """What a navigator says of itself in its class, which is decorated with ``@navigator`` and has ``Settings`` whose defaults make one.
+
+    ``room`` is the first part of its topics, empty for its name; ``outputs`` its topics where they are not the usual ones; ``colour`` and
+    ``dash`` how reports draw it, empty for any; ``healthy_modes`` those with its full accuracy; ``modes`` those that only it has: for each
+    a colour and, where there is less than a position, words such as ``without a solution``.
+    """
+
+    name: str
+    room: str = ""
+    outputs: tuple[str, ...] = ()
+    colour: str = ""
+    dash: str = ""
+    healthy_modes: tuple[str, ...] = ("gps", "calibrating")
+    modes: dict[str, tuple[str, str]] = field(default_factory=dict)
+
+
+NAVIGATORS = ClassRegistry("navigator", "lowcostnav_ros.navigators", "navigator", NavigatorLabel)
+navigator = NAVIGATORS.entry()
+
+HEALTHY_COLOUR = "#1b9e77"
+COMMON_MODES = {
+    "coasting": ("#e6a817", ""),
+    "aligning": ("#a6b4c0", ""),
+    "initialising": ("#c9d1d8", ""),
+    "failed": ("#c0392b", ""),
+    "no solution": ("#c9d1d8", "without a solution"),
 }
 
 
-class _Registry(Mapping[str, tuple[type, Callable[..., Navigator]]]):
-    """Name to (settings class, navigator class), in the order in which one feeds the next."""
-
-    def __getitem__(self, name: str) -> tuple[type, Callable[..., Navigator]]:
-        module, settings, navigator = _WHERE[name]
-        loaded = import_module(f"lowcostnav_ros.navigators.{module}")
-        return getattr(loaded, settings), getattr(loaded, navigator)
-
-    def __iter__(self):
-        return iter(_WHERE)
-
-    def __len__(self) -> int:
-        return len(_WHERE)
+def label_of(name: str) -> NavigatorLabel:
+    """Return the label of a navigator; the usual one for a name that is not registered."""
+    return NAVIGATORS.label(name) if name in NAVIGATORS else NavigatorLabel(name)
 
 
-NAVIGATORS = _Registry()
+def known_modes() -> dict[str, tuple[str, str]]:
+    """Return all modes of all navigators, each with its colour and, where there is less than a position, what there is."""
+    labels = [NAVIGATORS.label(name) for name in NAVIGATORS]
+    healthy = {mode: (HEALTHY_COLOUR, "") for label in labels for mode in label.healthy_modes}
+    return COMMON_MODES | healthy | {mode: said for label in labels for mode, said in label.modes.items()}

@@ -9,11 +9,12 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 
+from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.ros import qos
 from lowcostnav_ros.ros.node_base import NodeBase
-from lowcostnav_ros.ros.run import run
 
 
+@executable("monitor", kind="monitor", compiled=False)
 class Monitor(NodeBase):
     """Listen to all nodes and pass on what they say of themselves."""
 
@@ -27,12 +28,3 @@ class Monitor(NodeBase):
             line = {"name": status.name, "level": status.level[0], "message": status.message, "values": values}
             sys.stdout.write(json.dumps(line) + "\n")
         sys.stdout.flush()
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node."""
-    return run(Monitor, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,14 +1,13 @@
 """Play a recording onto the topics it was made from, with /clock."""
 
-import sys
 from dataclasses import dataclass
 from typing import Any
 
 from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.messages.bag import BagError, BagReader
 from lowcostnav_ros.messages.topics import CLOCK, DIAGNOSTICS, TopicSpec, kind_of
 from lowcostnav_ros.ros.node_base import Output
-from lowcostnav_ros.ros.run import run
 from lowcostnav_ros.ros.source_node import SourceNode
 
 NOT_PLAYED = (CLOCK, DIAGNOSTICS)  # a new clock is made; old diagnostics would pass for those of the nodes that listen now
@@ -16,13 +15,14 @@ NOT_PLAYED = (CLOCK, DIAGNOSTICS)  # a new clock is made; old diagnostics would 
 
 @dataclass(frozen=True)
 class PlayerSettings:
-    """What to play."""
+    """Settings of the player."""
 
     path: str = setting("", "Bag to play: a directory with metadata.yaml, or an .mcap or .db3 file.")
     topics: list[str] = setting([], "Topics to play; empty plays the sensors only, or everything when there are none.")
     begin_s: float = setting(0.0, "Begin this long after the start of the recording.", unit="s", minimum=0.0)
 
 
+@executable("player", kind="source", Settings=PlayerSettings, compiled=False)
 class Player(SourceNode):
     """Publish the bytes of a bag in recorded order at ``real_time_factor`` times its pace."""
 
@@ -62,12 +62,3 @@ class Player(SourceNode):
         playable = [name for name, kind in self._bag.types.items() if kind not in NOT_PLAYED]
         sensors = [name for name in playable if (kind := kind_of(name)) is not None and kind.sensed]
         return sensors or playable
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node."""
-    return run(Player, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,6 @@
 """Record topics into a bag, in order of arrival."""
 
 import shutil
-import sys
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.graph.wiring import recorded_topics
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagError, BagWriter
 from lowcostnav_ros.ros.flow import header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status
 from lowcostnav_ros.ros.node_base import NodeBase
-from lowcostnav_ros.ros.run import run
 
 
 @dataclass(frozen=True)
@@ -30,6 +29,7 @@ class RecorderSettings:
     topics: list[str] = setting([], "Topics to record; empty records every sensor, truth and navigator topic except truth/imu.")
 
 
+@executable("recorder", kind="recorder", Settings=RecorderSettings, compiled=False)
 class Recorder(NodeBase):
     """Write what arrives; the bag is closed, index and all, when the node ends.
 
@@ -106,12 +106,3 @@ def free_path(path: Path) -> Path:
         number += 1
         taken = path.with_name(f"{path.name}_{number}")
     return taken
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node."""
-    return run(Recorder, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,20 +1,18 @@
 """Fly a true flight in real time: /clock, truth/imu, truth/odometry, truth/wind, truth/origin."""
 
-import sys
+from collections.abc import Iterable
 from typing import Any
 
-from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.messages.store import to_cdr
-from lowcostnav_ros.physics.earth import LocalFrame
-from lowcostnav_ros.ros.run import run
 from lowcostnav_ros.ros.scenario import flight_bases
 from lowcostnav_ros.ros.source_node import SourceNode
-from lowcostnav_ros.trajectory import build
+from lowcostnav_ros.simulation.truth_states import TruthStates
+from lowcostnav_ros.trajectory import TruthSettings, build
 
-STATE_PERIOD_NS = 50_000_000
 
-
+@executable("truth_source", kind="source", Settings=TruthSettings)
 class TruthSource(SourceNode):
     """Publish the truth at the pace of the clock on the wall; the inertial sample first, so that states find it."""
 
@@ -23,36 +21,22 @@ class TruthSource(SourceNode):
 
     def make_outputs(self) -> None:
         """Make the publishers of the truth."""
-        self._imu, self._odometry, self._wind, self._origin = (
-            self.output(f"truth/{part}") for part in ("imu", "odometry", "wind", "origin")
-        )
+        self._imu = self.output("truth/imu")
+        for part in ("odometry", "wind", "origin"):
+            self.output(f"truth/{part}")
 
     def speak(self) -> None:
         """Fly."""
         truth, flight = self.parameters.settings[:2]
-        origin, next_state_ns = None, 0
+        states = TruthStates()
         for block in build(truth, flight.seed).blocks():
-            if origin is None:
-                origin = LocalFrame(float(block.lat[0]), float(block.lon[0]), float(block.height[0]))
-                self._origin.send(to_cdr(encode.origin_fix(int(block.stamps_ns[0]), origin)))
-                next_state_ns = int(block.stamps_ns[0])
+            self._send(states.begin(block))
             for row, stamp_ns in enumerate(block.stamps_ns.tolist()):
                 if not self.at(stamp_ns):
                     return
                 self._imu.send(to_cdr(encode.truth_imu(block, row)))
-                if stamp_ns >= next_state_ns:
-                    self._send_state(block, row, origin)
-                    next_state_ns += STATE_PERIOD_NS
+                self._send(states.at(block, row))
 
-    def _send_state(self, block: TruthBlock, row: int, origin: LocalFrame) -> None:
-        self._odometry.send(to_cdr(encode.truth_odometry(block, row, origin)))
-        self._wind.send(to_cdr(encode.truth_wind(block, row)))
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node."""
-    return run(TruthSource, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    def _send(self, messages: Iterable[tuple[str, Any]]) -> None:
+        for topic, message in messages:
+            self.output(topic).send(to_cdr(message))

@@ -9,11 +9,12 @@ from typing import Any
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
 from lowcostnav_ros.catalogue.building import Registry, build_navigators
+from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import BagError, BagReader
 from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.navigators.base import Navigator
-from lowcostnav_ros.replay.links import output_topic, output_topics
+from lowcostnav_ros.replay.links import output_topic
 from lowcostnav_ros.replay.result import Bag, Recording, ReplayResult, SourceCounts
 from lowcostnav_ros.replay.selection import Selection, check_names, select
 from lowcostnav_ros.replay.session import Session, first_stamp, timed
@@ -87,7 +88,7 @@ class _Replay:
         outputs = {output_topic(name): name for name in self.navigators if output_topic(name) in reader.types}
         self.recorded = _Recorded(recorded, outputs)
         heard = {source for navigator in self.navigators.values() for source in navigator.inputs}
-        replaced = {topic for name in self.navigators for topic in output_topics(name)}
+        replaced = {topic for name in self.navigators for topic in fused_topics(name)}
         self.fed = sorted(s for s in heard - replaced if s in reader.types)
         check_sources(options.withhold, self.fed)
         self.sources = _with_origins(reader, self.fed)

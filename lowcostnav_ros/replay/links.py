@@ -4,29 +4,17 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay.digest import imu_record, odometry_record
 
-ATTITUDE_SOURCES = {"ahrs": "imu/data_fused"}
-"""Navigators whose fused solution is an attitude, and the topic it goes out on; all others publish ``<room>/odometry_fused``."""
-
-
-def room_of(name: str) -> str:
-    """First part of a navigator's topics: its name, but ``nav`` for the supervisor."""
-    return "nav" if name == "supervisor" else name
-
 
 def output_topic(name: str) -> str:
     """Topic of a navigator's fused solution."""
-    return ATTITUDE_SOURCES.get(name, f"{room_of(name)}/odometry_fused")
-
-
-def output_topics(name: str) -> tuple[str, ...]:
-    """All topics that carry a navigator's fused solution."""
-    return (output_topic(name),) if name in ATTITUDE_SOURCES else (output_topic(name), f"{room_of(name)}/wind_fused")
+    return fused_topics(name)[0]
 
 
 def recorder_of(msgtype: str) -> Callable[[Any], bytes]:
@@ -49,9 +37,9 @@ class Link:
     def __init__(self, name: str, navigator: Navigator, rules: DecodeRules) -> None:
         self.navigator = navigator
         self.topic = output_topic(name)
-        self.is_attitude = name in ATTITUDE_SOURCES
-        self.msgtype = topics.IMU if self.is_attitude else topics.ODOMETRY
-        self._room = room_of(name)
+        self.msgtype = topics.spec(self.topic).msgtype
+        self.is_attitude = self.msgtype == topics.IMU
+        self._room = self.topic.rpartition("/")[0]
         self._decoder = Decoder(rules)
         self._origin: Any = None
 
@@ -101,4 +89,4 @@ def in_order(navigators: Mapping[str, Navigator]) -> list[str]:
 
 
 def _heard(navigator: Navigator, names: Iterable[str]) -> list[str]:
-    return [name for name in names if any(topic in navigator.inputs for topic in output_topics(name))]
+    return [name for name in names if any(topic in navigator.inputs for topic in fused_topics(name))]

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 
 from lowcostnav_ros.base.settings import nearest
-from lowcostnav_ros.replay.links import output_topics
+from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 
 Inputs = Mapping[str, bool]
 """Source to required?, as :class:`~lowcostnav_ros.navigators.base.Navigator` declares it."""
@@ -33,7 +33,7 @@ def missing_inputs(inputs: Inputs, sources: Collection[str], others: Collection[
     others : collection of str
         Names of the other navigators that run.
     """
-    available = {*sources, *(topic for name in others for topic in output_topics(name))}
+    available = {*sources, *(topic for name in others for topic in fused_topics(name))}
     return [source for source, required in inputs.items() if required and source not in available]
 
 

@@ -15,12 +15,13 @@ from lowcostnav_ros import __version__
 from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.settings import settings_hash, to_mapping
 from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.messages.decode import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
 from lowcostnav_ros.replay.columns import NavColumns, columns_of
 from lowcostnav_ros.replay.evaluation import Evaluation, Truth, blank_columns, fix_columns, truth_columns
-from lowcostnav_ros.replay.links import Link, in_order, output_topics, recorder_of
+from lowcostnav_ros.replay.links import Link, in_order, recorder_of
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.result import Place, ReplayResult, Times, WithoutGps
 from lowcostnav_ros.replay.runs import NavigatorFiles, NavigatorRun
@@ -124,7 +125,7 @@ class Session:
             out_files = self.files.navigator(name)
             evaluation = Evaluation(self.truth, self.gaps, self.windows)
             self.runs[name] = NavigatorRun(link, evaluation, out_files, link.topic in recorded)
-        self.replaced = {topic for name in self.runs for topic in output_topics(name)}
+        self.replaced = {topic for name in self.runs for topic in fused_topics(name)}
         self._is_chain = any(topic in run.navigator.inputs for topic in self.replaced for run in self.runs.values())
         self._wanted = {source for run in self.runs.values() for source in run.navigator.inputs}
 

@@ -3,12 +3,10 @@
 import math
 from collections.abc import Mapping
 
-from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.units import NAUTICAL_MILE
+from lowcostnav_ros.navigators.registry import known_modes
 from lowcostnav_ros.replay.result import ErrorSummary, NavigatorResult
 
-LESS = {Mode.SPARSE: "with fewer than four satellites", Mode.SILENT: "without a solution"}
-"""Modes in which there is less than a GPS position, as a sentence says them."""
 HONEST = (0.5, 1.5)
 """Error over sigma, RMS: between these the sigmas are called honest."""
 
@@ -47,7 +45,7 @@ def sentence(name: str, navigator: NavigatorResult, without_gps_s: float) -> str
 
 def _availability(navigator: NavigatorResult) -> str:
     seconds = navigator.mode_seconds
-    parts = [f"{seconds[mode]:.0f} s {said}" for mode, said in LESS.items() if seconds.get(mode, 0.0) >= 1.0]
+    parts = [f"{seconds[mode]:.0f} s {said}" for mode, (_, said) in known_modes().items() if said and seconds.get(mode, 0.0) >= 1.0]
     return " and ".join(parts) or "GPS all flight"
 
 

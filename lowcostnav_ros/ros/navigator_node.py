@@ -2,13 +2,17 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
 from lowcostnav_ros.base.settings import group, setting
-from lowcostnav_ros.messages import encode
+from lowcostnav_ros.catalogue.building import complete_settings, make_navigator
+from lowcostnav_ros.catalogue.navigator_topics import topics_of
+from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.store import to_cdr
+from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.ros.diagnostics import navigator_rows
 from lowcostnav_ros.ros.input_monitor import Status
 from lowcostnav_ros.ros.node_base import NodeBase
@@ -56,6 +60,8 @@ class NavigatorNode(NodeBase):
         Turns the final settings into the navigator.
     """
 
+    build_settings = staticmethod(complete_settings)
+
     def __init__(self, name: str, settings: Any, make: Any, **kwargs: Any) -> None:
         super().__init__(name, [settings, NavigatorNodeSettings()], **kwargs)
         self.navigator = make(self.parameters.settings[0])
@@ -63,24 +69,20 @@ class NavigatorNode(NodeBase):
         self.poll_period_s = 0.01 if self.navigator.inertial is None else 0.0025
         warm_up(make(self.parameters.settings[0]), self.decoder.rules)
         self._set_rate(self.parameters.settings[1])
-        self._is_attitude_only = name == "ahrs"
+        self._topics = topics_of(name, self.get_name())
+        self._is_attitude_only = topics.spec(self._topics[0]).msgtype == topics.IMU
         self._magnetometer = None
         if self._is_attitude_only:
             from lowcostnav_ros.ros.magnetometer_service import MagnetometerService
 
             self._magnetometer = MagnetometerService(self, self.navigator, Path(self.parameters.settings[1].output.folder))
-        self._room = "nav" if name == "supervisor" else self.get_name()
+        self._room = self._topics[0].rpartition("/")[0]
         self._next_output_ns = 0
         self._origin = None
-        for topic in self._topics():
+        for topic in self._topics:
             self.output(topic)
         for source, required in self.navigator.inputs.items():
             self.listen(source, self._feed, required=required)
-
-    def _topics(self) -> list[str]:
-        if self._is_attitude_only:
-            return ["imu/data", "imu/data_fused"]
-        return [f"{self._room}/{part}" for part in ("odometry", "fix", "wind", "odometry_fused", "wind_fused", "origin")]
 
     def rows(self) -> Iterable[Status]:
         """Add mode, sigmas and aids to the rows of every node."""
@@ -147,3 +149,9 @@ class NavigatorNode(NodeBase):
             self.output(f"{self._room}/wind{suffix}").send(to_cdr(wind))
         if not suffix:
             self.output(f"{self._room}/fix").send(to_cdr(encode.fix_from_solution(solution)))
+
+
+def navigator_node(name: str, **kwargs: Any) -> NavigatorNode:
+    """Make the node of a registered navigator, which is made as a replay makes it, with the station table its settings name."""
+    kind = NAVIGATORS[name]
+    return NavigatorNode(name, kind.Settings(), partial(make_navigator, navigator_class=kind), **kwargs)

@@ -15,7 +15,7 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from std_srvs.srv import Trigger
 
 from lowcostnav_ros.base.measurements import Measurement
-from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.settings import from_mapping, group, setting
 from lowcostnav_ros.graph.wiring import PACED
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.decode import Decoder, Rejected
@@ -154,6 +154,7 @@ class NodeBase(Node):
     """
 
     poll_period_s = 0.005
+    build_settings = staticmethod(from_mapping)
 
     def __init__(self, name: str, settings: Bases = (), **kwargs: Any) -> None:
         self._given_empty: list[str] = []
@@ -161,7 +162,7 @@ class NodeBase(Node):
         try:
             given = given_parameters(self) | {name: [] for name in self._given_empty}
             bases = settings(given) if callable(settings) else settings
-            self.parameters = Parameters(self, [*bases, NodeSettings()], given, self._changed)
+            self.parameters = Parameters(self, [*bases, NodeSettings()], given, self._changed, self.build_settings)
         except Exception:
             self.destroy_node()
             raise

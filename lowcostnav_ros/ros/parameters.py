@@ -8,7 +8,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lowcostnav_ros.base.settings import Declared, SettingsError, checked, declared, from_mapping, nearest, to_mapping
-from lowcostnav_ros.catalogue.imu_by_name import with_imu_profile
 
 BUILT_IN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 LARGE = 1.0e300
@@ -30,6 +29,8 @@ class Parameters:
         Values from outside, see :func:`given_parameters`.
     on_change : callable
         Called with the list of new settings objects after a live change.
+    build : callable
+        Makes settings of a class, values by dotted name and the name of the node; :func:`from_mapping` or one that looks up what they name.
 
     Raises
     ------
@@ -37,9 +38,11 @@ class Parameters:
         For an unknown name (the nearest known one is given), a wrong type or a value out of range.
     """
 
-    def __init__(self, node: Node, bases: Sequence[Any], given: Mapping[str, Any], on_change: Callable[[list], None]) -> None:
+    def __init__(
+        self, node: Node, bases: Sequence[Any], given: Mapping[str, Any], on_change: Callable[[list], None], build: Callable = from_mapping
+    ) -> None:
         self._classes = [type(base) for base in bases]
-        self._on_change = on_change
+        self._on_change, self._make = on_change, build
         self._known = _known(self._classes)
         self._where = node.get_name()
         defaults = {name: value for base in bases for name, value in to_mapping(base).items()}
@@ -47,7 +50,7 @@ class Parameters:
             if name not in self._known:
                 raise SettingsError(f"{self._where}: unknown parameter '{name}'{nearest(name, self._known)}.")
         self._values = {**defaults, **{n: checked(self._known[n], v, self._where) for n, v in given.items()}}
-        self.settings = [with_imu_profile(settings) for settings in self._build(self._values)]
+        self.settings = self._build(self._values)
         for settings in self.settings:  # who asks a node for a number gets the one it flies with
             self._values |= to_mapping(settings)
         for name, entry in self._known.items():
@@ -58,7 +61,7 @@ class Parameters:
         node.add_post_set_parameters_callback(self._apply)
 
     def _build(self, values: Mapping[str, Any]) -> list:
-        return [from_mapping(c, {d.name: values[d.name] for d in declared(c)}, self._where) for c in self._classes]
+        return [self._make(c, {d.name: values[d.name] for d in declared(c)}, self._where) for c in self._classes]
 
     def _changed(self, parameters: list[Parameter]) -> dict[str, Any]:
         return {p.name: checked(self._known[p.name], p.value, self._where) for p in parameters if p.name in self._known}

@@ -2,13 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import Any
 
-from lowcostnav_ros.base.settings import SettingsError, nearest, setting
-from lowcostnav_ros.catalogue.config_files import config_dir
-from lowcostnav_ros.simulation.scenario import Scenario, scenario_from_text
+from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.simulation.scenario import load_scenario
 
 
 @dataclass(frozen=True)
@@ -24,18 +21,6 @@ class FlightSettings:
 
     scenario: str = setting("", "Scenario to fly: a name in config/scenarios or a path; empty flies the parameters of this node.")
     seed: int = setting(1, "Seed of wind variation and turbulence.", minimum=0)
-
-
-@cache
-def load_scenario(name: str) -> Scenario:
-    """Read a scenario by name or path; the default one for an empty name.  Raises SettingsError with what exists."""
-    if not name:
-        return scenario_from_text("name: default")
-    path = Path(name) if name.endswith((".yaml", ".yml")) else config_dir() / "scenarios" / f"{name}.yaml"
-    if not path.is_file():
-        known = [p.stem for p in (config_dir() / "scenarios").glob("*.yaml")]
-        raise SettingsError(f"No scenario '{name}'{nearest(name, known)}; or give the path of a YAML file.")
-    return scenario_from_text(path.read_text(), path.name)
 
 
 def sensor_bases(sensor: str, given: Mapping[str, Any]) -> list:

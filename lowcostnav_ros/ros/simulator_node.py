@@ -1,28 +1,20 @@
 """A sensor simulator as a node: hears its part of the truth, says what the sensor would say."""
 
-from collections.abc import Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import Attitude, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Attitude, NavSolution
 from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.graph.wiring import SIMULATOR_INPUTS
 from lowcostnav_ros.messages.encode import encode
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.ros.node_base import NodeBase
 from lowcostnav_ros.ros.scenario import sensor_bases
+from lowcostnav_ros.sensors.registry import SIMULATORS
 from lowcostnav_ros.simulation.equipment import build
 
 NO_WIND, NO_VELOCITY, NO_RATE = np.zeros(3), np.zeros(3), np.zeros(3)
-
-
-class Simulator(Protocol):
-    """What all sensor simulators have in common."""
-
-    def simulate(self, truth: TruthBlock) -> list[Measurement]:
-        """Return the measurements that become available during ``truth``."""
 
 
 class SimulatorNode(NodeBase):
@@ -30,28 +22,25 @@ class SimulatorNode(NodeBase):
 
     Parameters
     ----------
-    name : str
-        Executable, a key of :data:`SIMULATOR_INPUTS`.
     sensor : str
-        Its name in a scenario.
-    outputs : sequence of str
-        Topics it publishes on; made at once so that listeners find them before the first sample.
+        Name in :data:`SIMULATORS`; the default name of the node is ``<sensor>_simulator``.
     """
 
-    def __init__(self, name: str, sensor: str, outputs: Sequence[str], **kwargs: Any) -> None:
-        super().__init__(name, partial(sensor_bases, sensor), **kwargs)
+    def __init__(self, sensor: str, **kwargs: Any) -> None:
+        super().__init__(f"{sensor}_simulator", partial(sensor_bases, sensor), **kwargs)
         self._make = partial(build, sensor)
-        self._simulator: Simulator = self._make(self.parameters.settings[0])
+        self._simulator = self._make(self.parameters.settings[0])
         for note in getattr(self._simulator, "notes", ()):
             self.get_logger().info(note)
-        for topic in outputs:
+        label = SIMULATORS.label(sensor)
+        for topic in label.topics:  # at once, so that listeners find them before the first sample
             self.output(topic)
         self._wind: dict[int, np.ndarray] = {}
         self._waiting: dict[int, NavSolution] = {}
         handlers = {"truth/imu": self._on_imu, "truth/odometry": self._on_odometry, "truth/wind": self._on_wind}
-        self.poll_period_s = 0.005 if "truth/imu" in SIMULATOR_INPUTS[name] else 0.01  # the state comes at 20 Hz only
-        self._needs_wind = "truth/wind" in SIMULATOR_INPUTS[name]
-        for topic in SIMULATOR_INPUTS[name]:
+        self.poll_period_s = 0.005 if "truth/imu" in label.truth else 0.01  # the state comes at 20 Hz only
+        self._needs_wind = "truth/wind" in label.truth
+        for topic in label.truth:
             self.listen(topic, handlers[topic], required=True)
 
     def reset(self, reason: str) -> str:

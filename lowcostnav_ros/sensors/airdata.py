@@ -18,6 +18,7 @@ from lowcostnav_ros.physics import atmosphere
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.stochastic import GaussMarkov
 from lowcostnav_ros.sensors.drift import DriftBank
+from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock, to_body
 
 SLOWEST_MPS = 5.0
@@ -95,6 +96,13 @@ def _airflow(incidence: float, sideslip: float) -> tuple[np.ndarray, np.ndarray,
     return np.array([ca * cb, sb, sa * cb]), np.array([-sa * cb, 0.0, ca * cb]), np.array([-ca * sb, cb, -sa * sb])
 
 
+@simulator(
+    "air_data",
+    Settings=AirDataSimulatorSettings,
+    truth=("truth/odometry", "truth/wind"),
+    topics=("air/static_pressure", "air/dynamic_pressure", "air/temperature", "air/velocity"),
+    usual=3,
+)
 class AirDataSimulator:
     """Turn truth into air data; keeps its errors from call to call.
 

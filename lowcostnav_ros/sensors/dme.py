@@ -15,6 +15,7 @@ from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.radionav.interrogation import SCHEMES, InterrogationSchedule, Slot
 from lowcostnav_ros.radionav.selection import audible, best_pair, view
 from lowcostnav_ros.radionav.stations import RANGING, Station, StationTable
+from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.station_drift import DistanceFlown, StationDrift
 
 CHOOSE_EVERY_S = 60.0
@@ -42,6 +43,7 @@ def range_error(settings: DmeSimulatorSettings, ident: str) -> StationDrift:
     return StationDrift(rng, settings.bias_m, settings.drift_m, settings.correlation_distance_m, settings.noise_m)
 
 
+@simulator("dme", Settings=DmeSimulatorSettings, truth=("truth/odometry",), topics=("dme/range",), needs="stations_file", usual=5)
 class DmeSimulator:
     """Turn truth into slant ranges; keeps lock, schedule and errors from call to call.
 

@@ -29,6 +29,7 @@ from lowcostnav_ros.gnss.visibility import Schedule, choose
 from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 from lowcostnav_ros.physics.stochastic import GaussMarkov
 from lowcostnav_ros.sensors.drift import DriftBank
+from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
 MILLISECOND_M = SPEED_OF_LIGHT * 1e-3
@@ -104,6 +105,7 @@ def constellation_of(settings: GnssRawSimulatorSettings, almanac: Almanac | None
     return gps if settings.constellation == "gps" else together(gps, constellation_named("galileo"))
 
 
+@simulator("gnss", Settings=GnssRawSimulatorSettings, truth=("truth/odometry",), topics=("gnss/raw",), needs="almanac_file")
 class GnssRawSimulator:
     """Turn truth into epochs of observations; keeps clock, slow errors and selection from call to call.
 
@@ -113,10 +115,10 @@ class GnssRawSimulator:
     Parameters
     ----------
     settings : GnssRawSimulatorSettings
-    source : str
-        Source name of the epochs.
     almanac : Almanac, optional
         What ``settings.almanac_file`` names, read.
+    source : str
+        Source name of the epochs.
 
     Attributes
     ----------
@@ -124,7 +126,7 @@ class GnssRawSimulator:
         What there is to say about the satellites, one sentence each.
     """
 
-    def __init__(self, settings: GnssRawSimulatorSettings, source: str = "gnss/raw", almanac: Almanac | None = None) -> None:
+    def __init__(self, settings: GnssRawSimulatorSettings, almanac: Almanac | None = None, source: str = "gnss/raw") -> None:
         self.settings, self.source = settings, source
         self.constellation, self._almanac = constellation_of(settings, almanac), almanac
         self.notes = [] if almanac is None else almanac.notes()

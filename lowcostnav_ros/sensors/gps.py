@@ -16,6 +16,7 @@ from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.stochastic import GaussMarkov
 from lowcostnav_ros.sensors.drift import DriftBank
 from lowcostnav_ros.sensors.reception import Reception, check_outages
+from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
 
@@ -39,6 +40,7 @@ class GpsSimulatorSettings:
         check_outages(self.outages_s, "GPS")
 
 
+@simulator("gps", Settings=GpsSimulatorSettings, truth=("truth/odometry",), topics=("gps/fix", "gps/vel"), usual=4)
 class GpsSimulator:
     """Turn truth into fixes; keeps its errors and what is still on its way from call to call.
 

@@ -14,6 +14,7 @@ from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.rotation import euler_jacobian_n, euler_to_quat, quat_to_dcm, quat_to_euler
 from lowcostnav_ros.sensors.reception import Reception, check_outages
+from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
 STEEPEST = np.radians(85.0)
@@ -35,6 +36,7 @@ class GpsAttitudeSimulatorSettings:
         check_outages(self.outages_s, "GPS attitude")
 
 
+@simulator("gps_attitude", Settings=GpsAttitudeSimulatorSettings, truth=("truth/odometry",), topics=("gps/attitude",))
 class GpsAttitudeSimulator:
     """Turn truth into attitudes; keeps what is still on its way from call to call.
 

@@ -20,6 +20,7 @@ from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.sensors.bandwidth import LowPass
 from lowcostnav_ros.sensors.drift import DriftBank, slow_error
 from lowcostnav_ros.sensors.imu_profile import ImuProfile, TriadNoise
+from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock, means_between
 
 
@@ -63,6 +64,7 @@ class _Triad:
         return seen + errors[:, 0:3] + errors[:, 3:6] + errors[:, 6:9] * seen + white
 
 
+@simulator("imu", Settings=ImuSimulatorSettings, truth=("truth/imu",), topics=("imu/data_raw",), needs="profile", usual=1)
 class ImuSimulator:
     """Turn truth into the samples of one IMU; keeps its errors from call to call.
 

@@ -15,6 +15,7 @@ from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.base.units import GAUSS
 from lowcostnav_ros.physics.geomagnetism import MagneticModel
+from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock, to_body
 
 TESLA_PER_MG = 1.0e-3 * GAUSS
@@ -41,6 +42,7 @@ class MagnetometerSimulatorSettings:
                 raise SettingsError(f"Magnetometer: '{name}' needs {count} numbers, got {len(getattr(self, name))}.")
 
 
+@simulator("magnetometer", Settings=MagnetometerSimulatorSettings, truth=("truth/odometry",), topics=("imu/mag",), usual=2)
 class MagnetometerSimulator:
     """Turn truth into magnetic field measurements; keeps its errors from call to call."""
 

@@ -18,6 +18,7 @@ from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.radionav.stations import BEARING, Station, StationTable
 from lowcostnav_ros.radionav.vor import bearing_view, nearest_vors, out_of_service, radial_of
 from lowcostnav_ros.sensors.reception import Reception, check_outages
+from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 from lowcostnav_ros.sensors.station_drift import DistanceFlown, StationDrift
 
@@ -49,6 +50,7 @@ class VorSimulatorSettings:
         return float(np.radians(1.0) ** 2 * (self.bias_deg**2 + self.bend_deg**2 + self.noise_deg**2))
 
 
+@simulator("vor", Settings=VorSimulatorSettings, truth=("truth/odometry",), topics=("vor/bearing",), needs="stations_file")
 class VorSimulator:
     """Turn truth into radials; keeps tuning, errors and what is on its way from call to call.
 

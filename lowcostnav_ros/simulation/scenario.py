@@ -1,61 +1,86 @@
 """A scenario: one flight and the sensors aboard, as YAML text."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, make_dataclass
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any
 
 import yaml
 
 from lowcostnav_ros.base.settings import SettingsError, from_mapping, group, nearest, setting
+from lowcostnav_ros.catalogue.config_files import config_dir, find_config
 from lowcostnav_ros.physics.geomagnetism import decimal_year
-from lowcostnav_ros.sensors.airdata import AirDataSimulatorSettings
-from lowcostnav_ros.sensors.dme import DmeSimulatorSettings
-from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
-from lowcostnav_ros.sensors.gps import GpsSimulatorSettings
-from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulatorSettings
-from lowcostnav_ros.sensors.imu import ImuSimulatorSettings
-from lowcostnav_ros.sensors.magnetometer import MagnetometerSimulatorSettings
-from lowcostnav_ros.sensors.vor import VorSimulatorSettings
-from lowcostnav_ros.simulation.equipment import SENSORS, USUAL
+from lowcostnav_ros.sensors.registry import SIMULATORS
 from lowcostnav_ros.trajectory import TruthSettings
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """One simulated flight.
+    """One simulated flight: of :func:`scenario_class`, which adds one section for every sensor simulator.
 
-    A sensor's section takes the seed of the scenario and, for the magnetometer, the date of the flight, unless it gives its own.
+    A sensor's section takes the seed of the scenario and, where it has one, the date of the flight, unless it gives its own.
     """
 
     name: str = setting("scenario", "Name of the scenario.")
     description: str = setting("", "What the flight is for.")
     seed: int = setting(1, "Seed of everything random in the flight.", minimum=0)
-    sensors: list = setting(list(USUAL), "Sensors aboard.", choices=SENSORS)
+    sensors: list = setting([], "Sensors aboard.")
     truth: TruthSettings = group(TruthSettings)
-    imu: ImuSimulatorSettings = group(ImuSimulatorSettings)
-    magnetometer: MagnetometerSimulatorSettings = group(MagnetometerSimulatorSettings)
-    air_data: AirDataSimulatorSettings = group(AirDataSimulatorSettings)
-    gps: GpsSimulatorSettings = group(GpsSimulatorSettings)
-    dme: DmeSimulatorSettings = group(DmeSimulatorSettings)
-    gps_attitude: GpsAttitudeSimulatorSettings = group(GpsAttitudeSimulatorSettings)
-    gnss: GnssRawSimulatorSettings = group(GnssRawSimulatorSettings)
-    vor: VorSimulatorSettings = group(VorSimulatorSettings)
 
     def __post_init__(self) -> None:
         if len(set(self.sensors)) < len(self.sensors):
             raise SettingsError(f"Scenario '{self.name}': a sensor is listed twice in 'sensors'; name each once.")
-        ratio = self.truth.rate_hz / self.imu.rate_hz
-        if "imu" in self.sensors and (ratio < 1.0 or abs(ratio - round(ratio)) > 1e-9):
-            raise SettingsError(
-                f"Scenario '{self.name}': imu.rate_hz of {self.imu.rate_hz:g} must divide truth.rate_hz of {self.truth.rate_hz:g}."
-            )
-        for name in ("magnetometer", "air_data", "gps", "gps_attitude", "gnss", "vor"):
-            rate_hz = getattr(self, name).rate_hz
-            if name in self.sensors and rate_hz > self.truth.rate_hz:
+        highest_hz = self.truth.rate_hz
+        for name in self.sensors:
+            rate_hz = getattr(getattr(self, name), "rate_hz", None)
+            if rate_hz is None:
+                continue
+            ratio = highest_hz / rate_hz
+            # who takes the mean over its interval needs whole intervals
+            if "truth/imu" in SIMULATORS.label(name).truth and (ratio < 1.0 or abs(ratio - round(ratio)) > 1e-9):
+                raise SettingsError(f"Scenario '{self.name}': {name}.rate_hz of {rate_hz:g} must divide truth.rate_hz of {highest_hz:g}.")
+            if ratio < 1.0:
                 raise SettingsError(
-                    f"Scenario '{self.name}': {name}.rate_hz of {rate_hz:g} is above truth.rate_hz of {self.truth.rate_hz:g}; lower it."
+                    f"Scenario '{self.name}': {name}.rate_hz of {rate_hz:g} is above truth.rate_hz of {highest_hz:g}; lower it."
                 )
+
+
+def scenario_class() -> type[Scenario]:
+    """Return the class of scenarios: one section for every sensor simulator there is, those of plugins included."""
+    return _scenario_class(tuple(SIMULATORS))
+
+
+@cache
+def _scenario_class(sensors: tuple[str, ...]) -> type[Scenario]:
+    places = {name: SIMULATORS.label(name).usual for name in sensors}
+    usual = sorted((name for name in sensors if places[name]), key=places.__getitem__)
+    aboard = ("sensors", list, setting(usual, "Sensors aboard.", choices=sensors))
+    sections = [(name, SIMULATORS[name].Settings, field(default_factory=SIMULATORS[name].Settings)) for name in sensors]
+    made = make_dataclass("Scenario", [aboard, *sections], bases=(Scenario,), frozen=True)
+    made.__doc__ = Scenario.__doc__
+    return made
+
+
+def load_scenario(name: str, seed: int | None = None) -> Scenario:
+    """Read a scenario by the name of a shipped one or by path; the default one for an empty name.
+
+    Raises
+    ------
+    SettingsError
+        When there is none, or it holds what cannot be used.
+    """
+    if not name:
+        return scenario_from_text("name: default")
+    if "/" in name or name.endswith((".yaml", ".yml")):
+        path = find_config(name)
+    else:
+        path = config_dir() / "scenarios" / f"{name}.yaml"
+        if not path.is_file():
+            known = [p.stem for p in path.parent.glob("*.yaml")]
+            raise SettingsError(f"There is no scenario '{name}'{nearest(name, known)}; or give the path of a YAML file.")
+    changes = {} if seed is None else {"seed": seed}
+    return scenario_from_text(path.read_text(encoding="utf-8"), str(path), **changes)
 
 
 def scenario_from_text(text: str, where: str = "scenario", **changes: Any) -> Scenario:
@@ -83,25 +108,25 @@ def scenario_from_text(text: str, where: str = "scenario", **changes: Any) -> Sc
         raise SettingsError(f"{where}: a scenario is a list of names and values; begin with 'name:'.")
     nested = {name: value for name, value in changes.items() if "." in name}
     plain = {name: value for name, value in changes.items() if "." not in name}
-    return from_mapping(Scenario, {**_completed({**values, **plain}, where), **nested}, where)  # the last of two equal names counts
+    return from_mapping(scenario_class(), {**_completed({**values, **plain}, where), **nested}, where)  # the last of two equal names counts
 
 
 def _completed(values: dict[str, Any], where: str) -> dict[str, Any]:
     """Fill in what sections inherit from the scenario, so that from here on every section stands alone."""
     truth = _section(values, "truth", where)
     stamp_s = truth.get("start_stamp_s", TruthSettings().start_stamp_s)
-    for name in SENSORS:
-        values[name] = {"seed": values.get("seed", 1), **_section(values, name, where)}
-    if isinstance(stamp_s, int | float):
-        values["magnetometer"] = {"decimal_year": decimal_year(datetime.fromtimestamp(stamp_s, UTC)), **values["magnetometer"]}
-    for name in ("gps", "gps_attitude", "vor"):
-        outages = values[name].get("outages_s")
-        if isinstance(outages, list):
-            pairs = [pair if isinstance(pair, list) else [pair] for pair in outages]
-            values[name] = {**values[name], "outages_s": [time for pair in pairs for time in pair]}
+    for name in SIMULATORS:
+        known = {f.name for f in fields(SIMULATORS[name].Settings)}
+        section = _section(values, name, where)
+        if "decimal_year" in known and isinstance(stamp_s, int | float):
+            section = {"decimal_year": decimal_year(datetime.fromtimestamp(stamp_s, UTC)), **section}
+        if isinstance(section.get("outages_s"), list):
+            pairs = [pair if isinstance(pair, list) else [pair] for pair in section["outages_s"]]
+            section["outages_s"] = [time for pair in pairs for time in pair]
+        values[name] = {"seed": values.get("seed", 1), **section} if "seed" in known else section
     for sensor in values.get("sensors") or ():
-        if sensor not in SENSORS:
-            raise SettingsError(f"{where}: there is no sensor '{sensor}'{nearest(str(sensor), SENSORS)}.")
+        if sensor not in SIMULATORS:
+            raise SettingsError(f"{where}: there is no sensor '{sensor}'{nearest(str(sensor), SIMULATORS)}.")
     return values
 
 

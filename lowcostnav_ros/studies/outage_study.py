@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
-from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.catalogue.building import make_navigator
+from lowcostnav_ros.catalogue.building import complete_settings, make_navigator
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import quat_to_euler, wrap
@@ -99,7 +98,7 @@ def fly(flight: str, seed: int) -> tuple[TruthBlock, list[Measurement]]:
 def navigator(case: Case) -> Any:
     """Return the navigator with the aids of a case and no others."""
     bare = {"imu.profile": "automotive", "baro.enabled": False, "magnetic.enabled": False, "airdata.enabled": False}
-    return make_navigator(from_mapping(InsGpsSettings, {**bare, **case.settings}), InsGps)
+    return make_navigator(complete_settings(InsGpsSettings, {**bare, **case.settings}), InsGps)
 
 
 def outage_errors(names: list[str], seed: int) -> dict[str, list[OutageError]]:

@@ -37,7 +37,10 @@ class WindSettings:
 
 @dataclass(frozen=True)
 class TruthSettings:
-    """One true flight; the same settings and seed give the same flight to the last bit."""
+    """Settings of the truth source: one true flight, made the way 'kind' says; the same settings and seed give the same flight to the bit.
+
+    A manoeuvre is a verb and named values: straight, turn, heading, climb, descend, speed, s_turns, hold, goto, orbit, approach.
+    """
 
     kind: str = setting(
         "segments", "How the truth is made: closed-form manoeuvres, thesis dataset, flight dynamics, or a recorded flight", choices=KINDS

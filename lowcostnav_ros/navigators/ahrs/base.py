@@ -28,6 +28,7 @@ from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.navigators.ahrs.settings import FULL, AhrsSettings
 from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference
 from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler
 from lowcostnav_ros.starts.attitude_core import begin_core, configured_place, hold_position
@@ -67,6 +68,7 @@ def unbroken(block: ImuBlock) -> list[ImuBlock]:
     return [rows_of(block, slice(a, b)) for a, b in zip([0, *cuts], [*cuts, len(block)], strict=True)]
 
 
+@navigator
 class Ahrs(Navigator):
     """Attitude and heading reference; made with settings, it is the filter that ``settings.filter`` names.
 
@@ -77,6 +79,9 @@ class Ahrs(Navigator):
     """
 
     name = "ahrs"
+    Settings = AhrsSettings
+    colour = "#b4579a"
+    outputs = ("imu/data", "imu/data_fused")
     inertial = IMU
 
     def __new__(cls, settings: AhrsSettings) -> "Ahrs":

@@ -33,6 +33,7 @@ from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.error_state import Kind
 from lowcostnav_ros.navigators.base import ERROR, Navigator
 from lowcostnav_ros.navigators.dead_reckoning.geometry import HeardStations
+from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.radionav.stations import StationTable
 
 HEARD_S = 120.0
@@ -41,6 +42,7 @@ UPLINK_S = 120.0
 """What the ground sent is named this long after it was used."""
 
 
+@navigator
 class DeadReckoning(Navigator):
     """DME-aided dead reckoning with full attitude and air data.
 
@@ -62,6 +64,9 @@ class DeadReckoning(Navigator):
     """
 
     name: ClassVar[str] = "dead_reckoning"
+    Settings = DeadReckoningSettings
+    colour = "#d55e00"
+    modes = {"dme_aided": ("#7570b3", ""), "vor_aided": ("#a17fa6", "")}
 
     def __init__(self, settings: DeadReckoningSettings | None = None, stations: StationTable | None = None) -> None:
         settings = settings or DeadReckoningSettings()

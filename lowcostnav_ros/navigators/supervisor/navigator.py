@@ -15,6 +15,7 @@ from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import Attitude, GpsPosition, Measurement, NavSolution
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.navigators.base import ERROR, OK, WARN, HorizonSettings, Navigator
+from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.supervisor.blend import Blend, carried_to
 from lowcostnav_ros.navigators.supervisor.modes import Facts, Gps, next_mode
 from lowcostnav_ros.physics.earth import difference_n
@@ -70,6 +71,7 @@ class Switch:
     reason: str
 
 
+@navigator
 class Supervisor(Navigator):
     """Picks and blends.
 
@@ -82,6 +84,11 @@ class Supervisor(Navigator):
     """
 
     name: ClassVar[str] = "supervisor"
+    Settings = SupervisorSettings
+    room = "nav"
+    colour = "#009e73"
+    dash = "7 4"  # it flies on another navigator's solution: one sees which
+    modes = {"no_go": ("#8e3b2f", ""), "re_acquiring": ("#66a6d9", "")}
 
     def __init__(self, settings: SupervisorSettings | None = None) -> None:
         self.inputs = dict.fromkeys((*SOURCES, "imu/data_fused", "gps/fix"), False)

@@ -3,14 +3,12 @@
 import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
+from lowcostnav_ros.navigators.registry import label_of
 from lowcostnav_ros.report.chart import Band, Curve, Dots, TimeAxis, time_chart
 from lowcostnav_ros.report.flight.map_chart import Ellipse, Station, Track, map_chart
 from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
 
 TRUTH_COLOUR = "#222222"
-COLOURS = {"ahrs": "#b4579a", "dead_reckoning": "#d55e00", "ins_gps": "#0072b2", "supervisor": "#009e73"}
-DASHES = {"supervisor": "7 4"}
-"""The supervisor flies on another navigator's solution: dashed, so that one sees which."""
 _SPARE = ("#7a5195", "#8c6d31", "#56b4e9", "#5f7f3a")
 HALF = 474
 ELLIPSE_EVERY_S = 60.0
@@ -33,9 +31,9 @@ ERROR_TITLES = {
 
 
 def colour_of(name: str, names: list[str]) -> str:
-    """Colour of a navigator, the same in all figures."""
-    others = [n for n in names if n not in COLOURS]
-    return COLOURS.get(name) or _SPARE[others.index(name) % len(_SPARE)]
+    """Colour of a navigator, the same in all figures: its own, or a spare one."""
+    others = [n for n in names if not label_of(n).colour]
+    return label_of(name).colour or _SPARE[others.index(name) % len(_SPARE)]
 
 
 def ground_map(result: Result) -> str:
@@ -55,7 +53,7 @@ def ground_map(result: Result) -> str:
     for name, navigator in result.navigators.items():
         if _known(navigator.solutions, "lat_deg"):
             place = navigator.solutions["lat_deg"], navigator.solutions["lon_deg"]
-            tracks.append(Track(*place, colour_of(name, names), name, dash=DASHES.get(name)))
+            tracks.append(Track(*place, colour_of(name, names), name, dash=label_of(name).dash or None))
             ellipses += _ellipses(navigator, colour_of(name, names), result.summary.without_gps.intervals_s)
     stations = [Station(s.ident, s.lat_deg, s.lon_deg) for s in result.summary.stations]
     return map_chart(tracks, stations, ellipses)
@@ -99,7 +97,7 @@ def requirement_figures(result: Result, axis: TimeAxis) -> list[str]:
                 size = np.abs(errors["down_m"]) if side else np.hypot(errors["north_m"], errors["east_m"])
                 rows = np.isfinite(size)
                 t, values, _ = _broken(errors["t_s"][rows], size[rows], size[rows])
-                curves.append(Curve(t, values, colour_of(name, names), name, 1.3, DASHES.get(name)))
+                curves.append(Curve(t, values, colour_of(name, names), name, 1.3, label_of(name).dash or None))
                 largest = max(largest, float(size[rows].max()))
         highest = CATEGORIES_M["I"][side]
         lines = [Curve(ends, np.full(2, limits[side]), "#c0392b", f"cat {name}", 1.1, dash)
@@ -215,7 +213,7 @@ def _solution_curves(result: Result, column: str) -> list[Curve]:
     for name, navigator in result.navigators.items():
         columns = _with_speed(navigator.solutions)
         if _known(columns, column):
-            curves.append(Curve(*_track_of(columns, column), colour_of(name, names), name, 1.3, DASHES.get(name)))
+            curves.append(Curve(*_track_of(columns, column), colour_of(name, names), name, 1.3, label_of(name).dash or None))
     return curves
 
 

@@ -4,6 +4,7 @@ from collections import Counter
 
 import numpy as np
 
+from lowcostnav_ros.navigators.registry import known_modes
 from lowcostnav_ros.report import svg
 from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.flight.result_folder import NavigatorResult
@@ -12,20 +13,6 @@ WIDTH, LEFT, RIGHT, LANE = 960, 236, 12, 22
 MAX_REFUSALS = 14
 SILENT_S = 2.0
 """A navigator that says nothing for longer holds its solution back; its last mode does not last through that."""
-MODE_COLOURS = {
-    "gps": "#1b9e77",
-    "calibrating": "#1b9e77",
-    "coasting": "#e6a817",
-    "sparse": "#b8b042",
-    "suspect": "#d95f02",
-    "dme_aided": "#7570b3",
-    "vor_aided": "#a17fa6",
-    "re_acquiring": "#66a6d9",
-    "aligning": "#a6b4c0",
-    "initialising": "#c9d1d8",
-    "no_go": "#8e3b2f",
-    "failed": "#c0392b",
-}
 _OTHER = ("#7f8fa6", "#9b8579", "#6c8e8e", "#a17fa6")
 
 
@@ -91,10 +78,11 @@ def _x(t_s: float, axis: TimeAxis) -> float:
 
 def _mode_lane(name: str, spans: list[tuple[float, float, str]], axis: TimeAxis, y: int) -> str:
     parts = [svg.text(LEFT - 8, y + 14, name, class_="lane", text_anchor="end")]
-    others = sorted({mode for _, _, mode in spans} - set(MODE_COLOURS))
+    known = known_modes()
+    others = sorted({mode for _, _, mode in spans} - set(known))
     for start, end, mode in spans:
         x, width = _x(start, axis), max(1.0, _x(end, axis) - _x(start, axis))
-        colour = MODE_COLOURS.get(mode) or _OTHER[others.index(mode) % len(_OTHER)]
+        colour = known[mode][0] if mode in known else _OTHER[others.index(mode) % len(_OTHER)]
         title = svg.element("title", svg.escape(f"{name}: {mode}, {start:.1f} s to {end:.1f} s"))
         parts.append(svg.element("rect", title, x=f"{x:.1f}", y=y, width=f"{width:.1f}", height=LANE - 4, fill=colour, rx=2))
         if width > 7.0 * len(mode) + 8:

@@ -1,0 +1,51 @@
+"""Run any executable by its name: ``python -m lowcostnav_ros.nodes.dispatch ins_gps --ros-args ...``."""
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, NODES, SIMULATOR, kind_of, needs_compiler, sensor_of
+
+
+def run_executable(name: str, args: Sequence[str]) -> int:
+    """Run an executable with its command line until it is told to stop; return the exit status (:func:`lowcostnav_ros.ros.run.run`).
+
+    Raises
+    ------
+    SettingsError
+        When there is no such executable.
+    """
+    if not needs_compiler(name):
+        os.environ.setdefault("LOWCOSTNAV_KERNELS", "interpreted")  # kernels are made on import, so this comes before all others
+    make = _maker(name)
+    from lowcostnav_ros.ros.run import run
+
+    return run(make, args)
+
+
+def _maker(name: str) -> Callable:
+    kind = kind_of(name)
+    if kind == SIMULATOR:
+        from lowcostnav_ros.ros.simulator_node import SimulatorNode
+
+        return partial(SimulatorNode, sensor_of(name))
+    if kind == NAVIGATOR:
+        from lowcostnav_ros.ros.navigator_node import navigator_node
+
+        return partial(navigator_node, name)
+    return NODES[name]
+
+
+def main(name: str, args: Sequence[str]) -> int:
+    """Run an executable as a process; a name that does not exist is one sentence on stderr and exit status 2."""
+    try:
+        return run_executable(name, args)
+    except SettingsError as error:
+        print(error, file=sys.stderr)
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1], sys.argv[2:]) if len(sys.argv) > 1 else f"give the name of an executable: {', '.join(EXECUTABLES)}")
