@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping
 
 from lowcostnav_ros.base.modes import Mode
+from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.replay.result import ErrorSummary, NavigatorResult
 
-METRES_PER_NM = 1852.0
 LESS = {Mode.SPARSE: "with fewer than four satellites", Mode.SILENT: "without a solution"}
 """Modes in which there is less than a GPS position, as a sentence says them."""
 HONEST = (0.5, 1.5)
@@ -16,7 +16,7 @@ HONEST = (0.5, 1.5)
 def distance(metres: float) -> str:
     """A distance as a pilot would say it: metres, from 2000 m on kilometres and nautical miles."""
     if metres >= 2000.0:
-        return f"{metres / 1000.0:.1f} km ({metres / METRES_PER_NM:.1f} NM)"
+        return f"{metres / 1000.0:.1f} km ({metres / NAUTICAL_MILE:.1f} NM)"
     return f"{metres:.0f} m" if metres >= 10.0 else f"{metres:.1f} m"
 
 
