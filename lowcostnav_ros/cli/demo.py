@@ -126,8 +126,8 @@ def _print_counts(counts: Mapping[str, Mapping[str, int]], console: "Console") -
         missing = sum(max(entry["sent"] - count, 0) for count in listeners.values())
         total += missing
         heard = ", ".join(node if count >= entry["sent"] else f"{node} {count}" for node, count in listeners.items())
-        rows.append((topic, str(entry["sent"]), str(missing) if missing else "-", heard))
-    print_table(Table.plain("Messages", ("topic", "published", "lost", "received by"), rows), console)
+        rows.append((topic, heard, str(entry["sent"]), str(missing) if missing else "-"))
+    print_table(Table.plain("Messages", ("topic", "received by", "published", "lost"), rows, left=2), console)
     console.print("Nothing was lost." if not total else f"[red]{total} messages were lost.[/]")
     return total
 
