@@ -18,7 +18,7 @@ from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, Measureme
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue import config_files
 from lowcostnav_ros.catalogue.building import build_navigators
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
 from lowcostnav_ros.navigators.registry import NAVIGATORS

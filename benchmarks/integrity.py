@@ -12,11 +12,11 @@ from collections import Counter
 import numpy as np
 from common import run
 
-from lowcostnav_ros.aids.gnss_integrity import IntegritySettings
 from lowcostnav_ros.aids.satellites import GnssSettings
 from lowcostnav_ros.base.chi_square import exceeded_with
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
+from lowcostnav_ros.estimation.satellite_integrity import IntegritySettings
 from lowcostnav_ros.gnss import parity, raim
 from lowcostnav_ros.gnss.positioning import solve
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings

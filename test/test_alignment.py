@@ -10,7 +10,7 @@ from test_ins_gps import GPS_ONLY, errors, fed, measurements
 
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, NavSolution
 from lowcostnav_ros.catalogue.imu_by_name import profile_settings
-from lowcostnav_ros.cores.inertial import ImuSettings, of_axes
+from lowcostnav_ros.cores.imu_errors import ImuSettings, of_axes
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lowcostnav_ros.aids.gnss_integrity import IntegritySettings
 from lowcostnav_ros.aids.satellites import GnssSettings
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
+from lowcostnav_ros.estimation.satellite_integrity import IntegritySettings
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss

@@ -8,7 +8,8 @@ from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.settings import SettingsError, from_mapping
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.cores import inertial
-from lowcostnav_ros.cores.inertial import CORE, ImuSettings, InertialCore, bias_blocks, core_block, imu_settings, typical
+from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block, imu_settings, typical
+from lowcostnav_ros.cores.inertial import CORE, InertialCore
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Kind, Layout, gauss_markov, random_walk
 from lowcostnav_ros.physics.earth import EARTH_RATE, difference_n, displace, gravity

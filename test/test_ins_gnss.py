@@ -10,7 +10,8 @@ from lowcostnav_ros.aids.ins_gps_aids import GpsSettings
 from lowcostnav_ros.aids.satellites import GnssSettings, Observations, common_part, satellite_model
 from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import CORE, InertialCore, core_block, imu_settings
+from lowcostnav_ros.cores.imu_errors import core_block, imu_settings
+from lowcostnav_ros.cores.inertial import CORE, InertialCore
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import acceptance_band
 from lowcostnav_ros.estimation.error_state import Layout

@@ -8,7 +8,7 @@ import pytest
 
 from lowcostnav_ros.aids.ins_gps_aids import AirDataSettings, BaroSettings, GpsSettings, MagneticSettings
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import nees
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings

@@ -7,7 +7,8 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, GpsPosition, GpsVelocity, MagneticField, Pressure
 from lowcostnav_ros.base.settings import SettingsError, group, setting
-from lowcostnav_ros.cores.inertial import ATT, DEG, POS, VEL
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.inertial import ATT, POS, VEL
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Innovation
 from lowcostnav_ros.physics.atmosphere import pressure_altitude
@@ -196,7 +197,7 @@ class MagneticAid(Aid):
             bias = host.layout["heading_bias"].start
             H[0, bias] = 1.0
             y -= host.core.estimate[bias]
-        return Innovation(np.array([y]), H, np.array([[(self.settings.noise_deg * DEG) ** 2]]), np.array([y]))
+        return Innovation(np.array([y]), H, np.array([[(self.settings.noise_deg * DEGREE) ** 2]]), np.array([y]))
 
 
 def air_velocity_b(host: "InsGps") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -255,7 +256,7 @@ class SideslipAid(Aid):
         _, air_b, J = air_velocity_b(host)
         measured = measurement.cov_b[1, 1] < UNKNOWN_VARIANCE
         lateral = measurement.vel_b[1] if measured else 0.0
-        sigma = tas * self.settings.sideslip_deg * DEG
+        sigma = tas * self.settings.sideslip_deg * DEGREE
         variance = max(measurement.cov_b[1, 1], (0.25 * sigma) ** 2) if measured else sigma**2
         return Innovation(np.array([lateral - air_b[1]]), J[1:2].copy(), np.array([[variance]]), np.array([lateral]), host.air_free())
 

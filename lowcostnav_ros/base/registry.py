@@ -106,4 +106,5 @@ def load_plugins() -> None:
         try:
             importlib.import_module(name)
         except ImportError as error:
-            raise RegistryError(f"The plugin '{name}' of {PLUGINS} cannot be imported ({error}); correct the name or PYTHONPATH.") from error
+            text = f"The plugin {name} of {PLUGINS} cannot be imported ({error}); correct the name or PYTHONPATH."
+            raise RegistryError(text) from error

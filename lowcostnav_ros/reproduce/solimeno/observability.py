@@ -16,7 +16,8 @@ from lowcostnav_ros.aids.satellites import satellite_model
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import POS, VEL, dynamics_now, imu_settings, inertial_dynamics
+from lowcostnav_ros.cores.imu_errors import imu_settings
+from lowcostnav_ros.cores.inertial import POS, VEL, dynamics_now, inertial_dynamics
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.navigators.gnss_only import GnssOnly
 from lowcostnav_ros.navigators.ins_gnss import ENOUGH, SOLUTION, gnss_blocks
