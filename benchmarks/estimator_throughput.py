@@ -10,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 from common import run
 
-from lowcostnav_ros.aids.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
+from lowcostnav_ros.aids.airdata import AirDataSettings
+from lowcostnav_ros.aids.baro import BaroSettings
+from lowcostnav_ros.aids.magnetic import MagneticSettings
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.cores.imu_errors import imu_settings

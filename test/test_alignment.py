@@ -101,7 +101,7 @@ def test_a_good_unit_finds_north_as_well_as_it_says():
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.45)
 
 
-@pytest.mark.parametrize(("grade", "words"), [("crista", "would tell nothing, gyro bias"), ("fog", "would be good to 2")])
+@pytest.mark.parametrize(("grade", "words"), [("crista", "above 90 deg, gyro bias"), ("fog", "predicted heading sigma 2")])
 def test_gyros_that_cannot_feel_the_earth_are_refused_in_a_sentence(grade, words):
     imu = profile_settings(grade)
     navigator, solutions = fed(standing(imu, 70, 1.0), compass(imu))

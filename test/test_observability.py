@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros.aids.satellites import GnssSettings
+from lowcostnav_ros.aids.gnss import GnssSettings
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.cli import main as cli

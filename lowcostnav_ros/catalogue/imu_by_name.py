@@ -28,7 +28,7 @@ def with_imu_profile(settings: Any) -> Any:
     name = getattr(getattr(settings, "imu", None), "profile", "")
     if not name:
         return settings
-    from lowcostnav_ros.cores.inertial import ImuSettings  # the compiler behind it is heavy; few nodes come here
+    from lowcostnav_ros.cores.imu_errors import ImuSettings  # the compiler behind it is heavy; few nodes come here
 
     if not isinstance(settings.imu, ImuSettings):
         return settings

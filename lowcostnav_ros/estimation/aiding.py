@@ -232,7 +232,7 @@ class Aid(ABC):
     def innovation(self, measurement: Any, host: Any) -> Innovation | str:
         """Measured minus predicted, or the reason why there is none (one short phrase).  Changes nothing."""
 
-    def after(self, measurement: Any, host: Host) -> None:
+    def after(self, measurement: Any, host: Host) -> None:  # noqa: B027 - most aids have nothing to do then
         """Called once all aids of its channel have had a measurement."""
 
     def words(self, now_ns: int) -> str:

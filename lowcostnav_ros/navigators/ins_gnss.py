@@ -81,6 +81,8 @@ class InsGnss(InertialNavigator):
         super().__init__(settings, stations, settings.loose.behind_s if self.solution_source == SOLUTION else 0.0)
         self._screen = RangeAid(settings.gnss)
         self._screen.receiver.lever_b = self.lever_b
+        if self.solution_source == EPOCH:
+            self.aids.append(self._screen)  # for its record: it says which satellites no solution was made of
         for channel in self.channels.get(EPOCH, ()):
             channel.period_s = settings.gps.period_s
 
@@ -109,7 +111,7 @@ class InsGnss(InertialNavigator):
     def _restart(self) -> None:
         super()._restart()
         ranges = self.aid("gnss_range")
-        if isinstance(ranges, RangeAid):
+        if self.tight and isinstance(ranges, RangeAid):
             self.receiver = ranges.receiver
             self.receiver.restart()
         self.slope.clear()

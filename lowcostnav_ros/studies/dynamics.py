@@ -32,7 +32,7 @@ def dynamics_of(name: str) -> Callable[[Any], np.ndarray]:
 
 
 def _satellites_alone(navigator) -> np.ndarray:
-    from lowcostnav_ros.navigators.gnss_only import motion_dynamics
+    from lowcostnav_ros.cores.motion import motion_dynamics
 
     return motion_dynamics(navigator.layout.size, navigator.layout.rate)
 

@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from lowcostnav_ros.aids.ins_gps_aids import GpsSettings
-from lowcostnav_ros.aids.satellites import GnssSettings
+from lowcostnav_ros.aids.gnss import GnssSettings
+from lowcostnav_ros.aids.gps import GpsSettings
 from lowcostnav_ros.base.measurements import GnssEpoch, ImuBlock, NavSolution
 from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.truth import TruthBlock
