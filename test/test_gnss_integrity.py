@@ -202,6 +202,30 @@ def test_a_clock_reset_is_followed_though_one_satellite_lies():
     assert flight.worst(FAULT_S - 10.0, DURATION_S) < 4.0 and not navigator.receiver.integrity.status.alarm
 
 
+def jumped(epoch: GnssEpoch) -> GnssEpoch:
+    return dataclasses.replace(epoch, pseudorange_m=epoch.pseudorange_m - 299792.458)
+
+
+@pytest.mark.parametrize("kind", ["tight", "pva"])
+def test_an_innovation_changes_nothing_though_the_clock_has_jumped(kind):
+    received = epochs()
+    navigator, _, _ = fly(received, kind)
+    aid = navigator.aid("gnss_range")
+    before = navigator.P.copy(), navigator.core.estimate.copy(), dict(aid.status.rejected), dict(aid.satellites)
+    first_time, again = (aid.innovation(jumped(received[-1]), navigator) for _ in range(2))
+    assert np.array_equal(first_time.y, again.y) and np.abs(first_time.y).max() < 100.0
+    assert np.array_equal(navigator.P, before[0]) and np.array_equal(navigator.core.estimate, before[1])
+    assert (dict(aid.status.rejected), dict(aid.satellites)) == before[2:]
+
+
+def test_an_epoch_that_is_refused_moves_no_clock():
+    received = epochs(spoofing=[FAULT_S, 5.0, 0.0, 0.0, 0.0, 0.0])
+    navigator, _, _ = fly(received, on_alarm="coast")
+    aid, before = navigator.aid("gnss_range"), navigator.core.estimate.copy()
+    assert not aid.process(jumped(received[-1]), navigator)
+    assert np.array_equal(navigator.core.estimate, before) and not aid.status.rejected["clock jump followed"]
+
+
 @pytest.mark.parametrize("kind", ["tight", "pva"])
 def test_a_clock_that_runs_away_raises_the_alarm_and_moves_no_position(kind):
     def away(epoch, k, rate_mps, seen_in_doppler):

@@ -152,7 +152,7 @@ class SatelliteAid(Aid):
         self._offset = host.layout.get(self.own("system_offset"))
 
     def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
-        """Innovations of the usable satellites; counts why the others are not.  Changes no state."""
+        """Innovations of the usable satellites, and why the others are not usable.  Changes nothing."""
         raise NotImplementedError
 
     def shared(self, obs: Observations) -> np.ndarray:
@@ -172,16 +172,20 @@ class SatelliteAid(Aid):
         integrity = self.receiver.integrity
         status.stamp_ns = measurement.stamp_ns
         obs = self.observations(measurement, host)
+        self.count(measurement, obs.excluded)
         if not obs.rows.size:
             return self._refused("no usable satellite")
-        S = scalar_variances(host.P, obs.H, obs.r)
-        if not (np.isfinite(obs.y).all() and np.isfinite(S).all()):
+        if not np.isfinite(obs.y).all():
             return self._refused(NOT_FINITE)
-        ratios = obs.y**2 / (S * self.threshold) if self.settings.screening else np.zeros(len(S))
         slots = slots_of(measurement, obs.rows)
         excluded = integrity.is_excluded(slots)
         if integrity.distrusted or excluded.all():
             return self._refused("satellites not trusted since the alarm" if integrity.distrusted else LEFT_OUT)
+        self._seed(obs, host)
+        S = scalar_variances(host.P, obs.H, obs.r)
+        if not np.isfinite(S).all():
+            return self._refused(NOT_FINITE)
+        ratios = obs.y**2 / (S * self.threshold) if self.settings.screening else np.zeros(len(S))
         self._report(obs, ratios, ~excluded, host)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
         believed = np.sort(ratios[~excluded])
@@ -201,8 +205,8 @@ class SatelliteAid(Aid):
             if not good.any():
                 return self._refused("satellites contradict each other")
             if not good.all():
-                self._name_rejected(measurement, obs, np.flatnonzero(~passed & ~excluded), BEYOND_GATE)
-                self._name_rejected(measurement, obs, np.flatnonzero(excluded | (passed & ~good)), LEFT_OUT)
+                self.count(measurement, [(row, BEYOND_GATE) for row in obs.rows[~passed & ~excluded]])
+                self.count(measurement, [(row, LEFT_OUT) for row in obs.rows[excluded | (passed & ~good)]])
         self._apply(obs, good, host)
         self.used = obs.rows[good]
         status.accepted, status.accepted_ns = True, measurement.stamp_ns
@@ -235,27 +239,24 @@ class SatelliteAid(Aid):
         status.observation, status.innovation, status.innovation_variance = np.array([count]), np.array([mean]), np.array([variance])
         status.nis, status.test_ratio = mean**2 / variance, float(ratios[shown].max())
 
-    def _name_rejected(self, epoch: GnssEpoch, obs: Observations, bad: np.ndarray, reason: str) -> None:
-        for k in bad:
-            self.leave_out(reason, epoch, obs.rows[k])
-
-    def leave_out(self, reason: str, epoch: GnssEpoch, row: int) -> None:
-        """Count one satellite under its reason."""
-        satellite = name(epoch.system[row], epoch.sat_id[row])
-        self.status.rejected[reason] += 1
-        self.satellites[f"{satellite}: {reason}"] += 1
-        self.status.reason = f"{satellite}: {reason}"
-
-    def seeded(self, y: np.ndarray, H: np.ndarray, r: np.ndarray, host: Host) -> np.ndarray:
-        """Innovations after the clock (or its drift) was moved, where it was unknown or has jumped."""
-        step = self._clock_step(y, H, r, host)
-        if step is None:
-            return y
+    def _seed(self, obs: Observations, host: Host) -> None:
+        """Move the clock (or its drift) where it was unknown or has jumped, and forget how well it was known."""
+        if obs.clock_step is None:
+            return
+        if self.receiver.clock_known[self.clock_state]:
+            self.status.rejected["clock jump followed"] += 1
+            self.receiver.integrity.clock_jumped(self.status.stamp_ns)
         row = self._clock + self.clock_state
-        host.core.estimate[row] += step
+        host.core.estimate[row] += obs.clock_step
         kalman.reset_block(host.P, slice(row, row + 1), np.array([[self.clock_sigma**2]]))
         self.receiver.clock_known[self.clock_state] = True
-        return y - step
+
+    def _stepped(self, obs: Observations, host: Host) -> Observations:
+        """Observations with the step of the clock they ask for."""
+        obs.clock_step = self._clock_step(obs.y, obs.H, obs.r, host)
+        if obs.clock_step is not None:
+            obs.y = obs.y - obs.clock_step
+        return obs
 
     def _clock_step(self, y: np.ndarray, H: np.ndarray, r: np.ndarray, host: Host) -> float | None:
         """By how much the clock (or its drift) is to be moved: it was unknown, or it jumped; else None.
@@ -275,12 +276,15 @@ class SatelliteAid(Aid):
             return None
         if abs(common) < JUMP_SIGMAS * math.sqrt(scalar_variances(host.P, H, r).max()):
             return None
-        self.status.rejected["clock jump followed"] += 1
-        self.receiver.integrity.clock_jumped(self.status.stamp_ns)
         return common
 
-    def usable(self, epoch: GnssEpoch, observed: np.ndarray, valid: np.ndarray, sin_elevation: np.ndarray) -> np.ndarray:
-        """Rows that are valid and finite (``observed`` (n,) is what was measured), of a wanted system, high and strong enough."""
+    def usable(
+        self, epoch: GnssEpoch, observed: np.ndarray, valid: np.ndarray, sin_elevation: np.ndarray
+    ) -> tuple[np.ndarray, list[tuple[int, str]]]:
+        """Rows that are valid and finite (``observed`` (n,) is what was measured), of a wanted system, high and strong enough.
+
+        The other rows come second, each with its reason.
+        """
         settings = self.settings
         tests = (
             ("not valid", valid),
@@ -290,12 +294,20 @@ class SatelliteAid(Aid):
             ("signal too weak", (epoch.cn0 == 0.0) | (epoch.cn0 >= settings.minimum_cn0)),
         )
         keep = np.ones(len(epoch), dtype=bool)
+        others: list[tuple[int, str]] = []
         for reason, passed in tests:
             if not passed.all():
-                for row in np.flatnonzero(keep & ~passed):
-                    self.leave_out(reason, epoch, row)
+                others += [(int(row), reason) for row in np.flatnonzero(keep & ~passed)]
                 keep &= passed
-        return np.flatnonzero(keep)
+        return np.flatnonzero(keep), others
+
+    def count(self, epoch: GnssEpoch, excluded: list[tuple[int, str]]) -> None:
+        """Count satellites that are not used under their reasons."""
+        for row, reason in excluded:
+            satellite = name(epoch.system[row], epoch.sat_id[row])
+            self.status.rejected[reason] += 1
+            self.satellites[f"{satellite}: {reason}"] += 1
+            self.status.reason = f"{satellite}: {reason}"
 
 
 class RangeAid(SatelliteAid):
@@ -307,7 +319,7 @@ class RangeAid(SatelliteAid):
     def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
         """y = pseudorange - (range + clock + system offset); a jump of the whole clock is followed first."""
         ranges, _, H, _, sin_elevation = self.receiver.predicted(epoch, host)
-        rows = self.usable(epoch, epoch.pseudorange_m, epoch.range_valid, sin_elevation)
+        rows, others = self.usable(epoch, epoch.pseudorange_m, epoch.range_valid, sin_elevation)
         H = H[rows]
         H[:, self._clock] = 1.0
         y = epoch.pseudorange_m[rows] - ranges[rows] - host.core.estimate[self._clock]
@@ -317,11 +329,13 @@ class RangeAid(SatelliteAid):
             y -= H[:, offset] * host.core.estimate[offset]
         r = (self.settings.range_sigma_scale * epoch.sigma_m[rows]) ** 2
         common = common_part(r, sin_elevation[rows]) if self.settings.common_error else np.zeros(len(rows))
-        return Observations(rows, self.seeded(y, H, r, host), H, r, common)
+        return self._stepped(Observations(rows, y, H, r, common, others), host)
 
     def usable_at(self, epoch: GnssEpoch, host: Host) -> np.ndarray:
         """Rows of an epoch whose pseudoranges can be used at the state of a navigator, which may have no receiver clock."""
-        return self.usable(epoch, epoch.pseudorange_m, epoch.range_valid, self.receiver.predicted(epoch, host)[-1])
+        rows, others = self.usable(epoch, epoch.pseudorange_m, epoch.range_valid, self.receiver.predicted(epoch, host)[-1])
+        self.count(epoch, others)
+        return rows
 
     def after(self, measurement: GnssEpoch, host: Host) -> None:
         """Watch the clock's drift."""
@@ -344,7 +358,7 @@ class RangeRateAid(SatelliteAid):
     def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
         """y = rate - (predicted rate + clock drift); the velocity of the lever arm also depends on the gyro bias."""
         _, rates, _, H, sin_elevation = self.receiver.predicted(epoch, host)
-        rows = self.usable(epoch, epoch.doppler_mps, epoch.doppler_valid, sin_elevation)
+        rows, others = self.usable(epoch, epoch.doppler_mps, epoch.doppler_valid, sin_elevation)
         drift, lever_b = self._clock + 1, self.receiver.lever_b
         H = H[rows]
         H[:, drift] = 1.0
@@ -355,7 +369,7 @@ class RangeRateAid(SatelliteAid):
                     H[:, host.layout[block]] = turn
         y = epoch.doppler_mps[rows] - rates[rows] - host.core.estimate[drift]
         r = (self.settings.doppler_sigma_scale * epoch.sigma_mps[rows]) ** 2
-        return Observations(rows, self.seeded(y, H, r, host), H, r, np.zeros(len(rows)))
+        return self._stepped(Observations(rows, y, H, r, np.zeros(len(rows)), others), host)
 
     def shared(self, obs: Observations) -> np.ndarray:
         """Velocity and clock drift."""

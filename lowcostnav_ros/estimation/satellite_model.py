@@ -11,7 +11,7 @@ differences in the tests).  One satellite is worth as much as it is: nothing her
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -117,7 +117,9 @@ def mean_innovation(P, y, H, r, common, shown):
 class Observations:
     """Usable observations of one kind at one epoch: satellite rows, innovations (m,), Jacobian (m, n), variances (m,).
 
-    ``common`` (m,) is how one unit of an error common to all satellites shows in each; its square is part of the variance.
+    ``common`` (m,) is how one unit of an error common to all satellites shows in each; its square is part of the variance.  ``excluded``
+    pairs each row that cannot be used with its reason.  ``clock_step`` is by how much the clock (m) or its drift (m/s) must be moved first,
+    None: not at all; the innovations are those after it.
     """
 
     rows: np.ndarray
@@ -125,6 +127,8 @@ class Observations:
     H: np.ndarray
     r: np.ndarray
     common: np.ndarray
+    excluded: list[tuple[int, str]] = field(default_factory=list)
+    clock_step: float | None = None
 
     def covariance(self, rows: np.ndarray) -> np.ndarray:
         """Covariance of the noise of some of them (rows or a mask), (k, k)."""
