@@ -13,12 +13,15 @@ import numpy as np
 import satellite_consistency
 from common import compare, fly, rms, run, scenario
 
-from lowcostnav_ros.aids.ins_gps_aids import AirDataSettings, BaroSettings, GpsSettings, MagneticSettings
+from lowcostnav_ros.aids.airdata import AirDataSettings
+from lowcostnav_ros.aids.baro import BaroSettings
+from lowcostnav_ros.aids.gps import GpsSettings
+from lowcostnav_ros.aids.magnetic import MagneticSettings
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, Measurement, NavSolution
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue import config_files
 from lowcostnav_ros.catalogue.building import build_navigators
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
 from lowcostnav_ros.navigators.registry import NAVIGATORS

@@ -10,10 +10,12 @@ from dataclasses import replace
 import numpy as np
 from common import run
 
-from lowcostnav_ros.aids.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
+from lowcostnav_ros.aids.airdata import AirDataSettings
+from lowcostnav_ros.aids.baro import BaroSettings
+from lowcostnav_ros.aids.magnetic import MagneticSettings
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
 from lowcostnav_ros.reproduce.solimeno.flights import Case, epochs_of, fed, imu_of, inertial_settings, started, truth_of

@@ -12,11 +12,11 @@ from collections import Counter
 import numpy as np
 from common import run
 
-from lowcostnav_ros.aids.gnss_integrity import IntegritySettings
-from lowcostnav_ros.aids.satellites import GnssSettings
+from lowcostnav_ros.aids.gnss import GnssSettings
 from lowcostnav_ros.base.chi_square import exceeded_with
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
+from lowcostnav_ros.estimation.satellite_integrity import IntegritySettings
 from lowcostnav_ros.gnss import parity, raim
 from lowcostnav_ros.gnss.positioning import solve
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
@@ -97,7 +97,7 @@ def flown(flight: Flight) -> dict:
     horizontal, t_s = np.hypot(errors.error[:, 0], errors.error[:, 1]), errors.t_s
     reports = [s.integrity for s in solutions]
     excluded = next((t for t, r in zip(t_s, reports, strict=True) if liar and liar in r.excluded), None)
-    alarm = navigator.integrity.status.alarm_ns
+    alarm = navigator.receiver.integrity.status.alarm_ns
     alarm_s = None if alarm is None else 1e-9 * (alarm - int(truth.stamps_ns[0]))
     level = np.array([np.nan if r.hpl_m is None else r.hpl_m for r in reports])
     after = t_s >= FAULT_S
@@ -105,7 +105,7 @@ def flown(flight: Flight) -> dict:
         "excluded_after_s": None if excluded is None else excluded - FAULT_S,
         "wrongly_excluded": sorted({s for r in reports for s in r.excluded if s != liar}),
         "alarm_after_s": None if alarm_s is None else alarm_s - FAULT_S,
-        "alarm": navigator.integrity.status.alarm,
+        "alarm": navigator.receiver.integrity.status.alarm,
         "error_at_alarm_m": None if alarm_s is None else float(horizontal[max(0, np.searchsorted(t_s, alarm_s) - 1)]),
         "worst_horizontal_m": float(horizontal[after].max()),
         "epochs_beyond_hpl": int(np.sum(horizontal > level)),

@@ -18,7 +18,7 @@ from lowcostnav_ros.base.measurements import GnssEpoch, NavSolution
 from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
 from lowcostnav_ros.estimation.aiding import AidStatus, GateSettings
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lowcostnav_ros.aids.gnss_integrity import IntegritySettings
-from lowcostnav_ros.aids.satellites import GnssSettings
+from lowcostnav_ros.aids.gnss import GnssSettings
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
+from lowcostnav_ros.estimation.satellite_integrity import IntegritySettings
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
@@ -70,18 +70,18 @@ def test_one_satellite_that_lies_is_found_named_and_left_out(kind, fault, within
     navigator, flight, reports = fly(epochs(**fault(number)), kind)
     took_s = first(reports, lambda r: f"G{number:02d}" in r.excluded)
     assert 0.0 <= took_s < within_s
-    assert list(navigator.integrity.status.excluded) == [f"G{number:02d}"]
-    assert f"G{number:02d} is left out" in navigator.integrity.status.reason
+    assert list(navigator.receiver.integrity.status.excluded) == [f"G{number:02d}"]
+    assert f"G{number:02d} is left out" in navigator.receiver.integrity.status.reason
     assert reports[-1][1].verdict == "excluded" and reports[-1][1].hpl_m > 0.0
     assert flight.worst(FAULT_S, DURATION_S) < worst_m
-    assert navigator.range_aid.satellites[f"G{number:02d}: left out by the integrity test"] > 10
+    assert navigator.aid("gnss_range").satellites[f"G{number:02d}: left out by the integrity test"] > 10
 
 
 @pytest.mark.parametrize("kind", ["tight", "pva"])
 def test_healthy_satellites_stay_and_the_error_stays_below_the_protection_level(kind):
     for seed in (1, 2, 3):
         navigator, flight, reports = fly(epochs(seed), kind, seed)
-        assert not navigator.integrity.status.excluded and not navigator.integrity.status.alarm
+        assert not navigator.receiver.integrity.status.excluded and not navigator.receiver.integrity.status.alarm
         assert {r.verdict for _, r in reports[10:]} == {"healthy"}
         horizontal = np.hypot(flight.error[:, 0], flight.error[:, 1])
         assert all(e < r.hpl_m for e, (_, r) in zip(horizontal[10:], reports[10:], strict=True))
@@ -95,7 +95,7 @@ def test_a_satellite_that_is_mended_is_used_again():
     heard = [f if f.stamp_ns - sound[0].stamp_ns < 1e9 * (FAULT_S + 5.0) else s for f, s in zip(faulty, sound, strict=True)]
     navigator, _, reports = fly(heard, readmit_s=5.0, windows_s=[2.0])
     assert first(reports, lambda r: r.excluded) < 5.0
-    assert not navigator.integrity.status.excluded
+    assert not navigator.receiver.integrity.status.excluded
     assert reports[-1][1].verdict == "healthy"
 
 
@@ -105,7 +105,7 @@ def test_with_five_satellites_the_inertial_sensors_tell_which_lies_and_the_rest_
     heard = [e if k < 400 else dataclasses.replace(e, pseudorange_m=e.pseudorange_m + lie) for k, e in enumerate(five)]
     navigator, flight, reports = fly(heard)
     assert reports[300][1].verdict == "healthy" and reports[-1][1].verdict == "not possible"
-    assert navigator.range_aid.status.rejected["innovation beyond gate"] > 300
+    assert navigator.aid("gnss_range").status.rejected["innovation beyond gate"] > 300
     assert flight.worst(FAULT_S, DURATION_S) < 8.0
 
 
@@ -145,18 +145,18 @@ def test_a_common_ramp_is_caught_by_the_inertial_sensors_and_by_no_comparison_of
     navigator, _, reports = fly(heard)
     took_s = first(reports, lambda r: r.alarm)
     assert 0.0 <= took_s < within_s
-    assert word in navigator.integrity.status.alarm
-    assert navigator.mode == "suspect" and navigator.reason == navigator.integrity.status.alarm
-    assert not navigator.integrity.status.excluded
+    assert word in navigator.receiver.integrity.status.alarm
+    assert navigator.mode == "suspect" and navigator.reason == navigator.receiver.integrity.status.alarm
+    assert not navigator.receiver.integrity.status.excluded
     alone, _, _ = fly(heard, "pva")
-    assert not alone.integrity.status.alarm and not alone.integrity.status.excluded
+    assert not alone.receiver.integrity.status.alarm and not alone.receiver.integrity.status.excluded
 
 
 def test_after_the_alarm_the_satellites_may_be_left_out():
     heard = epochs(spoofing=[FAULT_S, 5.0, 0.0, 0.0, 0.0, 0.0])
     _, followed, _ = fly(heard)
     navigator, coasted, _ = fly(heard, on_alarm="coast")
-    assert navigator.mode == "coasting" and "not trusted since the alarm" in navigator.range_aid.status.reason
+    assert navigator.mode == "coasting" and "not trusted since the alarm" in navigator.aid("gnss_range").status.reason
     assert followed.worst(DURATION_S - 1.0, DURATION_S) > 150.0
     assert coasted.worst(DURATION_S - 1.0, DURATION_S) < 0.5 * followed.worst(DURATION_S - 1.0, DURATION_S)
 
@@ -189,7 +189,7 @@ def test_an_observation_that_is_not_a_number_costs_that_satellite_one_epoch(kind
         heard[k] = changed(heard[k], 1, wrong)
         heard[k] = dataclasses.replace(heard[k], doppler_mps=np.where(np.arange(len(heard[k])) == 0, wrong, heard[k].doppler_mps))
     navigator, flight, _ = fly(heard, kind)
-    assert navigator.range_aid.status.rejected["not finite"] == navigator.rate_aid.status.rejected["not finite"] == 2
+    assert navigator.aid("gnss_range").status.rejected["not finite"] == navigator.aid("gnss_range_rate").status.rejected["not finite"] == 2
     assert np.isfinite(flight.error[:, :6]).all() and flight.worst(20.0, DURATION_S) < 5.0
 
 
@@ -198,8 +198,32 @@ def test_a_clock_reset_is_followed_though_one_satellite_lies():
     heard = epochs(range_faults=[FAULT_S - 10.0, number, 100.0])
     heard = [e if k < 400 else dataclasses.replace(e, pseudorange_m=e.pseudorange_m - 299792.458) for k, e in enumerate(heard)]
     navigator, flight, _ = fly(heard)
-    assert navigator.range_aid.status.rejected["clock jump followed"] == 1
-    assert flight.worst(FAULT_S - 10.0, DURATION_S) < 4.0 and not navigator.integrity.status.alarm
+    assert navigator.aid("gnss_range").status.rejected["clock jump followed"] == 1
+    assert flight.worst(FAULT_S - 10.0, DURATION_S) < 4.0 and not navigator.receiver.integrity.status.alarm
+
+
+def jumped(epoch: GnssEpoch) -> GnssEpoch:
+    return dataclasses.replace(epoch, pseudorange_m=epoch.pseudorange_m - 299792.458)
+
+
+@pytest.mark.parametrize("kind", ["tight", "pva"])
+def test_an_innovation_changes_nothing_though_the_clock_has_jumped(kind):
+    received = epochs()
+    navigator, _, _ = fly(received, kind)
+    aid = navigator.aid("gnss_range")
+    before = navigator.P.copy(), navigator.core.estimate.copy(), dict(aid.status.rejected), dict(aid.satellites)
+    first_time, again = (aid.innovation(jumped(received[-1]), navigator) for _ in range(2))
+    assert np.array_equal(first_time.y, again.y) and np.abs(first_time.y).max() < 100.0
+    assert np.array_equal(navigator.P, before[0]) and np.array_equal(navigator.core.estimate, before[1])
+    assert (dict(aid.status.rejected), dict(aid.satellites)) == before[2:]
+
+
+def test_an_epoch_that_is_refused_moves_no_clock():
+    received = epochs(spoofing=[FAULT_S, 5.0, 0.0, 0.0, 0.0, 0.0])
+    navigator, _, _ = fly(received, on_alarm="coast")
+    aid, before = navigator.aid("gnss_range"), navigator.core.estimate.copy()
+    assert not aid.process(jumped(received[-1]), navigator)
+    assert np.array_equal(navigator.core.estimate, before) and not aid.status.rejected["clock jump followed"]
 
 
 @pytest.mark.parametrize("kind", ["tight", "pva"])
@@ -211,12 +235,12 @@ def test_a_clock_that_runs_away_raises_the_alarm_and_moves_no_position(kind):
 
     for seen, word in ((True, "runs away at 5"), (False, "clock jumped 6 times")):
         navigator, flight, reports = fly([away(e, k, 5000.0, seen) for k, e in enumerate(epochs())], kind)
-        assert word in navigator.integrity.status.alarm
+        assert word in navigator.receiver.integrity.status.alarm
         assert first(reports, lambda r: r.alarm) < 2.0
         assert navigator.mode == "suspect" and flight.worst(FAULT_S, DURATION_S) < 5.0
     step = [away(e, k, 50.0, True) for k, e in enumerate(epochs())]
     navigator, flight, _ = fly(step, kind)
-    assert navigator.rate_aid.status.rejected["clock jump followed"] == 1  # a step of the frequency is lived with
+    assert navigator.aid("gnss_range_rate").status.rejected["clock jump followed"] == 1  # a step of the frequency is lived with
     assert flight.worst(FAULT_S, DURATION_S) < 4.0
 
 

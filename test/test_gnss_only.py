@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lowcostnav_ros.cores.motion import MotionCore
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import acceptance_band
 from lowcostnav_ros.estimation.error_state import Layout
-from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings, MotionCore, motion_blocks, motion_dynamics
+from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings, motion_blocks
 from lowcostnav_ros.physics.earth import dcm_ne, ecef_to_geodetic, geodetic_to_ecef
 from lowcostnav_ros.reproduce.solimeno.flights import Case, epochs_of, flight_of, gps_only_settings, truth_of
 from lowcostnav_ros.studies.drawn_motion import drawn_motion
@@ -36,7 +37,7 @@ def test_covariance_equals_van_loan_over_a_second(model, size):
     before = core.P.copy()
     for k in range(1, 11):
         core.advance(k * 100_000_000)
-    Phi, Qd = kalman.van_loan(motion_dynamics(size, layout.rate), np.diag(layout.psd), 1.0)
+    Phi, Qd = kalman.van_loan(core.dynamics(), np.diag(layout.psd), 1.0)
     assert layout.size == size
     np.testing.assert_allclose(core.P, Phi @ before @ Phi.T + Qd, rtol=1e-3, atol=1e-3)
 
@@ -91,7 +92,7 @@ def replace_gate(settings):
 
 
 def count_innovations(navigator, status, nis):
-    aid = navigator.range_aid if status.name == "gnss_range" else navigator.rate_aid
+    aid = navigator.aid("gnss_range") if status.name == "gnss_range" else navigator.aid("gnss_range_rate")
     if status.stamp_ns > 5_000_000_000:  # the clock starts far too uncertain
         total, dof = nis.get(status.name, (0.0, 0))
         nis[status.name] = total + aid.epoch_nis, dof + aid.epoch_dof

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros.aids.parity_windows import GAP_NS, ParityWindows, covariance_of_means
 from lowcostnav_ros.base.chi_square import exceeded_with
 from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.parity_windows import GAP_NS, ParityWindows, covariance_of_means
 from lowcostnav_ros.gnss import parity
 
 LIMITS = np.array([np.inf, *(exceeded_with(1e-6, dof) for dof in range(1, 128))])

@@ -13,7 +13,7 @@ from lowcostnav_ros.catalogue.config_files import load_settings, yaml_of
 from lowcostnav_ros.catalogue.equipment import imu_profile_names, load_imu_profile
 from lowcostnav_ros.catalogue.imu_by_name import profile_settings, with_imu_profile
 from lowcostnav_ros.cli import main as cli
-from lowcostnav_ros.cores.inertial import ImuSettings, imu_settings
+from lowcostnav_ros.cores.imu_errors import ImuSettings, imu_settings
 from lowcostnav_ros.graph.description import load_graph
 from lowcostnav_ros.graph.wiring import flown_settings
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings

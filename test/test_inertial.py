@@ -7,8 +7,9 @@ from scipy.linalg import expm
 from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.settings import SettingsError, from_mapping
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores import inertial
-from lowcostnav_ros.cores.inertial import CORE, ImuSettings, InertialCore, bias_blocks, core_block, imu_settings, typical
+from lowcostnav_ros.cores import imu_errors, inertial
+from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block, imu_settings, typical
+from lowcostnav_ros.cores.inertial import CORE, InertialCore
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Kind, Layout, gauss_markov, random_walk
 from lowcostnav_ros.physics.earth import EARTH_RATE, difference_n, displace, gravity
@@ -187,7 +188,7 @@ def test_a_profile_that_differs_by_axis_reaches_the_filter_axis_by_axis():
     assert 1.0 / layout.rate[layout["accel_drift"]] == pytest.approx(noise.accel_bias_tau_s)
     assert layout.psd[3:9] == pytest.approx(np.concatenate((noise.accel_noise_density, noise.gyro_noise_density)) ** 2)
     assert typical([3.0, 4.0, 0.0]) == pytest.approx(5.0 / np.sqrt(3.0))
-    assert imu_settings(load_imu_profile("fog").filter_noise()).gyro_scale_tau_s == inertial.CONSTANT_S
+    assert imu_settings(load_imu_profile("fog").filter_noise()).gyro_scale_tau_s == imu_errors.CONSTANT_S
 
 
 def test_settings_take_one_number_or_three_and_refuse_two():

@@ -6,19 +6,21 @@ import random
 import numpy as np
 import pytest
 
-from lowcostnav_ros.aids.ins_gps_aids import GpsSettings
-from lowcostnav_ros.aids.satellites import GnssSettings, Observations, common_part, satellite_model
+from lowcostnav_ros.aids.gnss import GnssSettings, clock_block
+from lowcostnav_ros.aids.gps import GpsSettings
 from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import CORE, InertialCore, core_block, imu_settings
+from lowcostnav_ros.cores.imu_errors import core_block, imu_settings
+from lowcostnav_ros.cores.inertial import CORE, InertialCore
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import acceptance_band
 from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.estimation.satellite_model import Observations, common_part, satellite_model
 from lowcostnav_ros.gnss.constellation import gps_24
 from lowcostnav_ros.gnss.error_budget import range_covariance
 from lowcostnav_ros.gnss.observables import range_and_rate
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS, process_noise, transition
-from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss, InsGnssSettings, LooseSettings, clock_block, gnss_blocks
+from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss, InsGnssSettings, LooseSettings
 from lowcostnav_ros.physics.earth import dcm_ne, displace, geodetic_to_ecef, radii
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_apply_phi_n, quat_to_dcm
 from lowcostnav_ros.reproduce.solimeno.flights import (
@@ -121,7 +123,7 @@ def test_clock_states_follow_the_exact_two_state_process():
 )
 def test_the_four_filters_are_lists(grade, coupling, states):
     imu = imu_settings(load_imu_profile(grade).filter_noise())
-    assert Layout(gnss_blocks(InsGnssSettings(imu=imu, coupling=coupling))).size == states
+    assert InsGnss(InsGnssSettings(imu=imu, coupling=coupling)).layout.size == states
 
 
 def test_errors_stay_inside_their_sigmas_and_innovations_are_white():
@@ -147,7 +149,7 @@ def test_innovations_are_as_large_as_predicted():
 
     def count(status):
         nonlocal nis, dof
-        aid = navigator.range_aid if status.name == "gnss_range" else navigator.rate_aid
+        aid = navigator.aid("gnss_range") if status.name == "gnss_range" else navigator.aid("gnss_range_rate")
         nis, dof = nis + aid.epoch_nis, dof + aid.epoch_dof
 
     navigator.on_aid = count
@@ -194,8 +196,8 @@ def test_a_satellite_that_lies_is_left_out_by_name_and_the_others_carry_on():
 
     liar = epochs_of(CASE, truth_of("HD", SHORT_S))[-1].sat_id[2]
     navigator, flight = after(30.0, fault)
-    assert navigator.range_aid.satellites[f"G{liar:02d}: left out by the integrity test"] > 250
-    assert list(navigator.integrity.status.excluded) == [f"G{liar:02d}"]
+    assert navigator.aid("gnss_range").satellites[f"G{liar:02d}: left out by the integrity test"] > 250
+    assert list(navigator.receiver.integrity.status.excluded) == [f"G{liar:02d}"]
     assert flight.worst(30.0, 60.0) < 4.0
     assert navigator.mode == "gps"
 
@@ -203,7 +205,7 @@ def test_a_satellite_that_lies_is_left_out_by_name_and_the_others_carry_on():
 def test_a_clock_that_jumps_by_a_millisecond_is_followed_without_moving_the_position():
     jump_m = 299792.458
     navigator, flight = after(30.0, lambda e: dataclasses.replace(e, pseudorange_m=e.pseudorange_m + jump_m))
-    assert navigator.range_aid.status.rejected["clock jump followed"] == 1
+    assert navigator.aid("gnss_range").status.rejected["clock jump followed"] == 1
     assert flight.worst(30.0, 60.0) < 4.0
 
 
@@ -215,7 +217,7 @@ def test_a_clock_that_jumps_by_a_millisecond_is_followed_without_moving_the_posi
 def test_what_cannot_be_used_is_counted_by_its_reason(change, reason):
     gnss = GnssSettings(minimum_cn0=20.0)
     navigator, _ = after(50.0, change, navigator=ready(gnss=gnss))
-    assert navigator.range_aid.status.rejected[reason] >= 4 * 90
+    assert navigator.aid("gnss_range").status.rejected[reason] >= 4 * 90
     assert navigator.mode == "coasting"
 
 
@@ -314,5 +316,5 @@ def test_loose_coupling_on_single_epochs_coasts_without_four_satellites_and_leav
     assert navigator.input_status["gnss/raw"].rejected["no solution of this epoch"] > 190
     assert flight.worst(40.0, 60.0) < 20.0
     navigator, _ = after(50.0, lambda e: dataclasses.replace(e, system=np.full(len(e), "R")), case, ready(case))
-    assert navigator.range_aid.status.rejected["system not used"] >= 4 * 90
+    assert navigator.aid("gnss_range").status.rejected["system not used"] >= 4 * 90
     assert navigator.mode == "coasting"

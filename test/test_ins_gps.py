@@ -6,9 +6,13 @@ import random
 import numpy as np
 import pytest
 
-from lowcostnav_ros.aids.ins_gps_aids import AirDataSettings, BaroSettings, GpsSettings, MagneticSettings
+from lowcostnav_ros.aids.airdata import AirDataSettings
+from lowcostnav_ros.aids.baro import BaroSettings
+from lowcostnav_ros.aids.gps import GpsSettings
+from lowcostnav_ros.aids.magnetic import MagneticSettings
+from lowcostnav_ros.aids.wheels import WheelSettings
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import nees
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
@@ -239,7 +243,7 @@ def test_a_value_that_is_no_number_is_refused_by_name_and_harms_nothing(truth, b
     fixes = [i for i, m in enumerate(stream) if isinstance(m, GpsPosition)]
     stream[fixes[-3]] = dataclasses.replace(stream[fixes[-3]], **broken)
     navigator, solutions = fed(stream)
-    assert navigator.position_aid.status.rejected["innovation not finite"] == 1
+    assert navigator.aid("gps_position").status.rejected["innovation not finite"] == 1
     assert np.isfinite(solutions[-1].lat)
 
 
@@ -255,7 +259,7 @@ def test_a_spike_is_refused_by_name_and_a_lasting_step_is_followed(truth):
         stream.append(m)
     navigator, solutions = fed(stream, settings)
     e, _ = errors(truth, solutions)
-    status = navigator.position_aid.status
+    status = navigator.aid("gps_position").status
     assert status.rejected["innovation beyond gate"] >= 2
     assert status.rejected["recovered after rejections"] == 1
     assert np.abs(e[(e[:, 0] > 60.0) & (e[:, 0] < 100.0), 1]).max() < 5.0
@@ -271,31 +275,31 @@ def test_no_output_is_ever_nan_and_covariances_stay_positive(truth):
             assert np.linalg.eigvalsh(cov).min() > 0.0
 
 
-@pytest.mark.parametrize("which", ["position_aid", "velocity_aid", "baro_aid", "magnetic_aid", "airspeed_aid", "sideslip_aid", "wheel_aid"])
+@pytest.mark.parametrize("which", ["gps_position", "gps_velocity", "baro_height", "magnetic_heading", "airspeed", "sideslip", "wheels"])
 def test_jacobian_of_every_aid_equals_differences(which):
     from lowcostnav_ros.base.measurements import AirVelocity, MagneticField, Pressure
     from lowcostnav_ros.cores.inertial import CORE
     from lowcostnav_ros.physics.earth import displace
     from lowcostnav_ros.physics.rotation import euler_to_quat
 
-    settings = InsGpsSettings(gps=GpsSettings(lever_arm_b_m=[1.0, 0.5, -2.0], position_bias_m=1.0))
+    settings = InsGpsSettings(gps=GpsSettings(lever_arm_b_m=[1.0, 0.5, -2.0], position_bias_m=1.0), wheels=WheelSettings(enabled=True))
     nav = np.array([0.66, -2.1, 900.0, 45.0, -20.0, 3.0, *euler_to_quat(0.3, 0.1, 5.8)])
     from lowcostnav_ros.physics.rotation import quat_to_dcm
 
     host = InsGps(settings)
     host.core.start(0, nav, np.eye(CORE))
-    host.rate_b = np.array([0.1, -0.05, 0.2])
-    field = host.magnetic.model.field_n(0.66, -2.1, 900.0)
+    host.core.rate_b = np.array([0.1, -0.05, 0.2])
+    field = host.aid("magnetic_heading").reference.model.field_n(0.66, -2.1, 900.0)
     samples = {
-        "position_aid": GpsPosition(0, "gps/fix", 0.660001, -2.1, 905.0, np.eye(3)),
-        "velocity_aid": GpsVelocity(0, "gps/vel", np.array([44.0, -21.0, 2.0]), np.eye(3)),
-        "baro_aid": Pressure(0, "air/static_pressure", 91000.0, 100.0),
-        "magnetic_aid": MagneticField(0, "imu/mag", quat_to_dcm(nav[6:10]).T @ field, np.eye(3)),
-        "airspeed_aid": AirVelocity(0, "air/velocity", np.array([50.0, 1.0, 2.0]), np.eye(3)),
-        "sideslip_aid": AirVelocity(0, "air/velocity", np.array([50.0, 1.0, 2.0]), np.eye(3)),
-        "wheel_aid": None,
+        "gps_position": GpsPosition(0, "gps/fix", 0.660001, -2.1, 905.0, np.eye(3)),
+        "gps_velocity": GpsVelocity(0, "gps/vel", np.array([44.0, -21.0, 2.0]), np.eye(3)),
+        "baro_height": Pressure(0, "air/static_pressure", 91000.0, 100.0),
+        "magnetic_heading": MagneticField(0, "imu/mag", quat_to_dcm(nav[6:10]).T @ field, np.eye(3)),
+        "airspeed": AirVelocity(0, "air/velocity", np.array([50.0, 1.0, 2.0]), np.eye(3)),
+        "sideslip": AirVelocity(0, "air/velocity", np.array([50.0, 1.0, 2.0]), np.eye(3)),
+        "wheels": None,
     }
-    aid, sample = getattr(host, which), samples[which]
+    aid, sample = host.aid(which), samples[which]
     host.core.P[host.layout["wind"], host.layout["wind"]] = np.eye(2)
     H = aid.innovation(sample, host).H
     step = np.where(np.arange(host.layout.size) < 3, 1.0, 1e-4)
@@ -304,7 +308,7 @@ def test_jacobian_of_every_aid_equals_differences(which):
         for sign in (1.0, -1.0):
             host.core.nav[:] = nav
             host.core.estimate[:] = 0.0
-            host.rate_b = np.array([0.1, -0.05, 0.2])
+            host.core.rate_b = np.array([0.1, -0.05, 0.2])
             x = np.zeros(host.layout.size)
             x[i] = sign * step[i]
             host.core.nav[:3] = displace(*nav[:3], x[:3])
@@ -312,7 +316,7 @@ def test_jacobian_of_every_aid_equals_differences(which):
             host.core.nav[6:10] = quat_apply_phi_n(nav[6:10], x[6:9])
             host.core.estimate[CORE:] = x[CORE:]
             rows = host.layout["gyro_bias"]
-            host.rate_b = host.rate_b - x[rows]
+            host.core.rate_b = host.core.rate_b - x[rows]
             values.append(aid.innovation(sample, host).y)
         numeric = -(values[0] - values[1]) / (2.0 * step[i])
         assert H[:, i] == pytest.approx(numeric, rel=1e-4, abs=2e-4), host.layout.labels[i]

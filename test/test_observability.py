@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros.aids.satellites import GnssSettings
+from lowcostnav_ros.aids.gnss import GnssSettings
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.cli import main as cli
-from lowcostnav_ros.cores.inertial import dynamics_now, imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
+from lowcostnav_ros.cores.inertial import dynamics_now
 from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings

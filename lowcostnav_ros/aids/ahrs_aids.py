@@ -12,7 +12,8 @@ import numpy as np
 
 from lowcostnav_ros.aids.ins_gps_aids import floored
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude, Measurement
-from lowcostnav_ros.cores.inertial import ATT, DEG, VEL
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.inertial import ATT, VEL
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, Innovation
 from lowcostnav_ros.navigators.ahrs.settings import AirflowSettings, GpsAttitudeSettings, LevelSettings
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from lowcostnav_ros.navigators.ahrs.base import Ahrs
 
 SMALLEST_SPEED = 1.0
-VANE_SHARE = 0.5 * DEG
+VANE_SHARE = 0.5 * DEGREE
 """Smallest error of a vane believed, rad: position error and mounting."""
 
 
@@ -78,7 +79,7 @@ class AirflowAid(Aid):
         stated = measurement.cov_b[0, 0] - settings.bias_mps**2  # the message states the whole error; its slow part is a state here
         measured, sigma = np.empty(3), np.full(3, settings.noise_mps)
         measured[0], sigma[0] = tas, np.sqrt(max(settings.noise_mps**2, stated))
-        for axis, name, usual in ((1, "sideslip", 0.0), (2, "incidence", settings.incidence_deg * DEG)):
+        for axis, name, usual in ((1, "sideslip", 0.0), (2, "incidence", settings.incidence_deg * DEGREE)):
             variance = measurement.cov_b[axis, axis]
             if variance < UNKNOWN_VARIANCE:
                 measured[axis] = measurement.vel_b[axis]
@@ -120,11 +121,11 @@ class GpsAttitudeAid(Aid):
         H = np.zeros((3, host.layout.size))
         H[:, ATT] = np.eye(3)
         y = rotvec_from_quat(quat_multiply(measurement.q_nb, quat_conjugate(host.core.nav[6:10])))
-        return Innovation(y, H, floored(measurement.cov_att, self.settings.sigma_scale, self.settings.floor_deg * DEG), y.copy())
+        return Innovation(y, H, floored(measurement.cov_att, self.settings.sigma_scale, self.settings.floor_deg * DEGREE), y.copy())
 
     def recover(self, measurement: Attitude, innovation: Innovation, host: "Ahrs") -> None:
         """Take the attitude from GPS afresh: it does not drift, so a long disagreement is ours."""
-        kalman.reset_block(host.P, ATT, floored(measurement.cov_att, self.settings.sigma_scale, self.settings.floor_deg * DEG))
+        kalman.reset_block(host.P, ATT, floored(measurement.cov_att, self.settings.sigma_scale, self.settings.floor_deg * DEGREE))
         dx = np.zeros(host.layout.size)
         dx[ATT] = rotvec_from_quat(quat_multiply(measurement.q_nb, quat_conjugate(host.core.nav[6:10])))
         host.correct(dx)

@@ -14,7 +14,8 @@ from lowcostnav_ros.aids.ins_gps_aids import MagneticAid
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import Attitude, MagneticField, Measurement
 from lowcostnav_ros.base.small_matrices import matmul, turned
-from lowcostnav_ros.cores.inertial import ATT, DEG
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.inertial import ATT
 from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Innovation
 from lowcostnav_ros.estimation.attitude_gains import Tuning, axis_gains, scheduled_euler_gain
 from lowcostnav_ros.estimation.attitude_vectors import matching_rows
@@ -25,7 +26,7 @@ from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_dcm, quat_
 if TYPE_CHECKING:
     from lowcostnav_ros.navigators.ahrs.constant_gain import ConstantGainAhrs
 
-STEEPEST_EULER = 80.0 * DEG
+STEEPEST_EULER = 80.0 * DEGREE
 UNKNOWN_DIP = "place unknown: wait for a fix or set place.lat_lon_deg, else the dip of the field is not known"
 
 
@@ -164,7 +165,7 @@ class FieldMatchAid(Aid):
         y, on_attitude = matching_rows(C, field_n / strength, measurement.field_b / strength)
         H = np.zeros((3, host.layout.size))
         H[:, ATT], H[:, host.layout["magnetic_error"]] = on_attitude, -C
-        noise = self.settings.noise_deg * DEG * float(np.hypot(field_n[0], field_n[1])) / strength
+        noise = self.settings.noise_deg * DEGREE * float(np.hypot(field_n[0], field_n[1])) / strength
         return Innovation(y, H, np.eye(3) * noise**2, measurement.field_b.copy(), host.matched)
 
 

@@ -1,4 +1,4 @@
-"""VOR radials as an aid: one class for every navigator that keeps a position.
+"""VOR receiver: radials, for every navigator that keeps a position.
 
 The error of a radial has three parts, modelled as what they are:
 
@@ -10,37 +10,24 @@ The error of a radial has three parts, modelled as what they are:
 While GPS is good a radial moves the station's own state and nothing else: what it could tell of the position, GPS tells better.
 """
 
-import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import numpy as np
 
+from lowcostnav_ros.aids import AIDS
+from lowcostnav_ros.aids._station import SLOWEST_MPS, StationAid
 from lowcostnav_ros.base.measurements import VorBearing
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
-from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Innovation
-from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov
-from lowcostnav_ros.estimation.station_slots import StationSlots
+from lowcostnav_ros.estimation.aiding import GateSettings, Host, Innovation, Sensor, SensorSettings, each
+from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
 from lowcostnav_ros.physics.rotation import wrap
 from lowcostnav_ros.physics.stochastic import correlation_factor
-from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.radionav.vor import BearingView, bearing_view, out_of_service
 
-BLOCK = "vor_bias"
-SLOWEST_MPS = 1.0
-"""Speed at which course bends still change when the aircraft stands."""
-
 
 @dataclass(frozen=True)
-class VorGateSettings(GateSettings):
-    """The gate of radials; they are used seconds apart, so recovery takes many of them."""
-
-    recovery_s: float = setting(60.0, "Rejecting this long makes the aid recover (widen or re-initialise).", unit="s", minimum=0.0)
-
-
-@dataclass(frozen=True)
-class VorSettings:
+class VorSettings(SensorSettings):
     """VOR radials; the default parts of the error add up to 1 degree (the usual range is 1 to 5)."""
 
     enabled: bool = setting(False, "Use VOR radials for position.")
@@ -53,109 +40,82 @@ class VorSettings:
     slots: int = setting(4, "Stations whose alignment error is held at one time.", minimum=1, maximum=16)
     period_s: float = setting(5.0, "Use at most one radial of a station in this time.", unit="s", minimum=0.0, maximum=600.0)
     timeout_s: float = setting(30.0, "Without a radial for this long a station is named no more.", unit="s", minimum=1.0, maximum=600.0)
-    gate: VorGateSettings = group(VorGateSettings)
+    gate: GateSettings = group(GateSettings, recovery_s=60.0)  # radials are used seconds apart: recovery takes many of them
 
 
-def bias_blocks(settings: VorSettings) -> list[Block]:
-    """States of the alignment errors, rad; none when radials are not used or their alignment counts as perfect."""
-    if not settings.enabled or settings.bias_deg == 0.0:
-        return []
-    labels = [f"vor_bias_{i + 1}_rad" for i in range(settings.slots)]
-    return [gauss_markov(BLOCK, labels, Kind.FREE, settings.bias_deg * DEGREE, settings.bias_tau_s)]
+class VorAid(StationAid):
+    """One radial at a time; it needs no height and never moves it by itself."""
 
+    name, labels = "vor", ("radial_rad",)
+    measurement, topic = VorBearing, "vor/bearing"
+    bias_block = "vor_bias"
+    teaches = (bias_block,)
+    thins_itself = True
 
-class BearingState(NamedTuple):
-    """What the aid asks of its host (``host.bearing_state()``).
+    @property
+    def bias_sigma(self) -> float:
+        """Sigma of a station's alignment error, rad."""
+        return self.settings.bias_deg * DEGREE
 
-    ``position`` lat, lon [rad], height [m]; ``speed_mps`` over ground or through the air; ``free`` (n,) states it may move, None: all.
-    """
-
-    position: tuple[float, float, float]
-    speed_mps: float
-    layout: Layout
-    estimate: np.ndarray
-    free: np.ndarray | None
-
-
-class VorAid(Aid):
-    """One radial at a time; it needs no height and never moves it by itself.
-
-    Parameters
-    ----------
-    settings : VorSettings
-    stations : StationTable or None
-        Where the stations stand and how they are aligned; without it every radial is refused by name.
-    layout : Layout
-        The host's states; the block of :func:`bias_blocks` may be among them.
-    """
-
-    def __init__(self, settings: VorSettings, stations: StationTable | None, layout: Layout) -> None:
-        super().__init__("vor", ("radial_rad",), settings.gate)
-        self.settings, self.stations = settings, stations
-        self._slots = StationSlots(layout.get(BLOCK), settings.bias_deg * DEGREE)
-        self._used_ns: dict[str, int] = {}
+    def blocks(self) -> list[Block]:
+        """States of the alignment errors, rad; none when the alignment counts as perfect."""
+        if self.settings.bias_deg == 0.0:
+            return []
+        name = self.own(self.bias_block)
+        labels = [f"{name}_{i + 1}_rad" for i in range(self.settings.slots)]
+        return [gauss_markov(name, labels, Kind.FREE, self.bias_sigma, self.settings.bias_tau_s)]
 
     def due(self, measurement: VorBearing) -> bool:
         """Whether the last radial used of this station is a period ago; its errors are slow, more would only feign certainty."""
-        return not 0.0 <= self._since_s(measurement) < self.settings.period_s - 1e-3
+        return not 0.0 <= self.since_station_s(measurement) < self.settings.period_s - 1e-3
 
-    def heard(self, now_ns: int) -> list[str]:
-        """Stations with a radial used within the time-out, by ident."""
-        return sorted(name for name, stamp_ns in self._used_ns.items() if 0 <= now_ns - stamp_ns <= 1e9 * self.settings.timeout_s)
+    def words(self, now_ns: int) -> str:
+        """The stations used lately."""
+        stations = self.used_lately(now_ns)
+        return f"VOR {', '.join(stations)}" if stations else ""
 
-    def innovation(self, measurement: VorBearing, host: Any) -> Innovation | str:
+    def free(self, stamp_ns: int, host: Host) -> np.ndarray | None:
+        """The station's own state while GPS is good, else what a bearing may move."""
+        taught = super().free(stamp_ns, host)
+        return host.core.ranging if taught is None else taught
+
+    def refusal(self, measurement: VorBearing, host: Host) -> str:
+        """Why a radial cannot be used at all; empty when it can."""
+        station = self.station_of(measurement)
+        if isinstance(station, str):
+            return station
+        lat, lon, height = host.core.nav[:3]
+        return out_of_service(station, lat, lon, height)
+
+    def innovation(self, measurement: VorBearing, host: Host) -> Innovation | str:
         """y = radial + declination - (bearing + alignment error), wrapped; H is the gradient of the bearing and 1 on the error."""
-        state = host.bearing_state()
-        reason = self._refusal(measurement, state)
+        reason = self.refusal(measurement, host)
         if reason:
             return reason
-        station = self.stations[measurement.station]
-        seen = bearing_view(station, *state.position)
+        station, core = self.stations[measurement.station], host.core
+        seen = bearing_view(station, *core.nav[:3])
         y = measurement.bearing_rad + station.declination - seen.bearing
-        H = np.zeros((1, state.layout.size))
+        H = np.zeros((1, host.layout.size))
         H[0, 0:3] = seen.gradient_n
-        index = self._slots.index(measurement.station)
+        index = self.slots.index(measurement.station)
         if index is not None:
             H[0, index] = 1.0
-            y -= state.estimate[index]
-        variance = self._variance(measurement, state.speed_mps, lasting=index is None) + _curvature(host.P, seen)
-        return Innovation(np.array([wrap(y)]), H, np.array([[variance]]), np.array([measurement.bearing_rad]), state.free)
-
-    def process(self, measurement: VorBearing, host: Any) -> bool:
-        """Seat the station, if its radial can be used at all; then as every aid."""
-        state = host.bearing_state()
-        if not self._refusal(measurement, state):
-            self._slots.take(measurement.station, measurement.stamp_ns, host.P, state.estimate)
-        used = super().process(measurement, host)
-        if used:
-            self._used_ns[measurement.station] = measurement.stamp_ns
-        return used
-
-    def _refusal(self, measurement: VorBearing, state: BearingState) -> str:
-        if self.stations is None:
-            return "no station table"
-        if measurement.station not in self.stations:
-            return f"station unknown ({measurement.station})"
-        return out_of_service(self.stations[measurement.station], *state.position)
+            y -= core.estimate[index]
+        variance = self._variance(measurement, core.speed_mps, lasting=index is None) + _curvature(host.P, seen)
+        free = self.free(measurement.stamp_ns, host)
+        return Innovation(np.array([wrap(y)]), H, np.array([[variance]]), np.array([measurement.bearing_rad]), free)
 
     def _variance(self, measurement: VorBearing, speed_mps: float, lasting: bool) -> float:
         """Variance of a radial, rad^2, without what a state holds; ``lasting``: no state holds the alignment error.
 
         What the receiver states beyond the three parts lasts as bends do: taken for white it would average out.
         """
-        own, since_s = self.settings, self._since_s(measurement)
+        own, since_s = self.settings, self.since_station_s(measurement)
         bias, bend, noise = ((x * DEGREE) ** 2 for x in (own.bias_deg, own.bend_deg, own.noise_deg))
         bend = max(bend, measurement.variance - bias - noise)
         tau_s = own.bend_distance_nm * NAUTICAL_MILE / max(speed_mps, SLOWEST_MPS)
         total = noise + bend * correlation_factor(since_s, tau_s)
         return total + bias * correlation_factor(since_s, own.bias_tau_s) if lasting else total
-
-    def _since_s(self, measurement: VorBearing) -> float:
-        """Seconds since a radial of this station was used; ``inf`` before the first and after a start at an earlier time."""
-        last_ns = self._used_ns.get(measurement.station)
-        if last_ns is None or last_ns > measurement.stamp_ns:
-            return math.inf
-        return 1e-9 * (measurement.stamp_ns - last_ns)
 
 
 def _curvature(P: np.ndarray, seen: BearingView) -> float:
@@ -165,3 +125,6 @@ def _curvature(P: np.ndarray, seen: BearingView) -> float:
     S = P[0:2, 0:2]
     product = float((along @ S @ along) * (across @ S @ across) + (along @ S @ across) ** 2)
     return product / max(seen.distance_m, 1.0) ** 4
+
+
+VOR = AIDS.register("vor", Sensor("vor", VorSettings, each(VorAid), quiet=True), __name__)

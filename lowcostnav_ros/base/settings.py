@@ -9,8 +9,6 @@ import difflib
 import hashlib
 import json
 import math
-import types
-import typing
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
 
@@ -61,9 +59,9 @@ def setting(
     return dataclasses.field(default=default, metadata=meta)
 
 
-def group(cls: type[S]) -> S:
-    """Declare a group of settings (a nested settings dataclass with its defaults)."""
-    return dataclasses.field(default_factory=cls)
+def group(cls: type[S], **defaults: Any) -> S:
+    """Declare a group of settings: a nested settings dataclass, ``defaults`` in place of its own."""
+    return dataclasses.field(default_factory=lambda: cls(**defaults))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -82,13 +80,13 @@ class Declared:
     shipped: Any = None
 
 
-def declared(cls: type, prefix: str = "") -> Iterator[Declared]:
-    """List every setting of a settings dataclass with its dotted name (``gate.probability``), groups flattened."""
-    defaults = cls()
-    for field in dataclasses.fields(cls):
+def declared(cls: Any, prefix: str = "") -> Iterator[Declared]:
+    """List every setting of a settings dataclass, or of an instance that gives the defaults, by its dotted name; groups flattened."""
+    defaults = cls() if isinstance(cls, type) else cls
+    for field in dataclasses.fields(defaults):
         value = getattr(defaults, field.name)
         if dataclasses.is_dataclass(value):
-            yield from declared(type(value), f"{prefix}{field.name}.")
+            yield from declared(value, f"{prefix}{field.name}.")
         elif "description" in field.metadata:
             yield Declared(f"{prefix}{field.name}", value, **field.metadata)
 
@@ -112,12 +110,21 @@ def from_mapping(cls: type[S], values: Mapping[str, Any], where: str = "settings
     """
     if not isinstance(values, Mapping):
         raise SettingsError(f"{where}: expected names and values, got {type(values).__name__}.")
+    cls = chosen_class(cls, values)
     known = {d.name: d for d in declared(cls)}
     flat = dict(_flatten(values, known))
+    upgrade = getattr(cls, "upgraded", None)
+    flat = flat if upgrade is None else upgrade(flat)
     for name in flat:
         if name not in known:
             raise SettingsError(f"{where}: unknown setting '{name}'{nearest(name, known)}.")
-    return _build(cls, {n: checked(known[n], v, where) for n, v in flat.items()}, "")
+    return _build(cls(), {n: checked(known[n], v, where) for n, v in flat.items()}, "")
+
+
+def chosen_class(cls: type[S], values: Mapping[str, Any]) -> type[S]:
+    """The settings class that ``values`` ask for: a class may have groups that one of its own settings lists (``chosen_by``)."""
+    choose = getattr(cls, "chosen_by", None)
+    return cls if choose is None else choose(values)
 
 
 def to_mapping(settings: Any) -> dict[str, Any]:
@@ -199,18 +206,17 @@ def _flatten(values: Mapping[str, Any], known: Mapping[str, Declared], prefix: s
             yield name, value
 
 
-def _build(cls: type[S], flat: dict[str, Any], prefix: str) -> S:
-    hints = typing.get_type_hints(cls)
+def _build(defaults: S, flat: dict[str, Any], prefix: str) -> S:
     arguments = {}
-    for field in dataclasses.fields(cls):  # type: ignore[arg-type]
-        kind = hints[field.name]
-        if isinstance(kind, type) and dataclasses.is_dataclass(kind) and not isinstance(kind, types.GenericAlias):
-            arguments[field.name] = _build(kind, flat, f"{prefix}{field.name}.")
+    for field in dataclasses.fields(defaults):
+        value = getattr(defaults, field.name)
+        if dataclasses.is_dataclass(value):
+            arguments[field.name] = _build(value, flat, f"{prefix}{field.name}.")
         elif prefix + field.name in flat:
             arguments[field.name] = flat[prefix + field.name]
     try:
-        return cls(**arguments)
+        return dataclasses.replace(defaults, **arguments)
     except SettingsError:
         raise
     except (TypeError, ValueError) as error:
-        raise SettingsError(f"{cls.__name__}: {error}") from error
+        raise SettingsError(f"{type(defaults).__name__}: {error}") from error

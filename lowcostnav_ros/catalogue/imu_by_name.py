@@ -28,7 +28,7 @@ def with_imu_profile(settings: Any) -> Any:
     name = getattr(getattr(settings, "imu", None), "profile", "")
     if not name:
         return settings
-    from lowcostnav_ros.cores.inertial import ImuSettings  # the compiler behind it is heavy; few nodes come here
+    from lowcostnav_ros.cores.imu_errors import ImuSettings  # the compiler behind it is heavy; few nodes come here
 
     if not isinstance(settings.imu, ImuSettings):
         return settings
@@ -53,7 +53,7 @@ def profile_settings(name: str, turn_on_bias: bool = True) -> Any:
         When there is no such profile, or a filter cannot fly on its numbers.
     """
     from lowcostnav_ros.catalogue.equipment import load_imu_profile
-    from lowcostnav_ros.cores.inertial import ImuSettings, imu_settings
+    from lowcostnav_ros.cores.imu_errors import ImuSettings, imu_settings
 
     profile = load_imu_profile(name)
     if not profile.has_noise:

@@ -92,7 +92,7 @@ def navigator_settings(scenario: Scenario) -> dict[str, str]:
 
     if "imu" not in scenario.sensors or not load_imu_profile(scenario.imu.profile).has_noise:
         return {}
-    from lowcostnav_ros.cores.inertial import ImuSettings
+    from lowcostnav_ros.cores.imu_errors import ImuSettings
     from lowcostnav_ros.navigators.registry import NAVIGATORS
 
     numbers = dataclasses.asdict(profile_settings(scenario.imu.profile, scenario.imu.turn_on_bias))

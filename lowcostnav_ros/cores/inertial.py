@@ -11,137 +11,23 @@ The blocks are the linearised navigation equations in metres (Solimeno (3-47), (
 corrected), checked against differences of the strapdown step in the tests.
 """
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.small_matrices import matvec
+from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
+from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS
-from lowcostnav_ros.physics.earth import EARTH_RATE, displace, gravity, radii
-from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_to_dcm
+from lowcostnav_ros.physics.earth import EARTH_RATE, STANDARD_GRAVITY, displace, gravity, radii
+from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_to_dcm, skew
 from lowcostnav_ros.physics.strapdown import strapdown_step
-from lowcostnav_ros.sensors.imu_profile import ImuNoise
 
 POS, VEL, ATT = slice(0, 3), slice(3, 6), slice(6, 9)
 CORE = 9
 COVARIANCE_STEP_NS = 100_000_000
 GAP_NS = HOLE_NS
-
-DEG = np.pi / 180.0
-MILLI_G = 9.80665e-3
-XYZ = "xyz"
-CONSTANT_S = 1e6
-"""Correlation time of an error that the data sheet calls constant."""
-PerAxis = float | list
-"""One number for all axes, or three, x y z."""
-
-
-def _axes(default: float, description: str, unit: str, minimum: float = 0.0, maximum: float | None = None) -> Any:
-    return setting(default, description, unit=unit, minimum=minimum, maximum=maximum, per_axis=True)
-
-
-@dataclass(frozen=True)
-class ImuSettings:
-    """Inertial sensor errors as a data sheet states them, each one number or three (x y z, FRD); the defaults are a vibrating-gyro unit
-    of automotive grade.
-    """
-
-    profile: str = setting("", "IMU profile (config/profiles, or a file): its numbers, save those below that are not the default.")
-    gyro_noise_dps_rthz: PerAxis = _axes(0.012, "Gyro white noise.", "deg/s/sqrt(Hz)", 1e-7, 10.0)
-    gyro_bias_dps: PerAxis = _axes(0.05, "Gyro in-run bias, Gauss-Markov sigma.", "deg/s", maximum=10.0)
-    gyro_bias_tau_s: PerAxis = _axes(300.0, "Correlation time of the gyro bias.", "s", 1.0)
-    gyro_turn_on_dps: PerAxis = _axes(0.1, "Gyro turn-on bias sigma.", "deg/s", maximum=10.0)
-    gyro_scale_ppm: PerAxis = _axes(0.0, "Gyro scale-factor sigma; 0 leaves the states out.", "ppm", maximum=1e5)
-    gyro_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the gyro scale factors.", "s", 1.0)
-    accel_noise_mg_rthz: PerAxis = _axes(0.25, "Accelerometer white noise.", "milli-g/sqrt(Hz)", 1e-6, 1e3)
-    accel_bias_mg: PerAxis = _axes(1.2, "Accelerometer in-run bias, Gauss-Markov sigma.", "milli-g", maximum=1e3)
-    accel_bias_tau_s: PerAxis = _axes(100.0, "Correlation time of the accelerometer bias.", "s", 1.0)
-    accel_turn_on_mg: PerAxis = _axes(5.0, "Accelerometer turn-on bias sigma.", "milli-g", maximum=1e3)
-    accel_scale_ppm: PerAxis = _axes(0.0, "Accelerometer scale-factor sigma; 0 leaves them out.", "ppm", maximum=1e5)
-    accel_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the accelerometer scale factors.", "s", 1.0)
-
-
-def of_axes(value: PerAxis) -> np.ndarray:
-    """x, y, z (3,) of a setting that holds one number for all axes or three."""
-    return np.full(3, value, dtype=float)
-
-
-def typical(value: PerAxis) -> float:
-    """Root mean square over the axes, for what needs one number only (a threshold, a first tilt)."""
-    return float(np.sqrt(np.mean(of_axes(value) ** 2))) if isinstance(value, list) else value
-
-
-def imu_settings(noise: ImuNoise) -> ImuSettings:
-    """Filter settings of an IMU profile's numbers, axis by axis; an error that is constant gets the correlation time of twelve days."""
-
-    def axes(values: np.ndarray, unit: float = 1.0) -> PerAxis:
-        listed = [float(v) / unit if np.isfinite(v) else CONSTANT_S for v in values]
-        return listed[0] if len(set(listed)) == 1 else listed
-
-    return ImuSettings(
-        gyro_noise_dps_rthz=axes(noise.gyro_noise_density, DEG),
-        gyro_bias_dps=axes(noise.gyro_bias_sigma, DEG),
-        gyro_bias_tau_s=axes(noise.gyro_bias_tau_s),
-        gyro_turn_on_dps=axes(noise.gyro_turn_on_sigma, DEG),
-        gyro_scale_ppm=axes(noise.gyro_scale_sigma, 1e-6),
-        gyro_scale_tau_s=axes(noise.gyro_scale_tau_s),
-        accel_noise_mg_rthz=axes(noise.accel_noise_density, MILLI_G),
-        accel_bias_mg=axes(noise.accel_bias_sigma, MILLI_G),
-        accel_bias_tau_s=axes(noise.accel_bias_tau_s),
-        accel_turn_on_mg=axes(noise.accel_turn_on_sigma, MILLI_G),
-        accel_scale_ppm=axes(noise.accel_scale_sigma, 1e-6),
-        accel_scale_tau_s=axes(noise.accel_scale_tau_s),
-    )
-
-
-def core_block(imu: ImuSettings) -> Block:
-    """The nine core states; their psd entries are the sensors' white noise, resolved in b when used."""
-    labels = (
-        *("position_north_m", "position_east_m", "position_down_m"),
-        *("velocity_north_mps", "velocity_east_mps", "velocity_down_mps"),
-        *("attitude_north_rad", "attitude_east_rad", "attitude_down_rad"),
-    )
-    accel = (of_axes(imu.accel_noise_mg_rthz) * MILLI_G) ** 2
-    gyro = (of_axes(imu.gyro_noise_dps_rthz) * DEG) ** 2
-    return Block("core", labels, Kind.CORE, (10.0,) * 3 + (1.0,) * 3 + (0.1,) * 3, np.inf, (0.0, 0.0, 0.0, *accel, *gyro))
-
-
-def bias_blocks(imu: ImuSettings, *, split_turn_on: bool = False) -> list[Block]:
-    """Accelerometer and gyro biases, and scale factors where the data sheet gives them.
-
-    One Gauss-Markov block per sensor whose start sigma holds the turn-on bias (15 states), or, with ``split_turn_on``, a random
-    constant beside the drift (the thesis's 27).  A Gauss-Markov state would pull a turn-on bias toward zero with its own correlation
-    time, so in the short form the drift is a random walk with the drift's short-term growth, 2 sigma^2 / tau.
-    """
-    blocks = []
-    drift = of_axes(imu.accel_bias_mg) * MILLI_G, of_axes(imu.gyro_bias_dps) * DEG
-    turn_ons = of_axes(imu.accel_turn_on_mg) * MILLI_G, of_axes(imu.gyro_turn_on_dps) * DEG
-    sensors = (
-        ("accel", "mps2", Kind.ACCEL_BIAS, drift[0], of_axes(imu.accel_bias_tau_s), turn_ons[0]),
-        ("gyro", "radps", Kind.GYRO_BIAS, drift[1], of_axes(imu.gyro_bias_tau_s), turn_ons[1]),
-    )
-    for name, unit, kind, sigma, tau, turn_on in sensors:
-        labels = [f"{name}_bias_{axis}_{unit}" for axis in XYZ]
-        if split_turn_on:
-            blocks.append(gauss_markov(f"{name}_drift", [f"{name}_drift_{axis}_{unit}" for axis in XYZ], kind, sigma, tau))
-            blocks.append(random_walk(f"{name}_bias", labels, kind, turn_on))
-        elif turn_on.any():
-            blocks.append(random_walk(f"{name}_bias", labels, kind, np.hypot(turn_on, sigma), sigma * np.sqrt(2.0 / tau)))
-        else:
-            blocks.append(gauss_markov(f"{name}_bias", labels, kind, sigma, tau))
-    scales = (
-        ("accel", Kind.ACCEL_SCALE, of_axes(imu.accel_scale_ppm), imu.accel_scale_tau_s),
-        ("gyro", Kind.GYRO_SCALE, of_axes(imu.gyro_scale_ppm), imu.gyro_scale_tau_s),
-    )
-    for name, kind, ppm, tau_s in scales:
-        if ppm.any():
-            blocks.append(gauss_markov(f"{name}_scale", [f"{name}_scale_{axis}" for axis in XYZ], kind, 1e-6 * ppm, tau_s))
-    return blocks
 
 
 @kernel
@@ -335,7 +221,12 @@ class InertialCore:
         Current estimates of the block states; the first nine are unused (they live in ``nav``).
     P : ndarray (n, n)
     t_ns : int
+    force_b, rate_b : ndarray (3,)
+        Specific force, m/s^2, and rate, rad/s, of a late sample, sensor errors taken out (:meth:`note`).
     """
+
+    velocity_rows, attitude_rows = VEL, ATT
+    ranging = None
 
     def __init__(self, layout: Layout, variance_ceiling: np.ndarray | None = None) -> None:
         self.layout = layout
@@ -344,6 +235,7 @@ class InertialCore:
         self.P = layout.initial_covariance()
         self.t_ns = 0
         self.guard_actions = 0
+        self.rest()
         self._last = np.zeros(6)
         self._sums = np.zeros(19)
         self._floor = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2
@@ -403,9 +295,58 @@ class InertialCore:
         )
         return int(t_ns), nav
 
+    def rest(self) -> None:
+        """Take the latest sample for that of a unit at rest."""
+        self.rate_b, self.force_b = np.zeros(3), np.array([0.0, 0.0, -STANDARD_GRAVITY])
+        self._newest: ImuBlock | None = None
 
-def dynamics_now(navigator) -> np.ndarray:
-    """Continuous error dynamics F (n, n) of an inertial navigator at its state and latest corrected sample (``force_b``, ``rate_b``)."""
-    core, layout = navigator.core, navigator.layout
-    C, force_b, rate_b = quat_to_dcm(core.nav[6:10]), navigator.force_b, navigator.rate_b
-    return inertial_dynamics(core.nav, C @ force_b, force_b, rate_b, C, layout.kind, layout.axis, layout.rate)
+    def note(self, block: ImuBlock | None = None, row: int = -1) -> None:
+        """Keep the corrected specific force and rate of a sample; without a block, of the newest one passed."""
+        block = self._newest if block is None else block
+        if block is not None:
+            self.force_b, self.rate_b = self.corrected(block.specific_force_b[row], block.angular_rate_b[row])
+
+    def passed(self, block: ImuBlock) -> None:
+        """Remember a block that was run through."""
+        self._newest = block
+
+    def latest(self, block: ImuBlock | None) -> tuple[np.ndarray, np.ndarray]:
+        """Corrected specific force and rate of the last sample of a block beyond the horizon, or of the newest passed."""
+        block = self._newest if block is None else block
+        if block is None:
+            return self.force_b, self.rate_b
+        return self.corrected(block.specific_force_b[-1], block.angular_rate_b[-1])
+
+    # views of aids -----------------------------------------------------------------------------------------------------------
+
+    @property
+    def speed_mps(self) -> float:
+        """Speed over ground, m/s."""
+        return float(np.hypot(self.nav[3], self.nav[4]))
+
+    def C_nb(self) -> np.ndarray:
+        """Rotation (3, 3) from b to n."""
+        return quat_to_dcm(self.nav[6:10])
+
+    def lever_n(self, lever_b: np.ndarray) -> np.ndarray:
+        """Lever arm (3,), m, turned to n."""
+        return self.C_nb() @ lever_b
+
+    def height_residual(self, height: float, bias: float) -> float:
+        """A height, m, less the estimated one and an estimated bias."""
+        return height - self.nav[2] - bias
+
+    def velocity_at(self, lever_b: np.ndarray) -> VelocitySeen | str:
+        """Velocity of an antenna: v + C (w x l); what the lever arm adds depends on attitude and gyro bias, too."""
+        C = self.C_nb()
+        swing_n = C @ np.cross(self.rate_b, lever_b)
+        H = np.zeros((3, self.layout.size))
+        H[:, VEL], H[:, ATT] = np.eye(3), -skew(swing_n)
+        if "gyro_bias" in self.layout:
+            H[:, self.layout["gyro_bias"]] = C @ skew(lever_b)
+        return VelocitySeen(self.nav[3:6], swing_n, H)
+
+    def dynamics(self) -> np.ndarray:
+        """Continuous error dynamics F (n, n) at the present state and sample."""
+        C, layout = self.C_nb(), self.layout
+        return inertial_dynamics(self.nav, C @ self.force_b, self.force_b, self.rate_b, C, layout.kind, layout.axis, layout.rate)

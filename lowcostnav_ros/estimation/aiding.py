@@ -1,21 +1,41 @@
-"""Aids: one small module per source of information, all of one form.
+"""Aids: one small module per sensor, all of one form.
 
 An aid has three verbs.  ``innovation`` computes measured minus predicted with its Jacobian and noise and changes nothing;
 ``control`` decides: fuse, reject, limit, or recover after a long run of rejections; ``fuse`` applies.  One status record serves all,
 so that a person reads in flight, for every aid alike, what it saw, whether it was used and, if not, why.
+
+A :class:`Sensor` is what a navigator's list names: the settings of a sensor and the aids that use it.
 """
 
+import copy
+import math
+from abc import ABC, abstractmethod
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import Measurement
-from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.error_state import Block, Layout
+
+
+class Reason(str):
+    """Why a measurement is not used: a fixed ``phrase`` to count by; the text may add what is this measurement's own."""
+
+    phrase: str
+
+    def __new__(cls, phrase: str, detail: str = "") -> "Reason":
+        """Make the reason ``phrase``, or ``phrase: detail``."""
+        text = f"{phrase}: {detail}" if detail else phrase
+        made = super().__new__(cls, text)
+        made.phrase = phrase
+        return made
 
 
 class Decision(Enum):
@@ -27,12 +47,26 @@ class Decision(Enum):
     RECOVER = "recover"
 
 
+BEYOND_GATE = "innovation beyond gate"
+LIMITED = "innovation limited"
+RECOVERED = "recovered after rejections"
+NOT_FINITE = "innovation not finite"
+
+
 @dataclass(frozen=True)
 class GateSettings:
     """How an aid's innovations are tested."""
 
     probability: float = setting(0.9995, "Share of true innovations the gate lets pass.", minimum=0.5, maximum=0.9999999)
     recovery_s: float = setting(10.0, "Rejecting this long makes the aid recover (widen or re-initialise).", unit="s", minimum=0.0)
+
+
+@dataclass(frozen=True)
+class SensorSettings:
+    """Where a sensor's messages come from; the base of every sensor's settings."""
+
+    topics: list = setting([], "Topics in place of its own, in their order; empty: its own.")
+    frames: list = setting([], "Frame ids accepted beside the usual ones; 'any' accepts all.")
 
 
 @dataclass(slots=True)
@@ -76,65 +110,189 @@ class AidStatus:
         return None if self.accepted_ns is None else 1e-9 * (now_ns - self.accepted_ns)
 
 
-class Aid:
-    """Base of all aids.
+class Host(Protocol):
+    """What an aid asks of the navigator it serves.
 
-    A subclass gives ``innovation`` and may override ``control`` or ``recover``.  The host is the navigator: it offers ``P`` (n, n),
-    ``correct(dx)`` which injects a correction, and whatever state the innovation needs.
+    ``layout`` names the states; ``P`` (n, n) is their covariance; ``core`` holds the mean and offers the views of
+    :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,); ``gps_good(stamp_ns)``: GPS holds the solution.
     """
 
-    limit_instead_of_reject = False
+    name: str
+    layout: Layout
 
-    def __init__(self, name: str, labels: tuple[str, ...], gate: GateSettings) -> None:
-        self.gate = gate
-        self.threshold = chi_square.threshold(gate.probability, len(labels))
-        self.status = AidStatus(name, labels)
+    @property
+    def core(self) -> Any: ...
+    @property
+    def P(self) -> np.ndarray: ...
+    def correct(self, dx: np.ndarray) -> None: ...
+    def gps_good(self, stamp_ns: int) -> bool: ...
+
+
+SLACK_NS = 1e6
+"""Jitter of stamps that does not make a measurement miss its period."""
+
+
+class Aid(ABC):
+    """Base of all aids: one innovation and its record.
+
+    A subclass declares the class attributes below, gives ``innovation`` and may override ``blocks``, ``control``, ``fuse`` or ``recover``.
+
+    Attributes
+    ----------
+    name, labels
+        Of the status record; a label carries its unit.
+    measurement, topic
+        Type it takes and the topic it comes on; an aid without a topic is applied at the navigator's outputs.
+    views : tuple of Protocol
+        What it asks of the core of its host (:mod:`lowcostnav_ros.cores.views`).
+    teaches : tuple of str
+        Blocks that alone may move while GPS is good; empty: all may.
+    is_fix : bool
+        Whether an accepted measurement holds the position as GPS does.
+    last_resort : bool
+        Limit an innovation beyond the gate instead of rejecting it while nothing else holds the solution (see :meth:`is_last`).
+    thins_itself : bool
+        Whether :meth:`due` keeps the period (of each station, say) rather than the sensor's channel.
+    needs_rate : bool
+        Whether the rate of turn of the newest inertial sample is to be had from the core.
+    source : str
+        Topic it listens to: its own, unless its sensor's settings say another.
+    applied : Innovation or None
+        What was fused last.
+    decision : Decision or None
+        What was made of the last measurement; None when there was no innovation.
+    """
+
+    name: ClassVar[str]
+    labels: ClassVar[tuple[str, ...]]
+    measurement: ClassVar[type[Measurement]] = Measurement
+    topic: ClassVar[str] = ""
+    views: ClassVar[tuple[type, ...]] = ()
+    teaches: ClassVar[tuple[str, ...]] = ()
+    is_fix: ClassVar[bool] = False
+    last_resort: ClassVar[bool] = False
+    thins_itself: ClassVar[bool] = False
+    needs_rate: ClassVar[bool] = False
+
+    def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
+        self.settings, self.key, self.stations = settings, key, stations
+        self.gate: GateSettings = settings.gate
+        self.threshold = chi_square.threshold(self.gate.probability, len(self.labels))
+        self.status = AidStatus(self.own(self.name), self.labels)
+        self.source = self.topic
+        self.applied: Innovation | None = None
+        self.decision: Decision | None = None
+        self._teaching: np.ndarray | None = None
         self._rejecting_since_ns: int | None = None
 
-    def innovation(self, measurement: Measurement, host: Any) -> Innovation | str:
-        """Measured minus predicted, or the reason why there is none (one short phrase). Changes nothing."""
-        raise TypeError(f"{type(self).__name__} does not define an innovation.")
+    # what it is made of ------------------------------------------------------------------------------------------------------
+
+    def own(self, name: str) -> str:
+        """A name of this aid, of its blocks or their labels; a second sensor's carry its key (``baro2_height``)."""
+        sensor = self.key.rstrip("0123456789")
+        if sensor == self.key:
+            return name
+        return self.key + name[len(sensor) :] if name.startswith(sensor) else f"{self.key}_{name}"
+
+    def blocks(self) -> list[Block]:
+        """State blocks it needs; one that another aid has brought already (the wind) is shared."""
+        return []
+
+    def attach(self, host: Host) -> None:
+        """Find its states in the layout of its host, once that is known.
+
+        Raises
+        ------
+        SettingsError
+            When the core of the host lacks a view.
+        """
+        for view in self.views:
+            if not isinstance(host.core, view):
+                what = (view.__doc__ or view.__name__).splitlines()[0].rstrip(".").lower()
+                raise SettingsError(f"{host.name} cannot take the aid '{self.status.name}': it does not estimate {what}.")
+        self._teaching = host.layout.mask(*map(self.own, self.teaches)) if self.teaches else None
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what was received; the counters stay."""
+        self.status.accepted_ns = self._rejecting_since_ns = None
+
+    def since_s(self, measurement: Measurement) -> float:
+        """Seconds since it last used a measurement, ``inf`` before the first."""
+        age_s = self.status.age_s(measurement.stamp_ns)
+        return math.inf if age_s is None else age_s
+
+    # the verbs ---------------------------------------------------------------------------------------------------------------
+
+    def due(self, measurement: Measurement) -> bool:
+        """Whether a measurement is wanted at all now, beyond the period of its sensor."""
+        return True
+
+    @abstractmethod
+    def innovation(self, measurement: Any, host: Any) -> Innovation | str:
+        """Measured minus predicted, or the reason why there is none (one short phrase).  Changes nothing."""
+
+    def after(self, measurement: Any, host: Host) -> None:  # noqa: B027 - most aids have nothing to do then
+        """Called once all aids of its channel have had a measurement."""
+
+    def words(self, now_ns: int) -> str:
+        """What it contributes now, for people; empty for nothing to say."""
+        return ""
+
+    def free(self, stamp_ns: int, host: Host) -> np.ndarray | None:
+        """States it may move, (n,): those it teaches while GPS is good, else all (None)."""
+        return self._teaching if self._teaching is not None and host.gps_good(stamp_ns) else None
+
+    def is_last(self, stamp_ns: int, test_ratio: float, host: Host) -> bool:
+        """Whether a :attr:`last_resort` is the last there is."""
+        return not host.gps_good(stamp_ns)
 
     def control(self, stamp_ns: int, test_ratio: float, host: Any) -> tuple[Decision, str]:
         """Decide what to do with an innovation of this test ratio, and why when it is not fused."""
         if test_ratio <= 1.0:
             self._rejecting_since_ns = None
             return Decision.FUSE, ""
-        if self.limit_instead_of_reject:
-            return Decision.LIMIT, "innovation limited"
+        if self.last_resort and self.is_last(stamp_ns, test_ratio, host):
+            return Decision.LIMIT, LIMITED
         if self._rejecting_since_ns is None:
             self._rejecting_since_ns = stamp_ns
         if stamp_ns - self._rejecting_since_ns >= 1e9 * self.gate.recovery_s:
             self._rejecting_since_ns = None
-            return Decision.RECOVER, "recovered after rejections"
-        return Decision.REJECT, "innovation beyond gate"
+            return Decision.RECOVER, RECOVERED
+        return Decision.REJECT, BEYOND_GATE
 
-    def fuse(self, innovation: Innovation, host: Any) -> None:
+    def prepare(self, measurement: Any, innovation: Innovation, host: Any) -> Innovation:
+        """Called once a measurement is to be used: may assign a state to its station; returns the innovation to fuse."""
+        return innovation
+
+    def fuse(self, innovation: Innovation, host: Host) -> None:
         """Apply: update the covariance, inject the correction."""
         free = np.ones(len(host.P)) if innovation.free is None else innovation.free
         host.correct(kalman.update(host.P, innovation.y, innovation.H, innovation.R, free))
 
-    def recover(self, measurement: Measurement, innovation: Innovation, host: Any) -> None:
+    def recover(self, measurement: Any, innovation: Innovation, host: Host) -> None:
         """After a long run of rejections: widen the noise until the innovation is believable, and fuse."""
         innovation.R = innovation.R + np.outer(innovation.y, innovation.y)
         self.fuse(innovation, host)
 
-    def process(self, measurement: Measurement, host: Any) -> bool:
+    def process(self, measurement: Any, host: Any) -> bool:
         """Run the three verbs on one measurement; return whether it was used."""
-        status = self.status
+        status, self.applied, self.decision = self.status, None, None
         status.stamp_ns = measurement.stamp_ns
         innovation = self.innovation(measurement, host)
         if isinstance(innovation, str):
             return self._refused(innovation)
         if not all(np.isfinite(part).all() for part in (innovation.y, innovation.H, innovation.R)):
-            return self._refused("innovation not finite")
+            return self._refused(NOT_FINITE)
         S = kalman.innovation_covariance(host.P, innovation.H, innovation.R)
         nis = kalman.normalised_innovation_squared(innovation.y, S)
         status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
         status.nis, status.test_ratio = nis, nis / self.threshold
         decision, reason = self.control(measurement.stamp_ns, status.test_ratio, host)
+        self.decision = decision
         if decision is Decision.REJECT:
             return self._refused(reason)
+        innovation = self.applied = self.prepare(measurement, innovation, host)
         if decision is Decision.RECOVER:
             status.rejected[reason] += 1
             self.recover(measurement, innovation, host)
@@ -149,5 +307,81 @@ class Aid:
 
     def _refused(self, reason: str) -> bool:
         self.status.accepted, self.status.reason = False, reason
-        self.status.rejected[reason.partition(":")[0]] += 1  # counted by name; what follows the colon is this measurement's own
+        self.status.rejected[getattr(reason, "phrase", reason)] += 1
         return False
+
+
+def floored(cov: np.ndarray, scale: float, floor: float) -> np.ndarray:
+    """Covariance (m, m) scaled by the sigma factor ``scale``, no variance below ``floor`` squared."""
+    out = cov * (scale * scale)
+    for i in range(len(out)):
+        out[i, i] = max(out[i, i], floor * floor)
+    return out
+
+
+Maker = Callable[[Any, str, Any], list[Aid]]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor as a navigator's list names it.
+
+    Attributes
+    ----------
+    name : str
+        Name of its group of settings; a second one of its kind is called ``name2``.
+    settings : type
+        Settings dataclass; ``enabled``, ``period_s``, ``timeout_s``, ``latency_s`` and ``stations_file`` mean the same in all.
+    make : callable
+        Makes its aids from the settings, the key and the station table.
+    defaults : mapping
+        Values in place of the settings' own defaults.
+    quiet : bool
+        Listened to only when enabled; the topics of others are listened to even then, so that a switch cuts no inertial sample elsewhere.
+    """
+
+    name: str
+    settings: type
+    make: Maker
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    quiet: bool = False
+
+    def but(self, **defaults: Any) -> "Sensor":
+        """The same sensor with other defaults."""
+        return replace(self, defaults={**self.defaults, **defaults})
+
+    def build(self, settings: Any, key: str, stations: Any) -> list[Aid]:
+        """Make its aids; those of a second sensor listen to topics with its number in the first word (``gps2/fix``).
+
+        Raises
+        ------
+        SettingsError
+            When ``topics`` does not name as many topics as the sensor has.
+        """
+        aids = self.make(settings, key, stations)
+        own = list(dict.fromkeys(aid.topic for aid in aids if aid.topic))
+        number = key[len(self.name) :]
+        topics = [f"{t.partition('/')[0]}{number}/{t.partition('/')[2]}" for t in own] if number else own
+        if settings.topics and len(settings.topics) != len(own):
+            raise SettingsError(f"'{key}.topics' must name {len(own)}, in place of {', '.join(own)}; got {len(settings.topics)}.")
+        named = dict(zip(own, settings.topics or topics, strict=True))
+        for aid in aids:
+            aid.source = named.get(aid.topic, "")
+        return aids
+
+    def default(self) -> Any:
+        """Settings as they are where nothing is set."""
+        return self.settings(**copy.deepcopy(dict(self.defaults)))
+
+
+def each(*aids: type[Aid]) -> Maker:
+    """Make one of each of these aids."""
+    return lambda settings, key, stations: [aid(settings, key, stations) for aid in aids]
+
+
+def unique(blocks: Iterable[Block]) -> list[Block]:
+    """Blocks in order, of several of one name the first: the wind is one, whatever feels it."""
+    found: dict[str, Block] = {}
+    for block in blocks:
+        found.setdefault(block.name, block)
+    return list(found.values())

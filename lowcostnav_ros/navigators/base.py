@@ -1,14 +1,17 @@
 """The form all navigators share: measurements in by one verb, fused solutions out, status for people."""
 
+from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
-from lowcostnav_ros.base.settings import setting
-from lowcostnav_ros.estimation.aiding import Aid, AidStatus
+from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
+from lowcostnav_ros.estimation.error_state import Block
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
+from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
 
 OK, WARN, ERROR = 0, 1, 2
@@ -58,37 +61,181 @@ class NavigatorStatus:
     integrity: Integrity | None = None
 
 
-class Navigator:
+class Channel:
+    """One topic of one sensor: the aids that its measurements go to, thinned to a period together."""
+
+    def __init__(self, aids: list[Aid]) -> None:
+        self.aids = aids
+        self.period_s: float = 0.0 if aids[0].thins_itself else getattr(aids[0].settings, "period_s", 0.0)
+        self._used_ns = -(10**18)
+
+    def restart(self) -> None:
+        """Take the next measurement, whenever it comes."""
+        self._used_ns = -(10**18)
+
+    def is_due(self, stamp_ns: int) -> bool:
+        """Whether a period has passed since the last one: its errors are slow, more would only feign certainty."""
+        return stamp_ns - self._used_ns >= 1e9 * self.period_s - SLACK_NS
+
+    def due(self, stamp_ns: int) -> bool:
+        """Take one, if it is due."""
+        if not self.is_due(stamp_ns):
+            return False
+        self._used_ns = stamp_ns
+        return True
+
+
+class Navigator(ABC):
     """Base of all navigators.
 
-    A subclass declares ``name``, ``inputs`` (source to required?) and ``inertial`` (the IMU source that carries its state, or None), keeps
-    ``mode`` and ``reason``, and gives ``_fuse(measurement)``, ``_predict()``, ``_restart()``, ``_sigmas()`` and ``_level()``.
+    A navigator is a list of sensors on a core.  A subclass declares the class attributes below and gives ``_fuse(measurement)``,
+    ``_predict()``, ``_restart()`` and ``_sigmas()``; settings, state blocks, inputs and the way of a measurement to its aids follow.
 
     Parameters
     ----------
     settings : settings dataclass
-        Must hold ``horizon`` (:class:`HorizonSettings`); a ``magnetometer`` calibration in it is applied to every field that comes in.
+        Of the class ``Settings``.  A ``magnetometer`` calibration in it is applied to every field that comes in.
+    stations : StationTable or None
+        Where ground stations stand; without it every range and radial is refused by name.
+    latency_s : float
+        How much later than the settings of its sensors say inputs may come.
+
+    Attributes
+    ----------
+    name, room, colour
+        Its name, the first part of its topics, and its colour in a report.
+    OwnSettings : type
+        Settings that are no sensor's; must hold ``horizon`` (:class:`HorizonSettings`).
+    sensors : tuple of Sensor
+        Its list where nothing else is configured.
+    needs : tuple of str
+        Sensors without which it cannot start.
+    required : tuple of str
+        Sources without which it does not run.
+    inertial : str or None
+        The IMU source that carries its state.
+    settings, inputs, aids
+        As given; source to whether it is required; all aids in order.
     """
 
     name: ClassVar[str] = ""
-    inputs: dict[str, bool] = {}
+    room: ClassVar[str] = ""
+    colour: ClassVar[str] = ""
+    OwnSettings: ClassVar[type]
+    Settings: ClassVar[type]
+    sensors: ClassVar[tuple[Sensor, ...]] = ()
+    needs: ClassVar[tuple[str, ...]] = ()
+    required: ClassVar[tuple[str, ...]] = ()
     inertial: str | None = None
+    inputs: Mapping[str, bool] = {}
 
-    def __init__(self, settings: Any, latency_s: float = 0.0) -> None:
-        self.settings = settings
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "OwnSettings" in cls.__dict__:
+            cls.Settings = settings_class(cls, tuple(sensor.name for sensor in cls.sensors))
+
+    def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
+        self.settings, self.stations = settings, stations
+        self._equip()
+        listed = [getattr(settings, key) for key in getattr(settings, "aids", ())]
+        latency_s += max((getattr(own, "latency_s", 0.0) for own in listed), default=0.0)
         lag_ns, jump_ns = round(1e9 * (settings.horizon.lag_s + latency_s)), round(1e9 * settings.horizon.jump_s)
         self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns)
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
         self.origin: LocalFrame | None = None
         self.input_status = {source: InputStatus(source, required) for source, required in self.inputs.items()}
-        self.aids: list[Aid] = []
         self.mode = "initialising"
         self.reason = "waiting for measurements"
-        self.restarts = Counter()
+        self.restarts: Counter[str] = Counter()
         self.on_aid: Callable[[AidStatus], None] | None = None
         self._out: list[NavSolution] = []
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
+
+    # its list ----------------------------------------------------------------------------------------------------------------
+
+    def _equip(self) -> None:
+        """Make the aids of the list, and the channels that lead to them."""
+        self.aids: list[Aid] = []
+        self.channels: dict[str, list[Channel]] = {}
+        self.clocked: list[Channel] = []
+        self.frames: dict[str, tuple[str, ...]] = {}
+        sources: dict[str, bool] = dict.fromkeys(self.own_inputs(), False)
+        for key in getattr(self.settings, "aids", ()):
+            own = getattr(self.settings, key)
+            sensor = sensor_of(key, {s.name: s for s in self.sensors})
+            aids = sensor.build(own, key, self.stations) if self.wants(key) else []
+            for aid in aids:
+                aid.source = self.source_of(aid)
+            enabled = getattr(own, "enabled", True)
+            for source in dict.fromkeys(aid.source for aid in aids if aid.source):
+                if enabled or not sensor.quiet:
+                    sources.setdefault(source, False)
+                    self.frames[source] = tuple(own.frames)
+            if enabled:
+                self._connect(aids)
+        missing = [need for need in self.needs if need not in getattr(self.settings, "aids", ())]
+        if missing:
+            raise SettingsError(f"{self.name} cannot start without '{missing[0]}'; name it in 'aids'.")
+        required = self.required_sources()
+        self.inputs = {source: source in required for source in sources}
+
+    def _connect(self, aids: list[Aid]) -> None:
+        self.aids += aids
+        for source, topic in dict.fromkeys((aid.source, aid.topic) for aid in aids):
+            channel = Channel([aid for aid in aids if (aid.source, aid.topic) == (source, topic)])
+            if source:
+                self.channels.setdefault(source, []).append(channel)
+            else:
+                self.clocked.append(channel)
+
+    def own_inputs(self) -> Iterable[str]:
+        """Sources it listens to beside those of its sensors, in order before them."""
+        return () if self.inertial is None else (self.inertial,)
+
+    def wants(self, key: str) -> bool:
+        """Whether a sensor of the list is made at all (a coupling may leave one out)."""
+        return True
+
+    def required_sources(self) -> Collection[str]:
+        """Sources without which it does not run."""
+        return self.required
+
+    def source_of(self, aid: Aid) -> str:
+        """Source an aid is fed from; an adapter may feed it from another than its own."""
+        return aid.source
+
+    def aid_blocks(self) -> list[Block]:
+        """State blocks of all aids, in the order of the list."""
+        return unique(block for aid in self.aids for block in aid.blocks())
+
+    def aid(self, name: str) -> Aid | None:
+        """One of its aids, by the name of its record; None where it is not in use."""
+        return next((aid for aid in self.aids if aid.status.name == name), None)
+
+    def gps_good(self, stamp_ns: int) -> bool:
+        """Whether GPS holds the solution."""
+        return False
+
+    def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
+        """Give a measurement to the aids of a channel, if it is due; return those that used it."""
+        if not channel.due(measurement.stamp_ns):
+            return []
+        used = [aid for aid in channel.aids if aid.due(measurement) and self.use_aid(aid, measurement)]
+        for aid in channel.aids:
+            aid.after(measurement, self)
+        return used
+
+    def use(self, measurement: Measurement) -> list[Aid]:
+        """Give a measurement to all aids that listen to its source; return those that used it."""
+        channels = (c for c in self.channels.get(measurement.source, ()) if isinstance(measurement, c.aids[0].measurement))
+        return [aid for channel in channels for aid in self.use_channel(channel, measurement)]
+
+    def outage_words(self, now_ns: int) -> str:
+        """What the aids contribute without GPS, for people (``; DME OAK, SJC; VOR OAK``)."""
+        return "".join(f"; {words}" for words in (aid.words(now_ns) for aid in self.aids) if words)
+
+    # the verb ----------------------------------------------------------------------------------------------------------------
 
     def feed(self, measurement: Measurement) -> list[NavSolution]:
         """Take one measurement (or block of inertial samples) in; return the fused solutions that became final, oldest first."""
@@ -143,6 +290,22 @@ class Navigator:
         if self.on_aid is not None:
             self.on_aid(aid.status)
         return used
+
+    @abstractmethod
+    def _fuse(self, item: Measurement) -> None:
+        """Take the next measurement in order of time."""
+
+    @abstractmethod
+    def _predict(self) -> NavSolution | None:
+        """The solution carried to the newest stamp."""
+
+    @abstractmethod
+    def _restart(self) -> None:
+        """Forget the state."""
+
+    @abstractmethod
+    def _sigmas(self) -> dict[str, float]:
+        """Sigmas for people, unit in the names."""
 
     def set_origin(self, lat: float, lon: float, height: float) -> None:
         """Fix the geodetic origin (rad, rad, m) of the local map frame, once."""

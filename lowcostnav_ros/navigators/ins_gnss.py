@@ -3,56 +3,33 @@
 The error state is a chosen list: core nine, bias drifts, turn-on biases, scale factors (27 with all of them) and, tightly coupled, the
 receiver clock's bias and drift (29); an IMU without drift needs 21 and 23.  Tight coupling uses whatever satellites there are, down to
 one; loose coupling coasts where the receiver has no solution (Solimeno 2007, sections 5.2 and 5.3).  Baro, magnetic heading, air data and
-VOR radials of the GPS/INS navigator may be switched on beside either.
+VOR radials may be switched on beside either.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.aids.gnss_integrity import GnssIntegrity
-from lowcostnav_ros.aids.ins_gps_aids import AirDataSettings, BaroSettings, MagneticSettings
-from lowcostnav_ros.aids.satellites import CLOCK_SIGMA_M, CLOCK_SIGMA_MPS, ClockHost, GnssSettings, RangeAid, RangeRateAid, predicted
+from lowcostnav_ros.aids.airdata import AIRDATA
+from lowcostnav_ros.aids.baro import BARO
+from lowcostnav_ros.aids.gnss import ENOUGH, EPOCH, GNSS, THESIS_POSITION_PSD, RangeAid, Receiver
+from lowcostnav_ros.aids.gps import GPS
+from lowcostnav_ros.aids.magnetic import MAGNETIC
+from lowcostnav_ros.aids.vor import VOR
+from lowcostnav_ros.aids.wheels import WHEELS
 from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, Integrity, Measurement, NavSolution
 from lowcostnav_ros.base.settings import group, setting
-from lowcostnav_ros.estimation.error_state import Block, Kind, chain, random_walk
+from lowcostnav_ros.estimation.aiding import Aid
+from lowcostnav_ros.estimation.error_state import Block
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.gnss.receiver_clock import CLOCKS
-from lowcostnav_ros.navigators.ins_gps import AIR, FIX, IMU, MAG, PRESSURE, VELOCITY, InsGps, InsGpsSettings, chosen_blocks
+from lowcostnav_ros.navigators.inertial import IMU, InertialNavigator, InertialSettings
 from lowcostnav_ros.navigators.registry import navigator
-from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.starts.point_solution import SlopeVelocity, point_solution
 
-EPOCH = "gnss/raw"
 SOLUTION = "gnss_only/odometry_fused"
-THESIS_POSITION_PSD = (6.0, 6.0, 90.0)
-"""Position random walk, m^2/s north east down, with which the filter follows the range noise as the thesis's published errors do."""
-SOURCES = ("epochs", "gnss_only", "receiver")
-UNKNOWN_DRIFT_MPS = 1000.0
-"""1-sigma of the drift of a clock nobody has measured: three parts in a million, a common crystal."""
-ENOUGH = 4
-"""Satellites from which position and clock follow from one epoch alone."""
-
-
-@dataclass(frozen=True)
-class NoBaro(BaroSettings):
-    """Static pressure, off unless asked for."""
-
-    enabled: bool = setting(False, "Use static pressure for height.")
-
-
-@dataclass(frozen=True)
-class NoMagnetic(MagneticSettings):
-    """Magnetometer, off unless asked for."""
-
-    enabled: bool = setting(False, "Use the magnetometer for heading.")
-
-
-@dataclass(frozen=True)
-class NoAirData(AirDataSettings):
-    """Air data, off unless asked for."""
-
-    enabled: bool = setting(False, "Use airspeed and sideslip.")
+SOURCES = {"epochs": EPOCH, "gnss_only": SOLUTION, "receiver": ""}
 
 
 @dataclass(frozen=True)
@@ -65,88 +42,101 @@ class LooseSettings:
 
 
 @dataclass(frozen=True)
-class InsGnssSettings(InsGpsSettings):
-    """All settings of the INS/GNSS navigator."""
+class InsGnssOwnSettings(InertialSettings):
+    """Settings of the INS/GNSS navigator that are no sensor's."""
 
     coupling: str = setting("tight", "Satellites one by one (tight), or a solution of them (loose).", choices=("tight", "loose"))
     loose_source: str = setting(
-        "epochs", "Solution used by loose coupling: of each epoch alone, the filtered one of gnss_only, or a receiver's.", choices=SOURCES
-    )
+        "epochs", "Solution used by loose coupling: of each epoch alone, the filtered one of gnss_only, or a receiver's.",
+        choices=tuple(SOURCES),
+    )  # fmt: skip
     tuning: str = setting("consistent", "Process noise: as the sensors are, or as the thesis's.", choices=("consistent", "thesis"))
     split_turn_on: bool = setting(True, "Estimate turn-on biases beside Gauss-Markov drifts.")
-    gnss: GnssSettings = group(GnssSettings)
     loose: LooseSettings = group(LooseSettings)
-    baro: NoBaro = group(NoBaro)
-    magnetic: NoMagnetic = group(NoMagnetic)
-    airdata: NoAirData = group(NoAirData)
-
-
-def gnss_blocks(settings: InsGnssSettings) -> list[Block]:
-    """The list of blocks the settings ask for; sensor errors that the IMU does not have are left out."""
-    blocks = [b for b in chosen_blocks(settings) if any(b.sigma0)]
-    if settings.tuning == "thesis":
-        blocks[0] = replace(blocks[0], psd=THESIS_POSITION_PSD + blocks[0].psd[3:])
-    if settings.coupling == "tight":
-        blocks.append(clock_block(settings.gnss))
-        if settings.gnss.system_offset_m > 0.0:
-            blocks.append(random_walk("system_offset", ["galileo_offset_m"], Kind.FREE, settings.gnss.system_offset_m))
-    return blocks
-
-
-def clock_block(settings: GnssSettings) -> Block:
-    """Bias, m, and drift, m/s, of the receiver clock with the noise of its oscillator; without Dopplers the drift starts unknown."""
-    model = CLOCKS[settings.oscillator]
-    labels = ("clock_bias_m", "clock_drift_mps")
-    sigmas = CLOCK_SIGMA_M, CLOCK_SIGMA_MPS if settings.doppler else UNKNOWN_DRIFT_MPS
-    return chain("clock", labels, sigmas, (model.bias_psd(), model.drift_psd()))
 
 
 @navigator
-class InsGnss(ClockHost, InsGps):
+class InsGnss(InertialNavigator):
     """INS/GNSS navigator; see the module head.
 
     Modes: those of the GPS/INS navigator; ``sparse``, aided by one to three satellites; ``suspect``, the satellites contradict the inertial
     sensors or the receiver's clock cannot be right.
+
+    Attributes
+    ----------
+    tight : bool
+    receiver : Receiver or None
+        Clock and integrity tests of the satellite receiver, tightly coupled.
     """
 
     name = "ins_gnss"
-    Settings = InsGnssSettings
     colour = "#7a5195"
     modes = {"sparse": ("#b8b042", "with fewer than four satellites"), "suspect": ("#d95f02", "")}
+    OwnSettings = InsGnssOwnSettings
+    sensors = (GPS, BARO.but(enabled=False), MAGNETIC.but(enabled=False), AIRDATA.but(enabled=False), WHEELS, VOR, GNSS)
+    needs = ("gps", "gnss")
 
-    def __init__(self, settings: InsGnssSettings, stations: StationTable | None = None) -> None:
+    def __init__(self, settings: Any, stations: Any = None) -> None:
         self.tight = settings.coupling == "tight"
-        self.inputs = {IMU: True, **_fixes(settings), MAG: False, PRESSURE: False, AIR: False}
-        self.range_aid, self.rate_aid = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
-        self.lever_b = np.array(settings.gps.lever_arm_b_m, dtype=float)
-        self.integrity = GnssIntegrity(settings.gnss.integrity, inertial=True)
+        self.solution_source = "" if self.tight else SOURCES[settings.loose_source]
+        self.fix_word = "satellites" if self.tight else "GPS fix"
+        self.receiver: Receiver | None = None
         self.slope = SlopeVelocity()
-        super().__init__(settings, stations, settings.loose.behind_s if SOLUTION in self.inputs else 0.0)
-        if self.tight:
-            self.aids = [self.range_aid, *([self.rate_aid] if settings.gnss.doppler else []), *self.aids[2:]]
+        super().__init__(settings, stations, settings.loose.behind_s if self.solution_source == SOLUTION else 0.0)
+        self._screen = RangeAid(settings.gnss)
+        self._screen.receiver.lever_b = self.lever_b
+        if self.solution_source == EPOCH:
+            self.aids.append(self._screen)  # for its record: it says which satellites no solution was made of
+        for channel in self.channels.get(EPOCH, ()):
+            channel.period_s = settings.gps.period_s
+
+    # its list: tight coupling has no use for the receiver's solution, loose none for the satellites -----------------------------
+
+    def wants(self, key: str) -> bool:
+        """Satellites when tightly coupled, else the receiver's solution."""
+        return key.rstrip("0123456789") != ("gps" if self.tight else "gnss")
+
+    def source_of(self, aid: Aid) -> str:
+        """Loosely coupled, position and velocity come out of the source of solutions."""
+        is_solution = aid.measurement in (GpsPosition, GpsVelocity)
+        return self.solution_source if is_solution and self.solution_source else aid.source
+
+    def required_sources(self) -> tuple[str, ...]:
+        """The IMU and what the coupling lives on."""
+        return (IMU, EPOCH) if self.tight else (IMU, self.solution_source or "gps/fix", self.solution_source or "gps/vel")
 
     def blocks(self) -> list[Block]:
-        """Those of the GPS/INS navigator with the receiver clock and whatever else the coupling asks for."""
-        return gnss_blocks(self.settings)
+        """Sensor errors that the IMU does not have are left out; the thesis's tuning lets the position wander."""
+        core, *others = (block for block in super().blocks() if any(block.sigma0))
+        if self.settings.tuning == "thesis":
+            core = replace(core, psd=THESIS_POSITION_PSD + core.psd[3:])
+        return [core, *others]
 
     def _restart(self) -> None:
         super()._restart()
-        self.forget_clock()
+        ranges = self.aid("gnss_range")
+        if self.tight and isinstance(ranges, RangeAid):
+            self.receiver = ranges.receiver
+            self.receiver.restart()
         self.slope.clear()
-        self._heard_ns = -(10**18)
-        self.integrity.clear()
+        self._solved_ns = -(10**18)
+
+    # loose coupling is an adapter: epochs or solutions in, position and velocity of the antenna out ------------------------------
 
     def _fuse(self, item: Measurement) -> None:
-        if isinstance(item, NavSolution) and (item.lat is None or item.vel_n is None):
-            self.input_status[item.source].reject("no position or no velocity")
-        elif isinstance(item, NavSolution):
-            for part in self._fix_of(item):
-                super()._fuse(part)
-        elif isinstance(item, GnssEpoch) and not self.tight:
-            for part in self._solved(item):
+        if not self.tight and item.source == self.solution_source:
+            for part in self._adapted(item):
                 super()._fuse(part)
         else:
             super()._fuse(item)
+
+    def _adapted(self, item: Measurement) -> Iterator[Measurement]:
+        if isinstance(item, GnssEpoch):
+            yield from self._solved(item)
+        elif item.lat is None or item.vel_n is None:
+            self.input_status[item.source].reject("no position or no velocity")
+        else:
+            yield from self._fix_of(item)
 
     def _fix_of(self, solution: NavSolution) -> tuple[GpsPosition, GpsVelocity]:
         """Another navigator's solution as position and velocity of the antenna.
@@ -154,7 +144,7 @@ class InsGnss(ClockHost, InsGps):
         Errors of sigma s that last tau are worth, every dt, white ones of variance s^2 2 tau/dt: the information then is the same.
         """
         stamp, source, loose = solution.stamp_ns, solution.source, self.settings.loose
-        since_s, self._heard_ns = 1e-9 * (stamp - self._heard_ns), stamp
+        since_s, self._solved_ns = 1e-9 * (stamp - self._solved_ns), stamp
         position = solution.cov_pos * max(1.0, 2.0 * loose.position_tau_s / since_s)
         velocity = solution.cov_vel * max(1.0, 2.0 * loose.velocity_tau_s / since_s)
         place = (solution.lat, solution.lon, solution.height)
@@ -164,7 +154,7 @@ class InsGnss(ClockHost, InsGps):
         """Position and velocity of the antenna from one epoch alone, errors white from epoch to epoch; nothing where there is none."""
         if self._aligned and self.core.t_ns == epoch.stamp_ns:
             used = np.zeros(len(epoch), dtype=bool)
-            used[self.range_aid.usable(epoch, epoch.pseudorange_m, epoch.range_valid, predicted(epoch, self)[-1])] = True
+            used[self._screen.usable_at(epoch, self)] = True
             epoch = replace(epoch, range_valid=used, doppler_valid=used & epoch.doppler_valid)
         try:
             return tuple(part for part in self._solve(epoch) if part is not None)
@@ -179,35 +169,7 @@ class InsGnss(ClockHost, InsGps):
         fix, velocity = point_solution(epoch, doppler=self.settings.gnss.doppler)
         return fix, velocity or (None if self._aligned else self.slope.add(fix))
 
-    def _aid(self, item: Measurement) -> None:
-        if not isinstance(item, GnssEpoch):
-            super()._aid(item)
-        elif self._due("epoch", item.stamp_ns, self.settings.gps.period_s):
-            # Doppler after range: the turn of the lines of sight is then taken at the mended position
-            ranged = self.use_aid(self.range_aid, item)
-            rated = self.settings.gnss.doppler and self.use_aid(self.rate_aid, item)
-            if ranged or rated:
-                self._fused_fix_ns = item.stamp_ns
-            self.integrity.watch_drift(item.stamp_ns, self.core.estimate[self.layout["clock"].start + 1])
-
-    def _judge(self) -> None:
-        super()._judge()
-        if not self.tight:
-            return
-        if self.mode == "coasting":
-            self.reason = self.reason.replace("GPS fix", "satellites")
-        elif self.mode == "gps":
-            ranges, rates = len(self.range_aid.used), len(self.rate_aid.used)
-            self.mode = "gps" if ranges >= ENOUGH else "sparse"
-            self.reason = f"{ranges} satellites" if ranges or not rates else f"no pseudorange, {rates} Dopplers"
-        if self.integrity.status.alarm and self.mode in ("gps", "sparse"):
-            self.mode, self.reason = "suspect", self.integrity.status.alarm
-
-    def _integrity(self) -> Integrity | None:
-        return self.integrity.report(self.core.t_ns) if self.tight else None
-
-    def _solution(self, *state) -> NavSolution:
-        return replace(super()._solution(*state), integrity=self._integrity())
+    # tight coupling ----------------------------------------------------------------------------------------------------------
 
     def _prepare(self, item: Measurement) -> None:
         """Align on the point solution of an epoch, which takes four satellites."""
@@ -225,9 +187,20 @@ class InsGnss(ClockHost, InsGps):
         else:
             self.mode, self.reason = "aligning", "waiting for positions that give a velocity: there are no Dopplers"
 
+    def _judge(self) -> None:
+        super()._judge()
+        if self.receiver is None:
+            return
+        if self.mode == "gps":
+            ranges, rates = (len(aid.used) if aid is not None else 0 for aid in map(self.aid, ("gnss_range", "gnss_range_rate")))
+            self.mode = "gps" if ranges >= ENOUGH else "sparse"
+            self.reason = f"{ranges} satellites" if ranges or not rates else f"no pseudorange, {rates} Dopplers"
+        alarm = self.receiver.integrity.status.alarm
+        if alarm and self.mode in ("gps", "sparse"):
+            self.mode, self.reason = "suspect", alarm
 
-def _fixes(settings: InsGnssSettings) -> dict[str, bool]:
-    """Sources of satellite data and that they are needed."""
-    if settings.coupling == "tight" or settings.loose_source == "epochs":
-        return {EPOCH: True}
-    return {SOLUTION: True} if settings.loose_source == "gnss_only" else {FIX: True, VELOCITY: True}
+    def _integrity(self) -> Integrity | None:
+        return None if self.receiver is None else self.receiver.integrity.report(self.core.t_ns)
+
+
+InsGnssSettings = InsGnss.Settings

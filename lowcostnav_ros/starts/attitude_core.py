@@ -3,7 +3,8 @@
 import numpy as np
 
 from lowcostnav_ros.base.measurements import AirVelocity
-from lowcostnav_ros.cores.inertial import ATT, CORE, DEG, POS, VEL, InertialCore
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.inertial import ATT, CORE, POS, VEL, InertialCore
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings, PlaceSettings
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
@@ -61,7 +62,7 @@ def hold_position(core: InertialCore, place: tuple[float, float, float] | None) 
 
 def configured_place(place: PlaceSettings) -> tuple[float, float, float] | None:
     """Place of the settings as (lat, lon, height) in rad, rad, m, or None."""
-    return (place.lat_lon_deg[0] * DEG, place.lat_lon_deg[1] * DEG, place.height_m) if place.lat_lon_deg else None
+    return (place.lat_lon_deg[0] * DEGREE, place.lat_lon_deg[1] * DEGREE, place.height_m) if place.lat_lon_deg else None
 
 
 def _correlate_attitude(core: InertialCore, first: FirstAttitude) -> None:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsVelocity, ImuBlock, MagneticField
-from lowcostnav_ros.cores.inertial import DEG, typical
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.imu_errors import typical
 from lowcostnav_ros.navigators.ahrs.kernels import WINDOW_SIZE, gather_window
 from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
@@ -98,7 +99,7 @@ class Alignment:
         span_s = self._window[10]
         force_n = (measurement.vel_n - begun.vel_n) / span_s - np.array([0.0, 0.0, STANDARD_GRAVITY])
         noise = np.sqrt(max(measurement.cov_n.trace() + begun.cov_n.trace(), 0.0) / 3.0) / (span_s * STANDARD_GRAVITY)
-        first = self._solve(self._window[4:7] / span_s, force_n, float(np.hypot(noise, 0.3 * DEG)), local, measurement)
+        first = self._solve(self._window[4:7] / span_s, force_n, float(np.hypot(noise, 0.3 * DEGREE)), local, measurement)
         if first is None:
             self._begin(measurement)
         return first
@@ -116,7 +117,7 @@ class Alignment:
         change_b0 = quat_rotate(self._window[0:4], measurement.vel_b) - begun.vel_b
         force_b0 = (self._window[4:7] - change_b0) / self._window[10]
         gravity_n = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-        first = self._solve(force_b0, gravity_n, self.settings.alignment.air_tilt_deg * DEG, local, measurement)
+        first = self._solve(force_b0, gravity_n, self.settings.alignment.air_tilt_deg * DEGREE, local, measurement)
         if first is None:
             self._begin(measurement)
         return first
@@ -131,14 +132,14 @@ class Alignment:
             force, rate = window[4:7] / window[10], window[7:10] / window[10]
             level = self.settings.level
             bias_sigma = np.hypot(typical(self.settings.imu.gyro_turn_on_dps), typical(self.settings.imu.gyro_bias_dps))
-            if np.linalg.norm(rate) > (level.yaw_rate_dps + 3.0 * bias_sigma) * DEG:
+            if np.linalg.norm(rate) > (level.yaw_rate_dps + 3.0 * bias_sigma) * DEGREE:
                 self.reason = "turning, and neither GPS velocity nor airspeed to tell the acceleration"
             elif abs(np.linalg.norm(force) / STANDARD_GRAVITY - 1.0) > level.force_g:
                 self.reason = unit_error(force, rate) or "accelerating, and neither GPS velocity nor airspeed to tell how much"
                 self.wrong_unit = bool(unit_error(force, rate))
             else:
                 gravity_n = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-                first = self._solve(force, gravity_n, self.settings.alignment.unaided_tilt_deg * DEG, local, None)
+                first = self._solve(force, gravity_n, self.settings.alignment.unaided_tilt_deg * DEGREE, local, None)
         self._begin(None)
         return first
 
@@ -180,7 +181,7 @@ class Alignment:
         gps = end if isinstance(end, GpsVelocity) else None
         air = end if isinstance(end, AirVelocity) else None
         self.reason = ""
-        return FirstAttitude(self.t_ns, euler_to_quat(roll, pitch, heading), tilt_sigma, sigma * DEG, field_b is not None, gps, air)
+        return FirstAttitude(self.t_ns, euler_to_quat(roll, pitch, heading), tilt_sigma, sigma * DEGREE, field_b is not None, gps, air)
 
     def _field_at_end(self, local: LocalField | None) -> tuple[np.ndarray | None, str]:
         """Newest magnetic field turned to the end of the window, or why there is none."""

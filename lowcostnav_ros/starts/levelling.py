@@ -5,14 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.base.settings import setting
-from lowcostnav_ros.cores.inertial import ATT, CORE, DEG, POS, VEL
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.inertial import ATT, CORE, POS, VEL
 from lowcostnav_ros.estimation.error_state import Layout
-from lowcostnav_ros.physics.earth import EARTH_RATE
+from lowcostnav_ros.physics.earth import EARTH_RATE, STANDARD_GRAVITY
 from lowcostnav_ros.physics.rotation import wrap
-
-STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
@@ -60,13 +59,6 @@ def tilt_from_specific_force(f_b, f_n, heading):
     return roll, pitch
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MasterState(Measurement):
-    """What the master of a transfer alignment says: wrapped, so that no aid takes it for a fix."""
-
-    solution: NavSolution
-
-
 def transferred(solution: NavSolution, sigma_deg: float) -> tuple[np.ndarray, np.ndarray] | None:
     """State (10,) and core covariance (9, 9) from another navigator's solution, None where it lacks position, velocity or attitude.
 
@@ -80,13 +72,13 @@ def transferred(solution: NavSolution, sigma_deg: float) -> tuple[np.ndarray, np
     cov = np.zeros((CORE, CORE))
     cov[POS, POS] = solution.cov_pos + np.eye(3) * 1.0**2
     cov[VEL, VEL] = solution.cov_vel + np.eye(3) * 0.1**2
-    cov[ATT, ATT] = solution.cov_att + np.eye(3) * (sigma_deg * DEG) ** 2
+    cov[ATT, ATT] = solution.cov_att + np.eye(3) * (sigma_deg * DEGREE) ** 2
     return (nav, cov) if np.isfinite(nav).all() and np.isfinite(cov).all() else None
 
 
 def agrees_with_track(heading: float, track: float, choice: AlignmentSettings) -> bool:
     """Whether a given heading may be that of a vehicle on this track (rad): a number left over from another start may not."""
-    return bool(abs(wrap(heading - track)) <= 3.0 * DEG * np.hypot(choice.heading_sigma_deg, choice.track_sigma_deg))
+    return bool(abs(wrap(heading - track)) <= 3.0 * DEGREE * np.hypot(choice.heading_sigma_deg, choice.track_sigma_deg))
 
 
 def gyrocompass(force_b: np.ndarray, rate_b: np.ndarray) -> float:
@@ -131,7 +123,7 @@ def gyrocompass_sigma(layout: Layout, lat: float, seconds: float) -> tuple[float
     noise = float(np.sqrt(np.max(layout.psd[ATT]) / seconds))
     horizontal = max(EARTH_RATE * np.cos(lat), 1e-12)
     sigma = float(np.hypot(np.hypot(bias, noise) / horizontal, tilt * np.tan(lat)))
-    bias, noise, horizontal = (rate * 3600.0 / DEG for rate in (bias, noise, horizontal))
+    bias, noise, horizontal = (rate * 3600.0 / DEGREE for rate in (bias, noise, horizontal))
     return sigma, f"gyro bias {bias:.3g} deg/h and noise {noise:.3g} deg/h against {horizontal:.3g} deg/h of earth's rate"
 
 
@@ -180,4 +172,4 @@ class Levelling:
         parts = np.array_split(rows, max(2, int(2 * seconds)))
         means = np.array([p.mean(axis=0) for p in parts if len(p)])
         spread = np.ptp(means, axis=0)
-        return bool(spread[:3].max() < 0.15 and spread[3:].max() < 1.0 * DEG)
+        return bool(spread[:3].max() < 0.15 and spread[3:].max() < 1.0 * DEGREE)

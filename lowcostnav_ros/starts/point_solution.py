@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from lowcostnav_ros.aids.gnss_integrity import name_of
 from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity
+from lowcostnav_ros.estimation.satellite_integrity import name_of
 from lowcostnav_ros.gnss import GnssError, raim
 from lowcostnav_ros.gnss.positioning import FAILED, solve_velocity
 from lowcostnav_ros.physics.earth import difference_n

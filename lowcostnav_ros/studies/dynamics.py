@@ -31,8 +31,8 @@ def dynamics_of(name: str) -> Callable[[Any], np.ndarray]:
     raise LookupError(NOT_OFFERED.get(name, "its error dynamics are not known"))
 
 
-def _satellites_alone(navigator: Any) -> np.ndarray:
-    from lowcostnav_ros.navigators.gnss_only import motion_dynamics
+def _satellites_alone(navigator) -> np.ndarray:
+    from lowcostnav_ros.cores.motion import motion_dynamics
 
     return motion_dynamics(navigator.layout.size, navigator.layout.rate)
 

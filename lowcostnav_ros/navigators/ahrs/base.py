@@ -23,7 +23,8 @@ from lowcostnav_ros.base.measurements import (
     Measurement,
     NavSolution,
 )
-from lowcostnav_ros.cores.inertial import ATT, CORE, DEG, GAP_NS, VEL, InertialCore
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, VEL, InertialCore
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.navigators.ahrs.settings import FULL, AhrsSettings
@@ -281,7 +282,7 @@ class Ahrs(Navigator):
 
     def _judge(self) -> None:
         """Keep mode and reason in step with what was fused."""
-        tilt_sigma_deg = math.sqrt(max(self.P[6, 6], self.P[7, 7], 0.0)) / DEG
+        tilt_sigma_deg = math.sqrt(max(self.P[6, 6], self.P[7, 7], 0.0)) / DEGREE
         if tilt_sigma_deg > self.settings.failed_tilt_deg:
             limit = self.settings.failed_tilt_deg
             self.mode, self.reason = "failed", f"roll or pitch sigma {tilt_sigma_deg:.0f} deg is past {limit:.0f} deg"
@@ -317,6 +318,6 @@ class Ahrs(Navigator):
         if not self._aligned:
             return {}
         J = euler_jacobian_n(*quat_to_euler(self.core.nav[6:10]))
-        euler = np.sqrt(np.maximum(np.diag(J @ self.P[ATT, ATT] @ J.T), 0.0)) / DEG
-        bias = np.sqrt(np.diag(self.P)[self.layout["gyro_bias"]].max()) / DEG
+        euler = np.sqrt(np.maximum(np.diag(J @ self.P[ATT, ATT] @ J.T), 0.0)) / DEGREE
+        bias = np.sqrt(np.diag(self.P)[self.layout["gyro_bias"]].max()) / DEGREE
         return {"roll_deg": float(euler[0]), "pitch_deg": float(euler[1]), "heading_deg": float(euler[2]), "gyro_bias_dps": float(bias)}

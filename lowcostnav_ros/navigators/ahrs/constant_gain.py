@@ -25,7 +25,8 @@ from lowcostnav_ros.aids.constant_gain import (
 )
 from lowcostnav_ros.aids.ins_gps_aids import floored
 from lowcostnav_ros.base.measurements import Attitude, GpsVelocity, ImuBlock, MagneticField, Measurement
-from lowcostnav_ros.cores.inertial import DEG, bias_blocks, core_block, typical
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.imu_errors import bias_blocks, core_block, typical
 from lowcostnav_ros.estimation.attitude_vectors import specific_force_from_velocity
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
 from lowcostnav_ros.navigators.ahrs.base import ATTITUDE, FIX, IMU, LEVEL_TIMEOUT_NS, MAG, VELOCITY, Ahrs
@@ -83,7 +84,7 @@ class ConstantGainAhrs(Ahrs):
     def _blocks(settings: AhrsSettings) -> list[Block]:
         magnetic = settings.magnetic
         blocks = [core_block(settings.imu), *bias_blocks(settings.imu)]
-        sigma, tau_s = magnetic.bias_deg * DEG, magnetic.bias_tau_s
+        sigma, tau_s = magnetic.bias_deg * DEGREE, magnetic.bias_tau_s
         if magnetic.enabled:
             blocks.append(gauss_markov("heading_bias", ["heading_bias_rad"], Kind.HEADING_BIAS, sigma, tau_s))
         if settings.filter == VECTOR_MATCHING and magnetic.enabled:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.base.settings import SettingsError, group, setting
+from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
-from lowcostnav_ros.cores.inertial import DEG, ImuSettings, bias_blocks, core_block
+from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov, random_walk
 from lowcostnav_ros.navigators.base import HorizonSettings
@@ -171,14 +172,14 @@ def chosen_blocks(settings: AhrsSettings) -> list[Block]:
     magnetic, air = settings.magnetic, settings.airflow
     blocks = [core_block(settings.imu), *bias_blocks(settings.imu)]
     if magnetic.enabled:
-        blocks.append(gauss_markov("heading_bias", ["heading_bias_rad"], Kind.HEADING_BIAS, magnetic.bias_deg * DEG, magnetic.bias_tau_s))
+        blocks.append(gauss_markov("heading_bias", ["heading_bias_rad"], Kind.HEADING_BIAS, magnetic.bias_deg * DEGREE, magnetic.bias_tau_s))
     if air.enabled:
         growth = air.wind_mps * float(np.sqrt(2.0 / air.wind_tau_s))
         blocks += [
             random_walk("wind", ["wind_north_mps", "wind_east_mps"], Kind.WIND, air.wind_start_mps, growth),
             gauss_markov("updraught", ["wind_down_mps"], Kind.FREE, air.updraught_mps, air.updraught_tau_s),
             gauss_markov("airspeed_bias", ["airspeed_bias_mps"], Kind.AIRSPEED_BIAS, air.bias_mps, air.bias_tau_s),
-            gauss_markov("sideslip", ["sideslip_rad"], Kind.FREE, air.sideslip_sigma_deg * DEG, air.sideslip_tau_s),
-            gauss_markov("incidence", ["incidence_rad"], Kind.FREE, air.incidence_sigma_deg * DEG, air.incidence_tau_s),
+            gauss_markov("sideslip", ["sideslip_rad"], Kind.FREE, air.sideslip_sigma_deg * DEGREE, air.sideslip_tau_s),
+            gauss_markov("incidence", ["incidence_rad"], Kind.FREE, air.incidence_sigma_deg * DEGREE, air.incidence_tau_s),
         ]
     return blocks

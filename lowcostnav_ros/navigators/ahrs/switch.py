@@ -7,7 +7,7 @@ gyro noise from flickering the switch.
 
 import numpy as np
 
-from lowcostnav_ros.cores.inertial import DEG
+from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.navigators.ahrs.kernels import low_pass_motion
 from lowcostnav_ros.navigators.ahrs.settings import LevelSettings
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
@@ -40,7 +40,7 @@ class ManoeuvreSwitch:
         """Judge the motion and take the attitude and gyro bias for the samples to come."""
         self._down_b, self._gyro_bias = C_nb[2].copy(), gyro_bias.copy()
         factor = 1.0 if self.steady_since_ns is not None else self.settings.release
-        turning = abs(self._motion[0]) > factor * self.settings.yaw_rate_dps * DEG
+        turning = abs(self._motion[0]) > factor * self.settings.yaw_rate_dps * DEGREE
         loaded = abs(self._motion[1] / STANDARD_GRAVITY - 1.0) > factor * self.settings.force_g
         if turning or loaded:
             self.steady_since_ns = None

@@ -14,7 +14,7 @@ import numpy as np
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.units import DEGREE, MILLI_G
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import imu_settings
+from lowcostnav_ros.cores.imu_errors import imu_settings
 from lowcostnav_ros.navigators.ahrs.base import Ahrs
 from lowcostnav_ros.navigators.ahrs.rate_switch import switch_limits
 from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings, LevelSettings, PlaceSettings, RateSwitchSettings

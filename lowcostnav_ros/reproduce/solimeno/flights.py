@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.aids.gnss_integrity import IntegritySettings
-from lowcostnav_ros.aids.ins_gps_aids import GpsSettings
-from lowcostnav_ros.aids.satellites import GnssSettings
+from lowcostnav_ros.aids.gnss import GnssSettings
+from lowcostnav_ros.aids.gps import GpsSettings
 from lowcostnav_ros.base.measurements import GnssEpoch, ImuBlock, NavSolution
 from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import ImuSettings, imu_settings
+from lowcostnav_ros.cores.imu_errors import ImuSettings, imu_settings
 from lowcostnav_ros.estimation.consistency import nees
 from lowcostnav_ros.estimation.error_state import Block
+from lowcostnav_ros.estimation.satellite_integrity import IntegritySettings
 from lowcostnav_ros.gnss.visibility import FOUR_GAPS, FULL_AVAILABILITY
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings

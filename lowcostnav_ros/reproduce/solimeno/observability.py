@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lowcostnav_ros.aids.satellites import satellite_model
+from lowcostnav_ros.aids.gnss import ENOUGH
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import POS, VEL, dynamics_now, imu_settings, inertial_dynamics
+from lowcostnav_ros.cores.imu_errors import imu_settings
+from lowcostnav_ros.cores.inertial import POS, VEL, dynamics_now, inertial_dynamics
 from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.estimation.satellite_model import satellite_model
 from lowcostnav_ros.navigators.gnss_only import GnssOnly
-from lowcostnav_ros.navigators.ins_gnss import ENOUGH, SOLUTION, gnss_blocks
+from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss
 from lowcostnav_ros.physics.rotation import quat_to_dcm
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.reproduce.solimeno.flights import (
@@ -47,7 +49,7 @@ MEAN_OVER = 10
 def layout_of(case: Case) -> Layout:
     """The states of a case's filter."""
     imu = imu_settings(load_imu_profile(case.grade).filter_noise())
-    return Layout(gnss_blocks(inertial_settings(case, imu)))
+    return InsGnss(inertial_settings(case, imu)).layout
 
 
 def true_dynamics(truth: TruthBlock, row: int, layout: Layout) -> tuple[np.ndarray, np.ndarray]:

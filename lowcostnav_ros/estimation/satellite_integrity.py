@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.aids.parity_windows import RETURNING_SIGMAS, SLOTS, ParityWindows
 from lowcostnav_ros.base.chi_square import exceeded_with, noncentrality
 from lowcostnav_ros.base.measurements import GnssEpoch, Integrity
 from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.estimation.innovation_watch import Disagreement, InnovationWatch
+from lowcostnav_ros.estimation.parity_windows import RETURNING_SIGMAS, SLOTS, ParityWindows
 from lowcostnav_ros.gnss import parity
 from lowcostnav_ros.gnss.raim import EXCLUDED, FAULTY, HEALTHY, NOT_POSSIBLE
 from lowcostnav_ros.gnss.signals import GALILEO, SPEED_OF_LIGHT, name

@@ -1,0 +1,76 @@
+"""What aids of ground stations share: the station table, an error of each station as a state, and when each was used."""
+
+import math
+from typing import Any
+
+from lowcostnav_ros.cores.views import Place
+from lowcostnav_ros.estimation.aiding import Aid, Host, Reason
+from lowcostnav_ros.estimation.station_slots import StationSlots
+from lowcostnav_ros.radionav.stations import Station
+
+SLOWEST_MPS = 1.0
+"""Speed at which an error that varies along the way still changes when the aircraft stands."""
+
+
+class StationAid(Aid):
+    """One reading of one station at a time; its slow error is a state while there are states enough.
+
+    A new station takes the state of the one idle for longest.
+    """
+
+    views = (Place,)
+    bias_block: str
+
+    def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
+        super().__init__(settings, key, stations)
+        self._used_ns: dict[str, int] = {}
+
+    @property
+    def bias_sigma(self) -> float:
+        """Sigma of a station's slow error, in the unit of its states."""
+        raise NotImplementedError
+
+    def attach(self, host: Host) -> None:
+        """Find the states of the stations' errors."""
+        self._rows = host.layout.get(self.own(self.bias_block))
+        super().attach(host)
+
+    def restart(self) -> None:
+        """Forget which station has which state, and when each was used."""
+        super().restart()
+        self.slots = StationSlots(self._rows, self.bias_sigma)
+        self._used_ns = {}
+
+    def used_lately(self, now_ns: int) -> list[str]:
+        """Stations with a reading used within the time-out, by ident."""
+        return sorted(name for name, stamp_ns in self._used_ns.items() if 0 <= now_ns - stamp_ns <= 1e9 * self.settings.timeout_s)
+
+    def station_of(self, measurement: Any) -> Station | str:
+        """The station of a reading, or the reason why there is none."""
+        if self.stations is None:
+            return "no station table"
+        if measurement.station not in self.stations:
+            return Reason("station unknown", measurement.station)
+        return self.stations[measurement.station]
+
+    def refusal(self, measurement: Any, host: Host) -> str:
+        """Why a reading cannot be used at all; empty when it can."""
+        station = self.station_of(measurement)
+        return station if isinstance(station, str) else ""
+
+    def process(self, measurement: Any, host: Any) -> bool:
+        """Assign a state to the station, if its reading can be used at all; then as every aid."""
+        if not self.refusal(measurement, host):
+            self.slots.take(measurement.station, measurement.stamp_ns, host.P, host.core.estimate)
+        used = super().process(measurement, host)
+        if used:
+            self._used_ns[measurement.station] = measurement.stamp_ns
+        return used
+
+    def since_station_s(self, measurement: Any) -> float:
+        """Seconds since a reading of this station was used; ``inf`` before the first and after a start at an earlier time."""
+        last_ns = self._used_ns.get(measurement.station)
+        if last_ns is None or last_ns > measurement.stamp_ns:
+            return math.inf
+        return 1e-9 * (measurement.stamp_ns - last_ns)
+

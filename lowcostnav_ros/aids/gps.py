@@ -1,0 +1,130 @@
+"""GPS receiver: position and velocity of its antenna."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lowcostnav_ros.aids import AIDS
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity
+from lowcostnav_ros.base.settings import SettingsError, group, setting
+from lowcostnav_ros.cores.inertial import POS
+from lowcostnav_ros.cores.views import Attitude, Place, Velocity
+from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Host, Innovation, Sensor, SensorSettings, each, floored
+from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
+from lowcostnav_ros.physics.earth import difference_n
+from lowcostnav_ros.physics.rotation import skew
+from lowcostnav_ros.physics.stochastic import correlation_factor
+
+
+@dataclass(frozen=True)
+class GpsVelocitySettings(SensorSettings):
+    """GPS velocity and the antenna."""
+
+    lever_arm_b_m: list = setting([0.0, 0.0, 0.0], "Antenna relative to the IMU, forward, right, down.", unit="m", minimum=-100.0)
+    latency_s: float = setting(0.2, "Longest delay between validity and arrival of a fix.", unit="s", minimum=0.0, maximum=5.0)
+    sigma_scale: float = setting(1.0, "Factor on the receiver's stated sigma.", minimum=0.1, maximum=100.0)
+    velocity_floor_mps: float = setting(0.05, "Smallest velocity sigma believed.", unit="m/s", minimum=0.0, maximum=1e2)
+    correlation_s: float = setting(0.0, "Correlation time of receiver errors: fast fixes say little.", unit="s", minimum=0.0, maximum=600.0)
+    period_s: float = setting(0.0, "Use at most one fix in this time; 0 uses all.", unit="s", minimum=0.0, maximum=60.0)
+    timeout_s: float = setting(2.5, "No accepted fix for this long is an outage.", unit="s", minimum=0.1, maximum=600.0)
+    gate: GateSettings = group(GateSettings)
+
+    def __post_init__(self) -> None:
+        if len(self.lever_arm_b_m) != 3:
+            raise SettingsError(f"'gps.lever_arm_b_m' needs three numbers, forward, right, down, got {len(self.lever_arm_b_m)}.")
+
+
+@dataclass(frozen=True)
+class GpsSettings(GpsVelocitySettings):
+    """GPS receiver and antenna."""
+
+    position_floor_m: float = setting(0.5, "Smallest position sigma believed.", unit="m", minimum=0.0, maximum=1e3)
+    position_bias_m: float = setting(0.0, "Slow position error, Gauss-Markov sigma; 0: no states.", unit="m", minimum=0.0)
+    position_bias_tau_s: float = setting(300.0, "Correlation time of the slow position error.", unit="s", minimum=1.0)
+
+
+class PositionAid(Aid):
+    """GPS position of the antenna against the estimated position and lever arm, metres NED."""
+
+    name, labels = "gps_position", ("north_m", "east_m", "down_m")
+    measurement, topic, views, is_fix = GpsPosition, "gps/fix", (Place,), True
+
+    def blocks(self) -> list[Block]:
+        """Slow error of the receiver, m NED, where it is modelled."""
+        gps, name = self.settings, self.own("gps_position_bias")
+        if gps.position_bias_m == 0.0:
+            return []
+        labels = [f"{name}_{axis}_m" for axis in ("north", "east", "down")]
+        return [gauss_markov(name, labels, Kind.FREE, gps.position_bias_m, gps.position_bias_tau_s)]
+
+    def attach(self, host: Host) -> None:
+        """Find the receiver's slow error and the attitude states."""
+        super().attach(host)
+        self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
+        self._bias = host.layout.get(self.own("gps_position_bias"))
+        self._attitude = host.core.attitude_rows if isinstance(host.core, Attitude) else None
+
+    def noise(self, fix: GpsPosition) -> np.ndarray:
+        """Covariance (3, 3) of one fix, m^2, scaled, with the floor on its variances."""
+        return floored(fix.cov_n, self.settings.sigma_scale, self.settings.position_floor_m)
+
+    def innovation(self, measurement: GpsPosition, host: Host) -> Innovation | str:
+        """y = p_gps - (p + C l) - b; H = I on position, -[C l]x on attitude, I on the receiver's slow error."""
+        core = host.core
+        lever_n = core.lever_n(self.lever_b)
+        observation = difference_n(measurement.lat, measurement.lon, measurement.height, core.nav[0], core.nav[1], core.nav[2])
+        y = observation - lever_n
+        H = np.zeros((3, host.layout.size))
+        H[:, POS] = np.eye(3)
+        if self._attitude is not None:
+            H[:, self._attitude] = -skew(lever_n)
+        if self._bias is not None:
+            H[:, self._bias] = np.eye(3)
+            y = y - core.estimate[self._bias]
+        factor = correlation_factor(self.since_s(measurement), self.settings.correlation_s)
+        return Innovation(y, H, factor * self.noise(measurement), observation)
+
+    def recover(self, measurement: GpsPosition, innovation: Innovation, host: Host) -> None:
+        """Take the position from GPS afresh: a long disagreement says our position, not our attitude or wind, is lost."""
+        kalman.reset_block(host.P, POS, self.noise(measurement))
+        dx = np.zeros(host.layout.size)
+        dx[POS] = innovation.y
+        host.correct(dx)
+
+
+class VelocityAid(Aid):
+    """GPS velocity of the antenna against the estimated velocity plus rotation of the lever arm, m/s NED."""
+
+    name, labels = "gps_velocity", ("north_mps", "east_mps", "down_mps")
+    measurement, topic, views, needs_rate = GpsVelocity, "gps/vel", (Velocity,), True
+
+    def attach(self, host: Host) -> None:
+        """Take the lever arm."""
+        super().attach(host)
+        self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
+
+    def innovation(self, measurement: GpsVelocity, host: Host) -> Innovation | str:
+        """y = v_gps - (v + C (w x l)); where no state is the velocity, H is that of what makes it up."""
+        seen = host.core.velocity_at(self.lever_b)
+        if isinstance(seen, str):
+            return seen
+        R = floored(measurement.cov_n, self.settings.sigma_scale, self.settings.velocity_floor_mps)
+        if seen.noise is not None:
+            R = R + seen.noise
+        factor = correlation_factor(self.since_s(measurement), max(self.settings.correlation_s, seen.tau_s))
+        return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n)
+
+    def recover(self, measurement: GpsVelocity, innovation: Innovation, host: Host) -> None:
+        """Take the velocity from GPS afresh, leaving attitude and biases alone."""
+        rows = host.core.velocity_rows
+        if rows is None:
+            super().recover(measurement, innovation, host)
+            return
+        kalman.reset_block(host.P, rows, innovation.R)
+        dx = np.zeros(host.layout.size)
+        dx[rows] = innovation.y
+        host.correct(dx)
+
+
+GPS = AIDS.register("gps", Sensor("gps", GpsSettings, each(PositionAid, VelocityAid)), __name__)

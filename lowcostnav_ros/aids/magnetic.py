@@ -1,0 +1,75 @@
+"""Magnetometer: magnetic heading, with a slow error of its own."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.aids import AIDS
+from lowcostnav_ros.base.measurements import MagneticField
+from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.views import Attitude
+from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Host, Innovation, Reason, Sensor, SensorSettings, each
+from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
+from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference, magnetic_innovation
+
+DECLINATION_UNKNOWN = Reason("declination unknown", "wait for a fix, or set place.lat_lon_deg or magnetic.declination_deg")
+
+
+@dataclass(frozen=True)
+class MagneticSettings(SensorSettings):
+    """Magnetometer as a heading reference."""
+
+    enabled: bool = setting(True, "Use the magnetometer for heading.")
+    noise_deg: float = setting(1.0, "White noise of the magnetic heading.", unit="deg", minimum=0.01, maximum=90.0)
+    bias_deg: float = setting(2.5, "Slow heading error left after calibration, Gauss-Markov sigma.", unit="deg", minimum=0.0, maximum=90.0)
+    bias_tau_s: float = setting(120.0, "Correlation time of the slow heading error.", unit="s", minimum=1.0)
+    decimal_year: float = setting(2026.5, "Date of the magnetic model.", unit="year", minimum=2010.0, maximum=2035.0)
+    declination_deg: list = setting([], "Declination, east positive; empty: from the model.", unit="deg", minimum=-180.0, maximum=180.0)
+    period_s: float = setting(0.5, "Use at most one measurement in this time.", unit="s", minimum=0.0, maximum=60.0)
+    gate: GateSettings = group(GateSettings)
+
+
+class MagneticAid(Aid):
+    """Magnetic heading through the full tilt geometry, rad; a slow heading error is a state of its own.
+
+    ``reference`` gives the field expected at a place; a host that does not estimate its position hands it the place last known.
+    """
+
+    name, labels = "magnetic_heading", ("heading_rad",)
+    measurement, topic, views = MagneticField, "imu/mag", (Attitude,)
+
+    def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
+        super().__init__(settings, key, stations)
+        self.reference: MagneticReference | FieldAtPlace = MagneticReference(settings.decimal_year, settings.declination_deg)
+
+    def blocks(self) -> list[Block]:
+        """Slow heading error, rad."""
+        if self.settings.bias_deg == 0.0:
+            return []
+        labels = [self.own("magnetic_heading_bias_rad")]
+        sigma = self.settings.bias_deg * DEGREE
+        return [gauss_markov(self.own("heading_bias"), labels, Kind.FREE, sigma, self.settings.bias_tau_s)]
+
+    def innovation(self, measurement: MagneticField, host: Host) -> Innovation | str:
+        """Heading innovation with its attitude row; refused when the field is not the earth's (interference)."""
+        core = host.core
+        reference = self.reference.at(core.nav[0], core.nav[1], core.nav[2])
+        if reference is None:
+            return DECLINATION_UNKNOWN
+        refusal = reference.refusal(measurement.field_b)
+        if refusal:
+            phrase, _, detail = refusal.partition(": ")
+            return Reason(phrase, detail)
+        y, h_att, _ = magnetic_innovation(core.C_nb(), measurement.field_b, reference.declination)
+        H = np.zeros((1, host.layout.size))
+        H[0, core.attitude_rows] = h_att
+        bias = host.layout.get(self.own("heading_bias"))
+        if bias is not None:
+            H[0, bias] = 1.0
+            y -= core.estimate[bias.start]
+        return Innovation(np.array([y]), H, np.array([[(self.settings.noise_deg * DEGREE) ** 2]]), np.array([y]))
+
+
+MAGNETIC = AIDS.register("magnetic", Sensor("magnetic", MagneticSettings, each(MagneticAid)), __name__)

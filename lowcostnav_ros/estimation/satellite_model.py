@@ -1,0 +1,141 @@
+"""What satellites measure at a navigation state, compiled: predicted ranges and rates with their Jacobians, and statistics of an epoch.
+
+With p the antenna, e the unit vector from it to the satellite (both predicted), b and d the receiver clock's bias and drift,
+
+    pseudorange: y = rho - (|s - p| + b),      H = [-e | 0 | e x L | 1 0]
+    Doppler:     y = rate - (e . (v_s - v) + d), H = [h_r | -e | e x V | 0 1]
+
+where L = C l is the lever arm and V = C (w x l) its velocity in n.  h_r holds the turn of the line of sight, -(u - rate e)/rho with u the
+relative velocity, and the turn of n with position, -e . (dtheta x v) (Solimeno 2007, (5-36), (5-37), in metres; checked against
+differences in the tests).  One satellite is worth as much as it is: nothing here needs four.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lowcostnav_ros.base.kernels import kernel
+from lowcostnav_ros.base.small_matrices import matvec
+from lowcostnav_ros.gnss.error_budget import COMMON_SHARE
+from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef, radii
+
+
+@kernel
+def satellite_model(nav, lever_n, swing_n, sat_pos, sat_vel, n):
+    """Predict an epoch at a navigation state.
+
+    Parameters
+    ----------
+    nav : ndarray (10,)
+    lever_n, swing_n : ndarray (3,)
+        Antenna relative to the IMU, m, and its velocity, m/s, in n.
+    sat_pos, sat_vel : ndarray (m, 3)
+        ECEF, m and m/s.
+    n : int
+        Number of states.
+
+    Returns
+    -------
+    ranges, rates : ndarray (m,)
+        Without the receiver clock, m and m/s.
+    H_range, H_rate : ndarray (m, n)
+        Position, velocity and attitude columns.
+    sin_elevation : ndarray (m,)
+    """
+    m = sat_pos.shape[0]
+    levered = np.any(lever_n != 0.0)  # without a lever arm nothing turns, and a navigator may have no attitude states
+    C = dcm_ne(nav[0], nav[1])
+    position_e = geodetic_to_ecef(nav[0], nav[1], nav[2])
+    meridian, normal = radii(nav[0])
+    along, across, tan_lat = meridian + nav[2], normal + nav[2], math.tan(nav[0])
+    v = nav[3:6] + swing_n
+    ranges, rates, sin_elevation = np.empty(m), np.empty(m), np.empty(m)
+    H_range, H_rate = np.zeros((m, n)), np.zeros((m, n))
+    for k in range(m):
+        e = matvec(C, sat_pos[k] - position_e) - lever_n
+        rho = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
+        e /= rho
+        u = matvec(C, sat_vel[k]) - v
+        rate = e[0] * u[0] + e[1] * u[1] + e[2] * u[2]
+        ranges[k], rates[k], sin_elevation[k] = rho, rate, -e[2]
+        for j in range(3):
+            i1, i2 = (j + 1) % 3, (j + 2) % 3
+            H_range[k, j] = -e[j]
+            H_rate[k, j] = -(u[j] - rate * e[j]) / rho
+            H_rate[k, 3 + j] = -e[j]
+            if levered:
+                H_range[k, 6 + j] = e[i1] * lever_n[i2] - e[i2] * lever_n[i1]
+                H_rate[k, 6 + j] = e[i1] * swing_n[i2] - e[i2] * swing_n[i1]
+        c0, c1, c2 = v[1] * e[2] - v[2] * e[1], v[2] * e[0] - v[0] * e[2], v[0] * e[1] - v[1] * e[0]
+        H_rate[k, 0] += c1 / along
+        H_rate[k, 1] -= (c0 - c2 * tan_lat) / across
+    return ranges, rates, H_range, H_rate, sin_elevation
+
+
+@kernel
+def scalar_variances(P, H, r):
+    """Innovation variance h P h' + r of each row taken alone, (m,)."""
+    out = r.copy()
+    for k in range(H.shape[0]):
+        Ph = matvec(P, H[k])
+        for i in range(H.shape[1]):
+            out[k] += H[k, i] * Ph[i]
+    return out
+
+
+@kernel
+def noise_covariance(r, common):
+    """Covariance (n, n) of noise of variances r (n,) of which c c' with c = ``common`` (n,) is common to all."""
+    n = r.shape[0]
+    R = np.empty((n, n))
+    for k in range(n):
+        for j in range(n):
+            R[k, j] = common[k] * common[j]
+        R[k, k] = r[k]
+    return R
+
+
+@kernel
+def mean_innovation(P, y, H, r, common, shown):
+    """Number, mean innovation and its variance of the satellites to be shown."""
+    n, count, mean = H.shape[1], 0.0, 0.0
+    h, own, shared = np.zeros((1, n)), 0.0, 0.0
+    for k in range(y.shape[0]):
+        if shown[k]:
+            count += 1.0
+            mean += y[k]
+            own += r[k] - common[k] * common[k]
+            shared += common[k]
+            for j in range(n):
+                h[0, j] += H[k, j]
+    noise = np.array([(own + shared * shared) / (count * count)])
+    return count, mean / count, scalar_variances(P, h / count, noise)[0]
+
+
+@dataclass(slots=True)
+class Observations:
+    """Usable observations of one kind at one epoch: satellite rows, innovations (m,), Jacobian (m, n), variances (m,).
+
+    ``common`` (m,) is how one unit of an error common to all satellites shows in each; its square is part of the variance.  ``excluded``
+    pairs each row that cannot be used with its reason.  ``clock_step`` is by how much the clock (m) or its drift (m/s) must be moved first,
+    None: not at all; the innovations are those after it.
+    """
+
+    rows: np.ndarray
+    y: np.ndarray
+    H: np.ndarray
+    r: np.ndarray
+    common: np.ndarray
+    excluded: list[tuple[int, str]] = field(default_factory=list)
+    clock_step: float | None = None
+
+    def covariance(self, rows: np.ndarray) -> np.ndarray:
+        """Covariance of the noise of some of them (rows or a mask), (k, k)."""
+        return noise_covariance(self.r[rows], self.common[rows])
+
+
+def common_part(variance: np.ndarray, sin_elevation: np.ndarray) -> np.ndarray:
+    """What a common error is in each satellite, (m,) m, of stated variances (m,) m^2: f sigma/sqrt(8), f = 1.1/(sin El + 0.1) (2-40)."""
+    f = 1.1 / (np.maximum(sin_elevation, 0.0) + 0.1)
+    return f * np.sqrt(COMMON_SHARE * variance / (1.0 - COMMON_SHARE + COMMON_SHARE * f * f))

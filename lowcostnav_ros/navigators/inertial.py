@@ -1,0 +1,249 @@
+"""What all inertial navigators with an error-state filter share: the strapdown core, the way of measurements to aids, modes, outputs."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
+from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
+from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, POS, VEL, InertialCore
+from lowcostnav_ros.estimation.aiding import Aid
+from lowcostnav_ros.estimation.error_state import Block, Layout
+from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator
+from lowcostnav_ros.starts.gps_start import GpsStart, Start
+from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
+
+IMU = "imu/data_raw"
+RECENT_NS = 3_000_000_000
+"""A refused fix this recent is the reason why there is none; an older one is not."""
+TRANSFER_SPAN_S = 0.2
+"""Inertial data of this length is tested before a transfer alignment."""
+
+
+@dataclass(frozen=True)
+class InertialSettings:
+    """Settings of an inertial navigator that are no sensor's."""
+
+    horizon: HorizonSettings = group(HorizonSettings)
+    imu: ImuSettings = group(ImuSettings)
+    split_turn_on: bool = setting(False, "Estimate turn-on biases beside Gauss-Markov drifts (21 or 27 states instead of 15).")
+    magnetometer: MagnetometerCalibration = group(MagnetometerCalibration)
+    alignment: AlignmentSettings = group(AlignmentSettings)
+    failed_sigma_m: float = setting(10000.0, "Horizontal sigma beyond which the solution counts as failed.", unit="m", minimum=10.0)
+
+
+class InertialNavigator(Navigator):
+    """An inertial navigator: its subclass is a list of sensors.
+
+    Modes: ``initialising`` (no data), ``aligning``, ``gps``, ``coasting`` (no accepted fix within the time-out), ``failed``.
+
+    Attributes
+    ----------
+    core : InertialCore
+    layout : Layout
+    lever_b : ndarray (3,)
+        GPS antenna relative to the IMU, m.
+    fix_word : str
+        What a fix is called in a reason.
+    """
+
+    inertial = IMU
+    fix_word = "GPS fix"
+
+    def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
+        super().__init__(settings, stations, latency_s)
+        self.layout = Layout(self.blocks())
+        self.core = InertialCore(self.layout)
+        gps = getattr(settings, "gps", None)
+        self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float)
+        for aid in self.aids:
+            aid.attach(self)
+        self.start = GpsStart(settings.alignment, settings.imu, self.layout, self.aid("magnetic_heading"))
+        self._wind_aids = [aid for aid in self.aids if "wind" in aid.teaches]
+        self._restart()
+
+    def own_inputs(self) -> list[str]:
+        """The IMU, and the master of a transfer alignment."""
+        return [IMU, *filter(None, [self.settings.alignment.master])]
+
+    def blocks(self) -> list[Block]:
+        """The list of state blocks: the core, the inertial sensors' errors, what the aids need."""
+        settings = self.settings
+        return [core_block(settings.imu), *bias_blocks(settings.imu, split_turn_on=settings.split_turn_on), *self.aid_blocks()]
+
+    # what aids ask of their host ---------------------------------------------------------------------------------------------
+
+    @property
+    def P(self) -> np.ndarray:
+        """Covariance of the whole error state."""
+        return self.core.P
+
+    def correct(self, dx: np.ndarray) -> None:
+        """Inject a correction (an aid calls this)."""
+        self.core.correct(dx)
+
+    def gps_good(self, stamp_ns: int) -> bool:
+        """Whether GPS holds the solution."""
+        return self.mode == "gps"
+
+    # measurements ------------------------------------------------------------------------------------------------------------
+
+    def _restart(self) -> None:
+        self._aligned = False
+        self._emitted = -1
+        self._fused_fix_ns: int | None = None
+        for channel in [*self.clocked, *(c for listening in self.channels.values() for c in listening)]:
+            channel.restart()
+        self.core.rest()
+        self.start.clear()
+
+    def _fuse(self, item: Measurement) -> None:
+        if isinstance(item, ImuBlock):
+            self._run(item)
+        elif item.source == self.settings.alignment.master:
+            self._transfer(item)
+        elif not self._aligned:
+            self._prepare(item)
+        elif self.core.t_ns != item.stamp_ns:
+            self.input_status[item.source].reject("inertial data missing")
+        else:
+            self.core.settle()
+            self._aid(item)
+            self._judge()
+
+    def _run(self, block: ImuBlock) -> None:
+        gap_ns = block.stamps_ns[0] - self.core.t_ns
+        if len(block) > 1:
+            gap_ns = max(gap_ns, np.diff(block.stamps_ns).max())
+        if self._aligned and gap_ns > GAP_NS:
+            self.realign(f"inertial data missing for more than {1e-9 * GAP_NS:.1f} s")
+        if not self._aligned:
+            self.start.add(block)
+            return
+        first = 0
+        while first < len(block):
+            first = self.core.advance(block, first, self.output_period_ns)
+            epoch = self.core.t_ns // self.output_period_ns
+            if epoch != self._emitted:
+                self._emitted = epoch
+                self.core.note(block, first - 1)
+                for channel in self.clocked:
+                    self.use_channel(channel, Measurement(self.core.t_ns, IMU))
+                self._judge()
+                self._out.append(self._solution(self.core.t_ns, self.core.nav, self.core.force_b, self.core.rate_b))
+        self.core.passed(block)
+
+    def _aid(self, item: Measurement) -> None:
+        if any(aid.is_fix for aid in self.use(item)):
+            self._fused_fix_ns = item.stamp_ns
+
+    def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
+        """As every navigator; where a rate of turn is needed, that of the newest sample is taken."""
+        if channel.aids[0].needs_rate and channel.is_due(measurement.stamp_ns):
+            self.core.note()
+        return super().use_channel(channel, measurement)
+
+    def _judge(self) -> None:
+        """Keep mode and reason in step with what was fused."""
+        now, last = self.core.t_ns, self._fused_fix_ns
+        sigma = self._horizontal_sigma()
+        if sigma > self.settings.failed_sigma_m:
+            self.mode, self.reason = "failed", f"horizontal sigma {sigma:.0f} m is past {self.settings.failed_sigma_m:.0f} m"
+        elif last is not None and now - last <= 1e9 * self.settings.gps.timeout_s:
+            self.mode, self.reason = "gps", "GPS position accepted"
+        else:
+            since = 0.0 if last is None else 1e-9 * (now - last)
+            self.mode, self.reason = "coasting", f"{self._why_no_fix(now)} for {since:.0f} s{self.outage_words(now)}"
+
+    def _why_no_fix(self, now_ns: int) -> str:
+        recent = (aid.status.reason for aid in self.aids if aid.is_fix and aid.status.stamp_ns > now_ns - RECENT_NS)
+        return next(recent, "") or f"no {self.fix_word}"
+
+    def _horizontal_sigma(self) -> float:
+        return float(np.sqrt(max(self.P[0, 0] + self.P[1, 1], 0.0)))
+
+    # alignment ---------------------------------------------------------------------------------------------------------------
+
+    def _prepare(self, item: Measurement) -> None:
+        """Gather what alignment needs; begin when there is a first state."""
+        if isinstance(item, GpsPosition):
+            self.set_origin(item.lat, item.lon, item.height)
+        start = self.start.take(item)
+        if start is not None:
+            self._begin(start)
+        elif self.start.reason:
+            self.mode, self.reason = "aligning", self.start.reason
+
+    def _begin(self, start: Start) -> None:
+        self.begin(start.stamp_ns, start.nav, start.covariance)
+        self._fused_fix_ns = start.fix_ns
+        self._judge()
+
+    def begin(self, stamp_ns: int, nav: np.ndarray, core_covariance: np.ndarray) -> None:
+        """Start at a state known from elsewhere (transfer alignment): ``nav`` (10,) and the covariance (9, 9) of the core states."""
+        self.set_origin(*(float(x) for x in nav[:3]))
+        self.core.start(stamp_ns, nav, core_covariance)
+        self._emitted = stamp_ns // self.output_period_ns
+        self._aligned, self.reason = True, ""
+
+    def _transfer(self, item: NavSolution) -> None:
+        """Start at the state of the master; once aligned it is not listened to."""
+        means = None if self._aligned else self.start.levelling.mean(TRANSFER_SPAN_S)
+        if means is None:
+            return
+        state = transferred(item, self.settings.alignment.master_sigma_deg)
+        wrong = unit_error(*means)
+        if state is None or wrong:
+            self.input_status[item.source].reject(wrong or "no position, velocity or attitude with covariance")
+            return
+        no_fix_ns = item.stamp_ns - round(1e9 * self.settings.gps.timeout_s) - 1  # it coasts until there is a fix
+        self._begin(Start(item.stamp_ns, *state, no_fix_ns))
+
+    # outputs -----------------------------------------------------------------------------------------------------------------
+
+    def _predict(self) -> NavSolution | None:
+        if not self._aligned:
+            return None
+        block, _ = self.horizon.ahead()
+        return self._solution(*self.core.predicted(block), *self.core.latest(block))
+
+    def _solution(self, t_ns: int, nav: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
+        P, estimate, layout = self.P, self.core.estimate, self.layout
+        wind = layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
+        sigma = np.sqrt(np.maximum(np.diag(P), 0.0))
+        states = {layout.labels[i]: (float(estimate[i]), float(sigma[i])) for i in range(CORE, layout.size)}
+        return NavSolution(
+            stamp_ns=int(t_ns),
+            source=self.name,
+            lat=float(nav[0]),
+            lon=float(nav[1]),
+            height=float(nav[2]),
+            vel_n=nav[3:6].copy(),
+            q_nb=nav[6:10].copy(),
+            angular_rate_b=rate_b,
+            specific_force_b=force_b,
+            cov_pos=P[POS, POS].copy(),
+            cov_vel=P[VEL, VEL].copy(),
+            cov_att=P[ATT, ATT].copy(),
+            wind_n=None if wind is None else estimate[wind].copy(),
+            cov_wind=None if wind is None else P[wind, wind].copy(),
+            mode=self.mode,
+            states=states,
+            integrity=self._integrity(),
+        )
+
+    def _sigmas(self) -> dict[str, float]:
+        if not self._aligned:
+            return {}
+        s = np.sqrt(np.maximum(np.diag(self.P), 0.0))
+        return {
+            "position_horizontal_m": float(np.hypot(s[0], s[1])),
+            "position_down_m": float(s[2]),
+            "velocity_horizontal_mps": float(np.hypot(s[3], s[4])),
+            "tilt_deg": float(np.hypot(s[6], s[7]) / DEGREE),
+            "heading_deg": float(s[8] / DEGREE),
+        }

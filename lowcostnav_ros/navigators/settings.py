@@ -1,0 +1,74 @@
+"""The settings of a navigator: its own, and a group for every sensor of its list.
+
+The list is itself a setting, ``aids``: a sensor that is named there has a group of settings of that name, a second one of its kind is
+called ``gps2``, ``baro2`` and has a group of its own.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
+from lowcostnav_ros.aids import AIDS
+from lowcostnav_ros.base.registry import RegistryError
+from lowcostnav_ros.base.settings import SettingsError, setting, to_mapping
+from lowcostnav_ros.estimation.aiding import Sensor
+
+
+def sensor_of(key: str, own: Mapping[str, Sensor]) -> Sensor:
+    """The sensor that an entry of the list names: as the navigator has it, else as it is defined.
+
+    Raises
+    ------
+    SettingsError
+        For a name that is no sensor's, with the nearest that is.
+    """
+    kind = key.rstrip("0123456789")
+    try:
+        return own[kind] if kind in own else AIDS[kind]
+    except RegistryError as error:
+        raise SettingsError(f"'aids': {error}") from error
+
+
+@cache
+def settings_class(navigator: type, keys: tuple[str, ...]) -> type:
+    """Settings dataclass of a navigator with the sensors of a list.
+
+    Parameters
+    ----------
+    navigator : type
+        With ``OwnSettings``, the dataclass of what is no sensor's, and ``sensors``.
+    keys : tuple of str
+        Names of sensors, a second one of a kind with a number.
+    """
+    own = {sensor.name: sensor for sensor in navigator.sensors}
+    if len(set(keys)) < len(keys):
+        raise SettingsError(f"'aids' names a sensor twice; a second one of a kind is called by a number, such as {keys[0]}2.")
+    aids = setting(list(keys), "Sensors it uses; a second one of a kind is called gps2, baro2 and has its own group of settings.")
+    fields: list[tuple] = [("aids", list, aids)]
+    for key in keys:
+        sensor = sensor_of(key, own)
+        fields.append((key, sensor.settings, dataclasses.field(default_factory=sensor.default)))
+    return dataclasses.make_dataclass(
+        f"{navigator.__name__}Settings",
+        fields,
+        bases=(navigator.OwnSettings,),
+        frozen=True,
+        namespace={
+            "__doc__": f"All settings of {navigator.name}.",
+            "__module__": navigator.__module__,
+            "chosen_by": classmethod(lambda cls, values: settings_class(navigator, tuple(values.get("aids", keys)))),
+            "__reduce__": lambda self: (_restored, (navigator, to_mapping(self))),
+        },
+    )
+
+
+def _restored(navigator: type, values: dict[str, Any]) -> Any:
+    from lowcostnav_ros.base.settings import from_mapping
+
+    return from_mapping(navigator.Settings, values)
+
+
+def listed(settings: Any) -> Sequence[tuple[str, Any]]:
+    """Name and settings of every sensor of a settings object, in order."""
+    return [(key, getattr(settings, key)) for key in settings.aids]

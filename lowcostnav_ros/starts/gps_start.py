@@ -1,0 +1,155 @@
+"""How an inertial navigator begins with GPS: position and velocity from the receiver, attitude from levelling and a heading."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lowcostnav_ros.aids.magnetic import MagneticAid
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, MagneticField, Measurement
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.imu_errors import ImuSettings, typical
+from lowcostnav_ros.cores.inertial import ATT, CORE, POS, VEL
+from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
+from lowcostnav_ros.physics.magnetic_heading import magnetic_heading
+from lowcostnav_ros.physics.rotation import euler_to_quat
+from lowcostnav_ros.starts.levelling import (
+    AlignmentSettings,
+    Levelling,
+    agrees_with_track,
+    gyrocompass,
+    gyrocompass_sigma,
+    tilt_from_specific_force,
+    unit_error,
+)
+
+GRAVITY_N = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+ACCELERATION_SPAN_NS = 2_100_000_000
+"""GPS velocities this far apart give the acceleration of an alignment on the move; shorter, their noise tilts it."""
+OLDEST_FIX_NS = 2_000_000_000
+"""A position older than this against the velocity is not used."""
+SHORTEST_SPAN_S = 0.9
+POSITION_VARIANCE, VELOCITY_SIGMA = 0.5, 0.1
+"""What is added to the receiver's own covariances, m^2 and m/s."""
+STILL_TILT_DEG = 0.2
+
+
+class Start(NamedTuple):
+    """A first state: stamp, ``nav`` (10,), covariance (9, 9) of the core states, and the stamp of the fix."""
+
+    stamp_ns: int
+    nav: np.ndarray
+    covariance: np.ndarray
+    fix_ns: int
+
+
+class GpsStart:
+    """Gather what alignment needs; give a first state with the first GPS velocity that allows one.
+
+    Parameters
+    ----------
+    settings : AlignmentSettings
+    imu : ImuSettings
+    layout : Layout
+        Error state of the navigator: what its filter expects of the sensors.
+    magnetic : MagneticAid or None
+        Gives the first heading where a magnetometer is used.
+
+    Attributes
+    ----------
+    reason : str
+        What it waits for.
+    """
+
+    def __init__(self, settings: AlignmentSettings, imu: ImuSettings, layout: Layout, magnetic: MagneticAid | None) -> None:
+        self.settings, self._imu, self._layout, self._magnetic = settings, imu, layout, magnetic
+        self.levelling = Levelling(settings.still_s)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.reason = ""
+        self._no_compass = ""
+        self._fix: GpsPosition | None = None
+        self._velocities: list[GpsVelocity] = []
+        self._field_b: np.ndarray | None = None
+        self.levelling.clear()
+
+    def add(self, block: ImuBlock) -> None:
+        """Take inertial samples in."""
+        self.levelling.add(block)
+
+    def take(self, item: Measurement) -> Start | None:
+        """Take any other measurement in; the first state, once there is one."""
+        if isinstance(item, MagneticField):
+            self._field_b = item.field_b
+        elif isinstance(item, GpsPosition):
+            self._fix = item
+        elif isinstance(item, GpsVelocity):
+            self._velocities = [v for v in self._velocities if item.stamp_ns - v.stamp_ns <= ACCELERATION_SPAN_NS] + [item]
+            start = self._align(self._velocities[0], item)
+            self.reason = start if isinstance(start, str) else ""
+            return None if isinstance(start, str) else start
+        return None
+
+    def _align(self, earlier: GpsVelocity, velocity: GpsVelocity) -> Start | str:
+        """The first state when an attitude can be had, else the reason why not."""
+        choice, fix = self.settings, self._fix
+        if fix is None or velocity.stamp_ns - fix.stamp_ns > OLDEST_FIX_NS:
+            return "waiting for a GPS position"
+        speed = float(np.hypot(velocity.vel_n[0], velocity.vel_n[1]))
+        still = speed < choice.still_speed_mps
+        span_s = choice.still_s if still else 1e-9 * (velocity.stamp_ns - earlier.stamp_ns)
+        means = self.levelling.mean(max(span_s, 0.2))
+        if means is None:
+            return "waiting for inertial data"
+        wrong = unit_error(*means)
+        if wrong:
+            return wrong
+        force_n = GRAVITY_N
+        if still:
+            if not self.levelling.still(span_s):
+                return "GPS speed is zero but the inertial data moves: cannot level"
+        elif speed < choice.moving_speed_mps:
+            return f"speed {speed:.1f} m/s: too fast to level, too slow for a track"
+        elif span_s < SHORTEST_SPAN_S:
+            return "waiting for two GPS velocities a second apart"
+        else:
+            force_n = (velocity.vel_n - earlier.vel_n) / span_s + GRAVITY_N
+        heading, sigma = self._first_heading(*means, force_n, fix, velocity, still)
+        if heading is None:
+            return f"levelled; waiting for a heading ({self._no_compass}magnetometer, motion or alignment.heading_deg)"
+        return self._first_state(means[0], force_n, heading, sigma, fix, velocity, still)
+
+    def _first_heading(self, f_b, w_b, force_n, fix: GpsPosition, velocity: GpsVelocity, still: bool) -> tuple[float | None, float]:
+        choice = self.settings
+        if choice.gyrocompass and still:
+            sigma, limits = gyrocompass_sigma(self._layout, fix.lat, choice.still_s)
+            if sigma <= choice.gyrocompass_limit_deg * DEGREE:
+                return gyrocompass(f_b, w_b), sigma
+            size = f"{sigma / DEGREE:.1f} deg" if sigma < np.pi / 2.0 else "above 90 deg"
+            self._no_compass = f"gyrocompassing not possible: predicted heading sigma {size}, {limits}; "
+        if self._magnetic is not None and self._field_b is not None:
+            reference = self._magnetic.reference.at(fix.lat, fix.lon, fix.height)
+            if not reference.refusal(self._field_b):
+                heading = 0.0
+                for _ in range(5):  # tilt on the move depends on heading, and heading on tilt
+                    roll, pitch = tilt_from_specific_force(f_b, force_n, heading)
+                    heading = magnetic_heading(roll, pitch, self._field_b, reference.declination)
+                return heading, choice.magnetic_sigma_deg * DEGREE
+        track = float(np.arctan2(velocity.vel_n[1], velocity.vel_n[0]))
+        if choice.heading_deg and (still or agrees_with_track(choice.heading_deg[0] * DEGREE, track, choice)):
+            return choice.heading_deg[0] * DEGREE, choice.heading_sigma_deg * DEGREE
+        return (None, 0.0) if still else (track, choice.track_sigma_deg * DEGREE)
+
+    def _first_state(self, f_b, force_n, heading, sigma, fix: GpsPosition, velocity: GpsVelocity, still: bool) -> Start:
+        roll, pitch = tilt_from_specific_force(f_b, force_n, heading)
+        nav = np.array([fix.lat, fix.lon, fix.height, *velocity.vel_n, *euler_to_quat(roll, pitch, heading)])
+        lag_s = 1e-9 * (velocity.stamp_ns - fix.stamp_ns)
+        accel_sigma = np.hypot(typical(self._imu.accel_turn_on_mg), typical(self._imu.accel_bias_mg)) * 1e-3
+        tilt = np.hypot(accel_sigma, (STILL_TILT_DEG if still else self.settings.tilt_sigma_deg) * DEGREE)
+        cov = np.zeros((CORE, CORE))
+        cov[POS, POS] = fix.cov_n + np.eye(3) * (POSITION_VARIANCE + (lag_s * np.linalg.norm(velocity.vel_n)) ** 2)
+        cov[VEL, VEL] = velocity.cov_n + np.eye(3) * VELOCITY_SIGMA**2
+        cov[ATT, ATT] = np.diag([tilt**2, tilt**2, sigma**2])
+        return Start(velocity.stamp_ns, nav, cov, fix.stamp_ns)
