@@ -8,9 +8,6 @@ from lowcostnav_ros.estimation.aiding import Aid, Host, Reason
 from lowcostnav_ros.estimation.station_slots import StationSlots
 from lowcostnav_ros.radionav.stations import Station
 
-SLOWEST_MPS = 1.0
-"""Speed at which an error that varies along the way still changes when the aircraft stands."""
-
 
 class StationAid(Aid):
     """One reading of one station at a time; its slow error is a state while there are states enough.

@@ -35,7 +35,7 @@ class BaroAid(Aid):
     def blocks(self) -> list[Block]:
         """Pressure altitude minus height, m."""
         name = self.own("baro_bias")
-        return [random_walk(name, [f"{name}_m"], Kind.FREE, self.settings.bias_m, self.settings.walk_m_rts)]
+        return [random_walk(name, [f"{name}_m"], Kind.HELD, self.settings.bias_m, self.settings.walk_m_rts)]
 
     def innovation(self, measurement: Pressure, host: Host) -> Innovation | str:
         """y = h_pressure - (h + b); height is minus the down error, so H = -1 on down and 1 on the bias."""

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.aids import AIDS
-from lowcostnav_ros.aids._station import SLOWEST_MPS, StationAid
+from lowcostnav_ros.aids._station import StationAid
 from lowcostnav_ros.base.measurements import VorBearing
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
 from lowcostnav_ros.estimation.aiding import GateSettings, Host, Innovation, Sensor, SensorSettings, each
-from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
+from lowcostnav_ros.estimation.error_state import SLOWEST_MPS, Block, Kind, gauss_markov
 from lowcostnav_ros.physics.rotation import wrap
 from lowcostnav_ros.physics.stochastic import correlation_factor
 from lowcostnav_ros.radionav.vor import BearingView, bearing_view, out_of_service

@@ -217,6 +217,11 @@ class Navigator(ABC):
         """Whether GPS holds the solution."""
         return False
 
+    def restart_channels(self) -> None:
+        """Take the next measurement of every channel, whenever it comes."""
+        for channel in [*self.clocked, *(c for listening in self.channels.values() for c in listening)]:
+            channel.restart()
+
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """Give a measurement to the aids of a channel, if it is due; return those that used it."""
         if not channel.due(measurement.stamp_ns):
