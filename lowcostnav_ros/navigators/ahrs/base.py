@@ -78,6 +78,7 @@ class Ahrs(Navigator):
     """
 
     name = "ahrs"
+    not_observable = "it is told position, velocity and acceleration from outside its filter; watch ins_gps, which estimates them"
     inertial = IMU
 
     def __new__(cls, settings: AhrsSettings) -> "Ahrs":

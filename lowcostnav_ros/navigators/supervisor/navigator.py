@@ -82,6 +82,7 @@ class Supervisor(Navigator):
     """
 
     name: ClassVar[str] = "supervisor"
+    not_observable = "it has no filter of its own; watch the navigator it flies on"
 
     def __init__(self, settings: SupervisorSettings | None = None) -> None:
         self.inputs = dict.fromkeys((*SOURCES, "imu/data_fused", "gps/fix"), False)
