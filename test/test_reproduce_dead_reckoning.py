@@ -69,6 +69,7 @@ def test_the_measurement_row_is_that_of_the_live_aid():
     navigator = DeadReckoning(reckoning.thesis_settings(), table)
     here = methods.AIRPORT.from_ned(np.array([methods.START_NORTH_M + 15 * reckoning.SPEED_MPS, 0.0, 0.0]))
     navigator.start_at(0, float(here[0]), float(here[1]), 0.0)
+    navigator.aid("dme").slots.take("ONE", 0, navigator.P, navigator.core.estimate)
     answer = navigator.aid("dme").innovation(SlantRange(0, "dme/range", "ONE", 1e5, 0.0), navigator)
     np.testing.assert_allclose(answer.H[0, [0, 1]], update.H[0, [0, 1]], atol=1e-9)
     bias = navigator.layout["dme_bias"]

@@ -338,8 +338,8 @@ class Sensor:
     name : str
         Name of its group of settings; a second one of its kind is called ``name2``.
     settings : type
-        Settings dataclass; ``enabled``, ``period_s``, ``timeout_s``, ``latency_s`` and ``stations_file`` mean the same in all; a sensor with
-        ``topic`` is off until that names its one topic.
+        Settings dataclass; ``enabled``, ``period_s``, ``timeout_s``, ``latency_s`` and ``stations_file`` mean the same in all; a sensor
+        with ``topic`` is off until that names its one topic.
     make : callable
         Makes its aids from the settings, the key and the station table.
     defaults : mapping

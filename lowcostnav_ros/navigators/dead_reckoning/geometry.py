@@ -1,4 +1,4 @@
-"""What ranges of the DME stations received lately cannot decide, in words: one station, stations in line with the track, a mirror solution nearby."""
+"""What the geometry of the DME stations received lately leaves open: one station, stations in line with the track, a mirror solution."""
 
 import math
 from collections.abc import Callable
