@@ -89,7 +89,7 @@ class DmeAid(StationAid):
         R = max(measurement.variance - slow, (self.settings.noise_nm * NAUTICAL_MILE) ** 2) + _curvature(host.P, direction, predicted)
         bias = self.slots.index(measurement.station)
         if bias is None:
-            R += slow * self._repetition(measurement, host.core.speed_mps)
+            R += slow if self._rows is not None else slow * self._repetition(measurement, host.core.speed_mps)
         else:
             H[0, bias] = 1.0
             predicted += host.core.estimate[bias]

@@ -115,7 +115,8 @@ class VorAid(StationAid):
         bend = max(bend, measurement.variance - bias - noise)
         tau_s = own.bend_distance_nm * NAUTICAL_MILE / max(speed_mps, SLOWEST_MPS)
         total = noise + bend * correlation_factor(since_s, tau_s)
-        return total + bias * correlation_factor(since_s, own.bias_tau_s) if lasting else total
+        repeated = 1.0 if self._rows is not None else correlation_factor(since_s, own.bias_tau_s)
+        return total + bias * repeated if lasting else total
 
 
 def _curvature(P: np.ndarray, seen: BearingView) -> float:  # noqa: N803 - the covariance is P everywhere in the field
