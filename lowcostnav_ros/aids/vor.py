@@ -2,12 +2,12 @@
 
 The error of a radial has three parts, modelled as what they are:
 
-- what is left of the station's *alignment* lasts: a state per station (Gauss-Markov, long), which GPS teaches while it is good;
+- what is left of the station's *alignment* lasts: a state per station (Gauss-Markov, long), estimated while GPS is good;
 - *course bends* change along the way: noise with a correlation distance, of which radials in quick succession repeat one draw.  No state
   could follow them, so their variance is multiplied by the factor that leaves the information such radials really hold;
 - *receiver noise* is white.
 
-While GPS is good a radial moves the station's own state and nothing else: what it could tell of the position, GPS tells better.
+While GPS is good a radial moves the station's own state and nothing else: GPS observes the position better.
 """
 
 from dataclasses import dataclass

@@ -98,10 +98,10 @@ class ReckoningCore:
         self.estimate[CLIMB:] += dx[CLIMB:]
         self.guard_actions += kalman.guard_covariance(self.P, self._floor, self._ceiling)
 
-    def silent(self, t_ns: int | None = None) -> str:
+    def timed_out(self, t_ns: int | None = None) -> str:
         """Which of attitude and airspeed is too old to move on, now or at ``t_ns``, in words; empty when both are fresh."""
         settings = self.settings
-        return self.held.silent(self.t_ns if t_ns is None else t_ns, settings.heading.timeout_s, settings.airspeed.timeout_s)
+        return self.held.timed_out(self.t_ns if t_ns is None else t_ns, settings.heading.timeout_s, settings.airspeed.timeout_s)
 
     def totals(self) -> np.ndarray:
         """Return the estimates summed by what they act on (5,): wind north, east, heading bias, airspeed scale, airspeed bias."""
@@ -148,7 +148,7 @@ class ReckoningCore:
         Airspeed that collapses where no GPS sees a landing may be a blocked pitot tube: the aircraft may fly as fast as before.
         """
         settings = self.settings
-        if self.silent() or not self.held.airborne:
+        if self.timed_out() or not self.held.airborne:
             return max(2.0 * LOST_S * self.held.fastest**2, settings.ground_walk_mps**2)
         return 2.0 * settings.wind.gust_mps**2 * settings.wind.gust_tau_s
 
@@ -171,9 +171,9 @@ class ReckoningCore:
         """Velocity of an antenna: air-relative velocity plus wind, and what the lever arm adds; unknown without fresh inputs in flight."""
         if not self.held.airborne:
             return "below the minimum airspeed"
-        silent = self.silent()
-        if silent:
-            return silent
+        outdated = self.timed_out()
+        if outdated:
+            return outdated
         vel_n, H = self.velocity()
         swing_n = quat_rotate(self.held.q_nb, np.cross(self.held.rate_b, lever_b)) if lever_b.any() else np.zeros(3)
         return VelocitySeen(vel_n, swing_n, H, self.velocity_noise(), self.settings.wind.gust_tau_s)

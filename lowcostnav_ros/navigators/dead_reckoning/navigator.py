@@ -135,9 +135,9 @@ class DeadReckoning(Navigator):
     def _align(self, item: Measurement) -> None:
         """Gather attitude and airspeed, then begin at the first fix."""
         self._hold(item, self.core)
-        silent = self.core.silent(item.stamp_ns)
-        if silent:
-            self.mode, self.reason = "initialising", silent
+        outdated = self.core.timed_out(item.stamp_ns)
+        if outdated:
+            self.mode, self.reason = "initialising", outdated
         elif isinstance(item, GpsPosition):
             vague = 100.0 * self.aid("gps_position").noise(item)  # the fix itself is fused next
             self.core.start(item.stamp_ns, np.array([item.lat, item.lon, item.height]), vague)
@@ -176,9 +176,9 @@ class DeadReckoning(Navigator):
     def _judge(self) -> None:
         """Find the mode and say why."""
         core = self.core
-        silent = core.silent()
-        if silent:
-            self.mode, self.reason = "failed", f"{silent}: last value held, error unbounded"
+        outdated = core.timed_out()
+        if outdated:
+            self.mode, self.reason = "failed", f"{outdated}: last value held, error unbounded"
         elif self.gps_good(core.t_ns):
             self.geometry = ""
             self.mode, self.reason = "calibrating", "GPS good" if core.held.airborne else "GPS good, on the ground: wind is not observable"
