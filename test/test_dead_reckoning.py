@@ -107,7 +107,7 @@ def test_the_low_latency_output_is_the_fused_state_carried_on():
     assert ahead.stamp_ns == flight.stamps_ns[-1]
     assert np.linalg.norm(error_at(flight, ahead)[0:2]) < 20.0  # half a second late it would be 25 m behind as well
     assert ahead.vel_n @ np.append(flight.vel[-1], 0.0) == pytest.approx(flight.vel[-1] @ flight.vel[-1], rel=0.03)
-    assert nav.state.t_ns <= ahead.stamp_ns - 0.2e9  # the state itself has not moved
+    assert nav.core.t_ns <= ahead.stamp_ns - 0.2e9  # the state itself has not moved
 
 
 def test_gps_after_an_outage_far_outside_the_gate_moves_position_and_leaves_the_wind():
@@ -121,24 +121,24 @@ def test_gps_after_an_outage_far_outside_the_gate_moves_position_and_leaves_the_
     assert np.linalg.norm(wind[275] - wind[255]) < 1.0
     assert abs(error_at(flight, out[-1])[1] + 4000.0) < 20.0
     assert nav.mode == "calibrating"
-    assert nav.aids[0].status.rejected["recovered after rejections"] == 1
+    assert nav.aid("gps_position").status.rejected["recovered after rejections"] == 1
 
 
 def test_slant_range_never_moves_height_and_corrects_along_the_line_of_sight_only():
     flight = straight(60.0)
     nav = quiet(STATIONS)
     nav.feed_all(in_order(flight.attitudes(), flight.airspeeds(), gps_until(flight, 10.0)))
-    nav.state.P[0, 0] += 500.0**2
-    nav.state.P[1, 1] += 500.0**2
-    before, start = nav.state.nav.copy(), ORIGIN.to_ned(*nav.state.nav)
-    k = int(np.searchsorted(flight.stamps_ns, nav.state.t_ns))
+    nav.core.P[0, 0] += 500.0**2
+    nav.core.P[1, 1] += 500.0**2
+    before, start = nav.core.nav.copy(), ORIGIN.to_ned(*nav.core.nav)
+    k = int(np.searchsorted(flight.stamps_ns, nav.core.t_ns))
     target = next(iter(STATIONS))
     line = (flight.ned[k] - ORIGIN.to_ned(target.lat, target.lon, target.height))[0:2]
     line /= np.linalg.norm(line)
     reply = next(m for m in flight.ranges(table(target), zeros(flight, AAA=300.0), k) if m.station == "AAA")
-    assert nav.use_aid(nav.aids[3], SlantRange(nav.state.t_ns, reply.source, "AAA", reply.range_m, reply.variance))
-    moved = ORIGIN.to_ned(*nav.state.nav) - start
-    assert nav.state.nav[2] == before[2]
+    assert nav.use_aid(nav.aid("dme"), SlantRange(nav.core.t_ns, reply.source, "AAA", reply.range_m, reply.variance))
+    moved = ORIGIN.to_ned(*nav.core.nav) - start
+    assert nav.core.nav[2] == before[2]
     assert moved[0:2] @ line > 100.0
     assert abs(moved[0] * line[1] - moved[1] * line[0]) < 0.05 * abs(moved[0:2] @ line)
 
@@ -186,10 +186,11 @@ def test_unknown_stations_and_missing_tables_are_refused_by_name():
     other = table(station("CCC", 40_000.0, 30_000.0))
     nav = navigator(STATIONS)
     nav.feed_all(in_order(*parts, flight.ranges(other, zeros(flight), 150)))
-    assert nav.aids[3].status.rejected == {"station unknown (CCC)": 6}
+    assert nav.aid("dme").status.rejected == {"station unknown": 6}
+    assert nav.aid("dme").status.reason == "station unknown: CCC"
     nav = navigator()
     nav.feed_all(in_order(*parts, flight.ranges(other, zeros(flight), 150)))
-    assert nav.aids[3].status.rejected == {"no station table": 6}
+    assert nav.aid("dme").status.rejected == {"no station table": 6}
 
 
 def test_a_range_far_off_is_rejected_and_one_a_little_off_is_limited():
@@ -198,9 +199,9 @@ def test_a_range_far_off_is_rejected_and_one_a_little_off_is_limited():
     far, near = quiet(STATIONS), quiet(STATIONS)
     far.feed_all(in_order(*parts, flight.ranges(STATIONS, zeros(flight, AAA=20_000.0, BBB=20_000.0), 150)))
     near.feed_all(in_order(*parts, flight.ranges(STATIONS, zeros(flight, AAA=1800.0, BBB=-1800.0), 150)))
-    assert far.aids[3].status.rejected["innovation beyond gate"] >= 8
+    assert far.aid("dme").status.rejected["innovation beyond gate"] >= 8
     assert far.mode == "coasting"
-    assert near.aids[3].status.rejected["innovation limited"] >= 4
+    assert near.aid("dme").status.rejected["innovation limited"] >= 4
 
 
 def test_alert_when_the_believed_error_passes_half_a_mile():
@@ -241,7 +242,7 @@ def test_on_the_ground_nothing_is_learned_about_the_wind():
     nav = navigator()
     out = nav.feed_all(in_order(flight.attitudes(), flight.airspeeds(), gps_until(flight, 1e9)))
     assert np.array_equal(out[-1].wind_n, [0.0, 0.0])
-    assert nav.aids[1].status.rejected["below the minimum airspeed"] > 50
+    assert nav.aid("gps_velocity").status.rejected["below the minimum airspeed"] > 50
     assert "on the ground" in nav.status().reason
     assert np.linalg.norm(error_at(flight, out[-1])[0:2]) < 10.0
 
@@ -279,7 +280,7 @@ def test_a_given_position_replaces_the_first_fix():
     flight = straight(30.0)
     nav = quiet()
     nav.start_at(START_NS, ORIGIN.lat, ORIGIN.lon, ORIGIN.height, 5.0)
-    nav.state.know_wind(np.array([5.0, -3.0]), 0.5)
+    nav.core.know_wind(np.array([5.0, -3.0]), 0.5)
     last = nav.feed_all(in_order(flight.attitudes(), flight.airspeeds()))[-1]
     assert np.linalg.norm(error_at(flight, last)[0:2]) < 5.0
     np.testing.assert_allclose(last.wind_n, [5.0, -3.0], atol=0.1)

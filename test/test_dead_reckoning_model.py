@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.cores import reckoning_model as model
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoningSettings
+from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
 from lowcostnav_ros.physics.earth import difference_n
 
 DEG, NM = math.pi / 180.0, 1852.0
@@ -41,7 +41,7 @@ def test_one_gauss_markov_state_driving_position_equals_van_loan(dt, decay):
 
 @pytest.mark.parametrize("dt", [0.05, 1.0, 20.0])
 def test_whole_step_equals_van_loan(dt):
-    layout = model.layout_of(DeadReckoningSettings())
+    layout = DeadReckoning().layout
     rate = rates_of(layout)
     G = model.coupling(30.0, -20.0, 1.0, layout.kind, layout.axis)
     F = -np.diag(rate)
@@ -53,7 +53,7 @@ def test_whole_step_equals_van_loan(dt):
 
 
 def test_coupling_is_the_derivative_of_the_mean():
-    layout = model.layout_of(DeadReckoningSettings())
+    layout = DeadReckoning().layout
     rng = np.random.default_rng(2)
     estimate = rng.normal(0.0, 1e-3, layout.size)
     still = np.zeros(layout.size)
@@ -83,7 +83,7 @@ def thesis_settings(**changes):
 
 def grown(options, seconds):
     """Horizontal sigma, m, of open-loop dead reckoning north at 90 kt from a perfect start, one-second steps."""
-    layout = model.layout_of(options)
+    layout = DeadReckoning(options).layout
     P, rate, out = np.zeros((layout.size, layout.size)), rates_of(layout), {}
     heading = (options.heading.noise_deg * DEG) ** 2
     for t in range(1, max(seconds) + 1):
@@ -121,7 +121,7 @@ def test_full_order_covariance_with_one_receiver():
 
 def aided_sigma(interval):
     """Section 8.3: north-bound from 50 NM south, stations (10, -20) and (10, 20) NM; interval 1 asks both each second."""
-    layout = model.layout_of(thesis_settings())
+    layout = DeadReckoning(thesis_settings()).layout
     P = np.diag(np.where(np.arange(layout.size) < 2, 2.0, layout.sigma0)) ** 2
     rate, psd = rates_of(layout), layout.psd.copy()
     rows = layout["dme_bias"]
@@ -146,7 +146,7 @@ def aided_sigma(interval):
 @given(seed=st.integers(0, 2**31), dt=st.floats(0.01, 50.0))
 def test_covariance_stays_symmetric_and_positive(seed, dt):
     rng = np.random.default_rng(seed)
-    layout = model.layout_of(DeadReckoningSettings())
+    layout = DeadReckoning().layout
     A = rng.normal(size=(layout.size, layout.size)) * layout.sigma0[:, None]
     P = A @ A.T
     air = rng.normal(0.0, 60.0, 2)

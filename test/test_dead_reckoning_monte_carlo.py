@@ -51,7 +51,7 @@ def run(seed, **changes):
     errors = {s.ident: process(rng, 0.17 * NM, tau_s)[:, 0] + rng.normal(0.0, 0.004 * NM, N) for s in STATIONS}
     nav = DeadReckoning(from_mapping(DeadReckoningSettings, {**MODEL, **changes}), STATIONS)
     nav.start_at(START_NS, flight.lat[0], flight.lon[0], flight.height[0], 2.0)
-    nav.state.know_wind(flight.wind[0], 1.0)
+    nav.core.know_wind(flight.wind[0], 1.0)
     airspeeds = flight.airspeeds(bias=process(rng, 2.6, 400.0)[:, 0])
     solutions = nav.feed_all(in_order(flight.attitudes(heading_error), airspeeds, flight.ranges(STATIONS, errors, 15)))
     late = [s for s in solutions if s.stamp_ns >= START_NS + 120_000_000_000]

@@ -52,24 +52,24 @@ def horizontal_error(flight, solution):
 def test_off_until_a_topic_is_set():
     nav = DeadReckoning(DeadReckoningSettings())
     assert RADAR not in nav.inputs
-    assert [aid.status.name for aid in nav.aids] == ["gps_position", "gps_velocity", "baro", "dme"]
+    assert [aid.status.name for aid in nav.aids] == ["gps_position", "gps_velocity", "dme", "baro_height"]
     assert [aid.status.name for aid in navigator().aids][4:] == ["radar_fix", "wind_uplink"]
 
 
 def test_one_fix_moves_position_by_the_scalar_gain_and_leaves_height():
     """Position known to 300 m per axis and a fix good to 400 m: gain 0.36, sigma 240 m."""
     nav = started(straight(1.0), radar__floor_m=1.0)
-    nav.state.P[:] = np.diag(np.full(nav.state.layout.size, 1e-12))
-    nav.state.P[0, 0] = nav.state.P[1, 1] = 300.0**2
-    nav.state.P[2, 2] = 50.0**2
+    nav.core.P[:] = np.diag(np.full(nav.layout.size, 1e-12))
+    nav.core.P[0, 0] = nav.core.P[1, 1] = 300.0**2
+    nav.core.P[2, 2] = 50.0**2
     lat, lon, height = ORIGIN.from_ned(np.array([100.0, -50.0, -900.0]))
-    aid = nav.aids[4]
+    aid = nav.aid("radar_fix")
     assert aid.process(NavSolution(START_NS, RADAR, float(lat), float(lon), float(height), cov_pos=np.diag([400.0**2, 400.0**2, 1.0])), nav)
-    moved = ORIGIN.to_ned(*nav.state.nav)
+    moved = ORIGIN.to_ned(*nav.core.nav)
     np.testing.assert_allclose(moved[0:2], [36.0, -18.0], atol=0.01)
-    assert math.sqrt(nav.state.P[0, 0]) == pytest.approx(240.0)
-    assert nav.state.nav[2] == pytest.approx(ORIGIN.height, abs=1e-3)
-    assert nav.state.P[2, 2] == pytest.approx(2500.0)
+    assert math.sqrt(nav.core.P[0, 0]) == pytest.approx(240.0)
+    assert nav.core.nav[2] == pytest.approx(ORIGIN.height, abs=1e-3)
+    assert nav.core.P[2, 2] == pytest.approx(2500.0)
 
 
 def test_fixes_bound_what_dead_reckoning_alone_would_lose():
@@ -91,9 +91,9 @@ def test_a_fix_far_off_is_rejected_by_name():
     wrong = fixes[3]
     fixes[3] = NavSolution(wrong.stamp_ns, RADAR, wrong.lat + 0.01, wrong.lon, wrong.height, cov_pos=wrong.cov_pos)
     nav = started(flight)
-    nav.state.know_wind(np.array([5.0, -3.0]), 1.0)
+    nav.core.know_wind(np.array([5.0, -3.0]), 1.0)
     nav.feed_all(in_order(flight.attitudes(), flight.airspeeds(), fixes))
-    assert dict(nav.aids[4].status.rejected) == {"innovation beyond gate": 1}
+    assert dict(nav.aid("radar_fix").status.rejected) == {"innovation beyond gate": 1}
 
 
 def test_wind_from_the_ground_is_believed_once_not_every_minute():
@@ -111,10 +111,10 @@ def test_wind_from_the_ground_is_believed_once_not_every_minute():
 
 def test_what_lacks_its_covariance_is_refused_by_name():
     nav = started(straight(1.0))
-    assert not nav.aids[4].process(NavSolution(START_NS, RADAR, ORIGIN.lat, ORIGIN.lon, 0.0), nav)
-    assert not nav.aids[5].process(NavSolution(START_NS, WIND), nav)
-    assert nav.aids[4].status.reason == "position or its covariance is missing"
-    assert nav.aids[5].status.reason == "wind or its covariance is missing"
+    assert not nav.aid("radar_fix").process(NavSolution(START_NS, RADAR, ORIGIN.lat, ORIGIN.lon, 0.0), nav)
+    assert not nav.aid("wind_uplink").process(NavSolution(START_NS, WIND), nav)
+    assert nav.aid("radar_fix").status.reason == "position or its covariance is missing"
+    assert nav.aid("wind_uplink").status.reason == "wind or its covariance is missing"
 
 
 @pytest.mark.parametrize("scheme", ["one", "scanning"])

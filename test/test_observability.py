@@ -13,14 +13,12 @@ from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.cores.imu_errors import imu_settings
-from lowcostnav_ros.cores.inertial import dynamics_now
 from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
 from lowcostnav_ros.reproduce.solimeno.flights import Case, epochs_of, fed, imu_of, inertial_settings, started, truth_of
 from lowcostnav_ros.reproduce.solimeno.observability import flown_ranks, layout_of, true_dynamics, true_ranks
-from lowcostnav_ros.studies.dynamics import dynamics_of
 from lowcostnav_ros.studies.observability import Watch, geodetic_units, observability
 
 CASE = Case("tight", "HD", "mems", 1, duration_s=20.0)
@@ -69,7 +67,7 @@ def test_watching_changes_no_bit_and_gives_the_published_rank():
     ends, found = [], []
     for watched in (False, True):
         navigator = started(InsGnss(inertial_settings(CASE, imu_settings(profile.filter_noise()))), truth, CASE)
-        watch = Watch(navigator, dynamics_now, 1.0) if watched else None
+        watch = Watch(navigator, 1.0) if watched else None
         fed(navigator, imu_of(profile, truth, 1), epochs_of(CASE, truth))
         ends.append((navigator.core.nav.copy(), navigator.P.copy()))
         found = watch.finish() if watch else []
@@ -124,7 +122,7 @@ def test_satellites_alone_tell_every_state_with_four_and_fewer_with_two(model, s
     found = {}
     for satellites in (8, 2):
         navigator = GnssOnly(GnssOnlySettings(model=model, minimum_satellites=2, gnss=GnssSettings(doppler=False)))
-        watch = Watch(navigator, dynamics_of("gnss_only"), 1.0)
+        watch = Watch(navigator, 1.0)
         epochs = epochs_of(Case(model, "LD", "", 1, duration_s=20.0), truth_of("LD", 20.0))
         for k, epoch in enumerate(epochs):
             navigator.feed(epoch if k < 20 else shortened(epoch, satellites))

@@ -47,7 +47,8 @@ def test_the_studied_step_is_the_one_the_live_navigator_takes(heading_deg):
     settings = reckoning.thesis_settings()
     heading = math.radians(heading_deg)
     navigator = DeadReckoning(settings)
-    state, held = navigator.state, HeldInputs(q_nb=euler_to_quat(0.0, 0.0, heading), vel_b=np.array([46.3, 0.0, 0.0]))
+    state = navigator.core
+    held = state.held = HeldInputs(q_nb=euler_to_quat(0.0, 0.0, heading), vel_b=np.array([46.3, 0.0, 0.0]))
     held.airborne, held.attitude_ns, held.air_ns, held.speed = True, 0, 0, 46.3
     state.start(0, np.array([0.6, -2.1, 0.0]), np.diag([4.0, 4.0, 100.0]))
     layout, step = reckoning.dead_reckoning_step(settings, heading=heading)
@@ -55,8 +56,8 @@ def test_the_studied_step_is_the_one_the_live_navigator_takes(heading_deg):
     history = run(state.P, step, 240)
     for k in range(1, 241):
         held.attitude_ns = held.air_ns = k * 10**9
-        state.move(held, k * 10**9)
-        state.settle(held)
+        state.move(k * 10**9)
+        state.settle()
     np.testing.assert_allclose(history.P[-1], state.P, rtol=1e-9, atol=1e-9)
 
 
@@ -68,9 +69,10 @@ def test_the_measurement_row_is_that_of_the_live_aid():
     navigator = DeadReckoning(reckoning.thesis_settings(), table)
     here = methods.AIRPORT.from_ned(np.array([methods.START_NORTH_M + 15 * reckoning.SPEED_MPS, 0.0, 0.0]))
     navigator.start_at(0, float(here[0]), float(here[1]), 0.0)
-    answer = navigator.aids[3].innovation(SlantRange(0, "dme/range", "ONE", 1e5, 0.0), navigator)
+    navigator.aid("dme").slots.take("ONE", 0, navigator.P, navigator.core.estimate)
+    answer = navigator.aid("dme").innovation(SlantRange(0, "dme/range", "ONE", 1e5, 0.0), navigator)
     np.testing.assert_allclose(answer.H[0, [0, 1]], update.H[0, [0, 1]], atol=1e-9)
-    bias = navigator.state.layout["dme_bias"]
+    bias = navigator.layout["dme_bias"]
     np.testing.assert_array_equal(answer.H[0, bias], update.H[0, bias])
 
 

@@ -4,18 +4,15 @@ import math
 from typing import Any
 
 from lowcostnav_ros.cores.views import Place
-from lowcostnav_ros.estimation.aiding import Aid, Host, Reason
+from lowcostnav_ros.estimation.aiding import Aid, Host, Innovation, Reason
 from lowcostnav_ros.estimation.station_slots import StationSlots
 from lowcostnav_ros.radionav.stations import Station
-
-SLOWEST_MPS = 1.0
-"""Speed at which an error that varies along the way still changes when the aircraft stands."""
 
 
 class StationAid(Aid):
     """One reading of one station at a time; its slow error is a state while there are states enough.
 
-    A new station takes the state of the one idle for longest.
+    A new station is tested with its slow error as noise; once its reading is to be used, it takes the state of the one idle for longest.
     """
 
     views = (Place,)
@@ -58,14 +55,13 @@ class StationAid(Aid):
         station = self.station_of(measurement)
         return station if isinstance(station, str) else ""
 
-    def process(self, measurement: Any, host: Any) -> bool:
-        """Assign a state to the station, if its reading can be used at all; then as every aid."""
-        if not self.refusal(measurement, host):
-            self.slots.take(measurement.station, measurement.stamp_ns, host.P, host.core.estimate)
-        used = super().process(measurement, host)
-        if used:
-            self._used_ns[measurement.station] = measurement.stamp_ns
-        return used
+    def prepare(self, measurement: Any, innovation: Innovation, host: Any) -> Innovation:
+        """Assign a state to a station that has none, and form the innovation with it: only a reading that is used takes another's state."""
+        is_new = self._rows is not None and self.slots.index(measurement.station) is None
+        self.slots.take(measurement.station, measurement.stamp_ns, host.P, host.core.estimate)
+        again = self.innovation(measurement, host) if is_new else innovation
+        self._used_ns[measurement.station] = measurement.stamp_ns
+        return innovation if isinstance(again, str) else again
 
     def since_station_s(self, measurement: Any) -> float:
         """Seconds since a reading of this station was used; ``inf`` before the first and after a start at an earlier time."""

@@ -1,4 +1,4 @@
-"""Barometer: static pressure as a height, with a slow difference that GPS teaches."""
+"""Barometer: static pressure as a height, with a slow difference that is estimated."""
 
 from dataclasses import dataclass
 
@@ -20,14 +20,14 @@ class BaroSettings(SensorSettings):
     enabled: bool = setting(True, "Use static pressure for height.")
     sigma_m: float = setting(2.0, "White noise of the pressure altitude, at least.", unit="m", minimum=0.01, maximum=1e3)
     stated_scale: float = setting(0.0, "Factor on the sigma that a message states; 0 ignores it.", minimum=0.0, maximum=100.0)
-    bias_m: float = setting(150.0, "Sigma of pressure altitude minus ellipsoid height before GPS has taught it.", unit="m", minimum=0.0)
+    bias_m: float = setting(150.0, "Sigma of pressure altitude minus ellipsoid height before GPS.", unit="m", minimum=0.0)
     walk_m_rts: float = setting(1.6, "Growth of that difference (23 m in 400 s).", unit="m/sqrt(s)", minimum=0.0, maximum=100.0)
     period_s: float = setting(0.5, "Use at most one measurement in this time.", unit="s", minimum=0.0, maximum=60.0)
     gate: GateSettings = group(GateSettings)
 
 
 class BaroAid(Aid):
-    """Pressure altitude against height plus the learned difference between the two, m."""
+    """Pressure altitude against height plus the estimated difference between the two, m."""
 
     name, labels = "baro_height", ("height_m",)
     measurement, topic, views = Pressure, "air/static_pressure", (Place,)
@@ -35,7 +35,7 @@ class BaroAid(Aid):
     def blocks(self) -> list[Block]:
         """Pressure altitude minus height, m."""
         name = self.own("baro_bias")
-        return [random_walk(name, [f"{name}_m"], Kind.FREE, self.settings.bias_m, self.settings.walk_m_rts)]
+        return [random_walk(name, [f"{name}_m"], Kind.HELD, self.settings.bias_m, self.settings.walk_m_rts)]
 
     def innovation(self, measurement: Pressure, host: Host) -> Innovation | str:
         """y = h_pressure - (h + b); height is minus the down error, so H = -1 on down and 1 on the bias."""

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.aids import AIDS
-from lowcostnav_ros.aids._station import SLOWEST_MPS, StationAid
+from lowcostnav_ros.aids._station import StationAid
 from lowcostnav_ros.base.measurements import SlantRange
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.estimation.aiding import GateSettings, Host, Innovation, Sensor, SensorSettings, each
-from lowcostnav_ros.estimation.error_state import Block, Kind, random_walk
+from lowcostnav_ros.estimation.error_state import SLOWEST_MPS, Block, Kind, along_way
 from lowcostnav_ros.physics.stochastic import correlation_factor
 from lowcostnav_ros.radionav.geometry import range_and_direction
 
@@ -22,7 +22,9 @@ FAR_BEYOND = 9.0
 class DmeSettings(SensorSettings):
     """DME slant ranges."""
 
-    stations_file: str = setting("", "Station table; the file name is resolved where the configuration is read.")
+    stations_file: str = setting(
+        "", "Station table; the file name is resolved where the configuration is read.", shipped="dme_stations_bay_area.csv"
+    )
     bias: str = setting("estimate", "Range bias: estimated per station or only considered.", choices=("estimate", "consider"))
     bias_nm: float = setting(0.17, "Range bias of a station, Gauss-Markov sigma.", unit="NM", minimum=0.0, maximum=10.0)
     bias_distance_nm: float = setting(0.5, "Distance flown over which the bias stays correlated.", unit="NM", minimum=0.01, maximum=100.0)
@@ -51,11 +53,13 @@ class DmeAid(StationAid):
         return self.settings.bias_nm * NAUTICAL_MILE
 
     def blocks(self) -> list[Block]:
-        """Range biases, m; their rate is that of the distance flown (:meth:`pace`)."""
-        if self.settings.bias_nm == 0.0:
+        """Range biases, m; they vary with the distance flown."""
+        dme, name = self.settings, self.own(self.bias_block)
+        if dme.bias_nm == 0.0:
             return []
-        name = self.own(self.bias_block)
-        return [random_walk(name, [f"{name}_{i + 1}_m" for i in range(self.settings.slots)], Kind.FREE, self.bias_sigma)]
+        labels = [f"{name}_{i + 1}_m" for i in range(dme.slots)]
+        kind = Kind.HELD if dme.bias == "consider" else Kind.FREE
+        return [along_way(name, labels, kind, self.bias_sigma, dme.bias_distance_nm * NAUTICAL_MILE)]
 
     def words(self, now_ns: int) -> str:
         """The stations used lately."""
@@ -87,7 +91,7 @@ class DmeAid(StationAid):
         R = max(measurement.variance - slow, (self.settings.noise_nm * NAUTICAL_MILE) ** 2) + _curvature(host.P, direction, predicted)
         bias = self.slots.index(measurement.station)
         if bias is None:
-            R += slow * self._repetition(measurement, host.core.speed_mps)
+            R += slow if self._rows is not None else slow * self._repetition(measurement, host.core.speed_mps)
         else:
             H[0, bias] = 1.0
             predicted += host.core.estimate[bias]
@@ -102,13 +106,6 @@ class DmeAid(StationAid):
         free = np.ones(host.layout.size) if free is None else free.copy()
         free[self._rows] = 0.0
         return free
-
-    def pace(self, speed_mps: float) -> tuple[slice, float, float] | None:
-        """States of the range biases with their decay rate, 1/s, and driving density, m^2/s, at a speed; None without states."""
-        if self._rows is None:
-            return None
-        rate = max(speed_mps, SLOWEST_MPS) / (self.settings.bias_distance_nm * NAUTICAL_MILE)
-        return self._rows, rate, 2.0 * self.bias_sigma**2 * rate
 
     def _seen(self, measurement: SlantRange, host: Host) -> tuple[float, np.ndarray]:
         station = self.stations[measurement.station]

@@ -24,7 +24,7 @@ class GpsVelocitySettings(SensorSettings):
     lever_arm_b_m: list = setting([0.0, 0.0, 0.0], "Antenna relative to the IMU, forward, right, down.", unit="m", minimum=-100.0)
     latency_s: float = setting(0.2, "Longest delay between validity and arrival of a fix.", unit="s", minimum=0.0, maximum=5.0)
     sigma_scale: float = setting(1.0, "Factor on the receiver's stated sigma.", minimum=0.1, maximum=100.0)
-    velocity_floor_mps: float = setting(0.05, "Smallest velocity sigma believed.", unit="m/s", minimum=0.0, maximum=1e2)
+    velocity_floor_mps: float = setting(0.05, "Smallest velocity sigma used.", unit="m/s", minimum=0.0, maximum=1e2)
     correlation_s: float = setting(0.0, "Correlation time of receiver errors: fast fixes say little.", unit="s", minimum=0.0, maximum=600.0)
     period_s: float = setting(0.0, "Use at most one fix in this time; 0 uses all.", unit="s", minimum=0.0, maximum=60.0)
     timeout_s: float = setting(2.5, "No accepted fix for this long is an outage.", unit="s", minimum=0.1, maximum=600.0)
@@ -39,7 +39,7 @@ class GpsVelocitySettings(SensorSettings):
 class GpsSettings(GpsVelocitySettings):
     """GPS receiver and antenna."""
 
-    position_floor_m: float = setting(0.5, "Smallest position sigma believed.", unit="m", minimum=0.0, maximum=1e3)
+    position_floor_m: float = setting(0.5, "Smallest position sigma used.", unit="m", minimum=0.0, maximum=1e3)
     position_bias_m: float = setting(0.0, "Slow position error, Gauss-Markov sigma; 0: no states.", unit="m", minimum=0.0)
     position_bias_tau_s: float = setting(300.0, "Correlation time of the slow position error.", unit="s", minimum=1.0)
 

@@ -2,12 +2,12 @@
 
 The error of a radial has three parts, modelled as what they are:
 
-- what is left of the station's *alignment* lasts: a state per station (Gauss-Markov, long), which GPS teaches while it is good;
+- what is left of the station's *alignment* lasts: a state per station (Gauss-Markov, long), estimated while GPS is good;
 - *course bends* change along the way: noise with a correlation distance, of which radials in quick succession repeat one draw.  No state
   could follow them, so their variance is multiplied by the factor that leaves the information such radials really hold;
 - *receiver noise* is white.
 
-While GPS is good a radial moves the station's own state and nothing else: what it could tell of the position, GPS tells better.
+While GPS is good a radial moves the station's own state and nothing else: GPS observes the position better.
 """
 
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.aids import AIDS
-from lowcostnav_ros.aids._station import SLOWEST_MPS, StationAid
+from lowcostnav_ros.aids._station import StationAid
 from lowcostnav_ros.base.measurements import VorBearing
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
 from lowcostnav_ros.estimation.aiding import GateSettings, Host, Innovation, Sensor, SensorSettings, each
-from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
+from lowcostnav_ros.estimation.error_state import SLOWEST_MPS, Block, Kind, gauss_markov
 from lowcostnav_ros.physics.rotation import wrap
 from lowcostnav_ros.physics.stochastic import correlation_factor
 from lowcostnav_ros.radionav.vor import BearingView, bearing_view, out_of_service
@@ -115,7 +115,8 @@ class VorAid(StationAid):
         bend = max(bend, measurement.variance - bias - noise)
         tau_s = own.bend_distance_nm * NAUTICAL_MILE / max(speed_mps, SLOWEST_MPS)
         total = noise + bend * correlation_factor(since_s, tau_s)
-        return total + bias * correlation_factor(since_s, own.bias_tau_s) if lasting else total
+        repeated = 1.0 if self._rows is not None else correlation_factor(since_s, own.bias_tau_s)
+        return total + bias * repeated if lasting else total
 
 
 def _curvature(P: np.ndarray, seen: BearingView) -> float:

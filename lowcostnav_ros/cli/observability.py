@@ -58,14 +58,12 @@ def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> "tup
     from lowcostnav_ros.navigators.registry import NAVIGATORS
     from lowcostnav_ros.replay.selection import check_names
     from lowcostnav_ros.replay.session import Session
-    from lowcostnav_ros.studies.dynamics import dynamics_of
     from lowcostnav_ros.studies.observability import Watch
 
     check_names([name], list(NAVIGATORS))
-    try:
-        dynamics = dynamics_of(name)
-    except LookupError as reason:
-        raise SettingsError(f"Observability of {name} is not offered: {reason.args[0]}.") from None
+    reason = NAVIGATORS[name].not_observable
+    if reason:
+        raise SettingsError(f"Observability of {name} is not offered: {reason}.")
 
     with BagReader(bag) as reader:
         folders = Path(config) if config else None, reader.settings_folder
@@ -73,8 +71,8 @@ def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> "tup
         speakers = _speakers(navigator, reader.types)
         reader.require(s for s, required in navigator.inputs.items() if required and s not in speakers.values())
         flown = {**build_navigators(speakers, NAVIGATORS, *folders), name: navigator}
-        watch = Watch(navigator, dynamics, period_s)
         session = Session(flown, rules=reader.decoder.rules)
+        watch = Watch(navigator, period_s)
         heard = {source for one in flown.values() for source in one.inputs}
         for measurement in reader.measurements(s for s in heard if s in reader.types):
             session.feed(measurement)
@@ -93,8 +91,6 @@ def _speakers(navigator: "Navigator", recorded: Collection[str]) -> dict[str, st
 
 def as_plain(navigator: "Navigator", found: "list[Observability]") -> dict[str, Any]:
     """Everything as plain numbers: states, and for each instant rank, singular values and the share of each state."""
-    from lowcostnav_ros.studies.observability import filter_of
-
     instants = [
         {
             "t_s": o.stamp_ns / 1e9,
@@ -105,15 +101,14 @@ def as_plain(navigator: "Navigator", found: "list[Observability]") -> dict[str, 
         }
         for o in found
     ]
-    return {"navigator": navigator.name, "states": list(filter_of(navigator).layout.labels), "instants": instants}
+    return {"navigator": navigator.name, "states": list(navigator.core.layout.labels), "instants": instants}
 
 
 def _print(navigator: "Navigator", found: "list[Observability]") -> None:
     from lowcostnav_ros.base.tables import Table
     from lowcostnav_ros.report.terminal import print_report
-    from lowcostnav_ros.studies.observability import filter_of
 
-    size, labels = filter_of(navigator).layout.size, filter_of(navigator).layout.labels
+    size, labels = navigator.core.layout.size, navigator.core.layout.labels
     heads = ("t [s]", "rows", "rank", f"not told, of {size}", "largest and smallest counted singular value")
     rows, start_ns = [], found[0].stamp_ns
     for o in found[:: max(1, len(found) // 20)]:

@@ -18,7 +18,7 @@ from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.small_matrices import matvec
 from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS
 from lowcostnav_ros.physics.earth import EARTH_RATE, STANDARD_GRAVITY, displace, gravity, radii
 from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_to_dcm, skew
@@ -229,7 +229,7 @@ class InertialCore:
     ranging = None
 
     def __init__(self, layout: Layout, variance_ceiling: np.ndarray | None = None) -> None:
-        self.layout = layout
+        self.layout, self.wind_rows = layout, layout.components(Kind.WIND, 2)
         self.nav = np.zeros(10)
         self.estimate = np.zeros(layout.size)
         self.P = layout.initial_covariance()
@@ -254,6 +254,7 @@ class InertialCore:
     def advance(self, block, start: int, output_ns: int) -> int:
         """Run samples of an ImuBlock from index ``start``; return the next index (an output is due when short of the end)."""
         layout = self.layout
+        layout.pace(self.speed_mps)
         following, t_ns = run_block(
             *(self.t_ns, self.nav, self._last, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd),
             *(block.stamps_ns, block.specific_force_b, block.angular_rate_b, start, COVARIANCE_STEP_NS, output_ns),
@@ -264,6 +265,7 @@ class InertialCore:
     def settle(self) -> None:
         """Bring the covariance to the time of the mean (before an aid)."""
         layout = self.layout
+        layout.pace(self.speed_mps)
         covariance_step(self.nav, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd)
 
     def correct(self, dx: np.ndarray) -> None:
@@ -345,6 +347,10 @@ class InertialCore:
         if "gyro_bias" in self.layout:
             H[:, self.layout["gyro_bias"]] = C @ skew(lever_b)
         return VelocitySeen(self.nav[3:6], swing_n, H)
+
+    def wind_n(self) -> np.ndarray:
+        """Estimated wind (2,), m/s, north and east."""
+        return self.wind_rows @ self.estimate
 
     def dynamics(self) -> np.ndarray:
         """Continuous error dynamics F (n, n) at the present state and sample."""

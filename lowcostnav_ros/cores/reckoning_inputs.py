@@ -50,7 +50,7 @@ class HeldInputs:
         age_s = 0.0 if self.attitude_ns is None else 1e-9 * (t_ns - self.attitude_ns)
         return air_velocity_n(self.q_nb, self.rate_b, min(max(age_s, 0.0), LONGEST_TURN_S), self.vel_b)
 
-    def silent(self, t_ns: int, attitude_s: float, air_s: float) -> str:
+    def timed_out(self, t_ns: int, attitude_s: float, air_s: float) -> str:
         """Which input is older than it may be at ``t_ns``, in words; empty when both are fresh."""
         for what, stamp_ns, limit_s in (("attitude", self.attitude_ns, attitude_s), ("airspeed", self.air_ns, air_s)):
             if stamp_ns is None:

@@ -15,11 +15,10 @@ import math
 
 import numpy as np
 
-from lowcostnav_ros.aids.vor import bias_blocks
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.small_matrices import turned
-from lowcostnav_ros.cores.reckoning_settings import DeadReckoningSettings
-from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
+from lowcostnav_ros.cores.reckoning_settings import ReckoningSettings
+from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov, random_walk
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.rotation import quat_from_rotvec, quat_multiply, quat_rotate
 
@@ -31,34 +30,20 @@ SHORT = 1.0e-2
 """Step over correlation time below which the closed forms lose digits and their series is used."""
 
 
-def core_block(settings: DeadReckoningSettings) -> Block:
-    """Position north, east, down and vertical velocity; only the vertical velocity is driven."""
-    height = settings.height
+def core_blocks(settings: ReckoningSettings) -> list[Block]:
+    """Position north, east, down and vertical velocity; the wind; heading and airspeed errors in the full model."""
+    wind, height, heading, airspeed = settings.wind, settings.height, settings.heading, settings.airspeed
     labels = ("position_north_m", "position_east_m", "position_down_m", "velocity_down_mps")
     climb = 2.0 * height.climb_mps**2 / height.climb_tau_s
-    return Block("core", labels, Kind.CORE, (10.0, 10.0, 10.0, height.climb_mps), np.inf, (0.0, 0.0, 0.0, climb))
-
-
-def layout_of(settings: DeadReckoningSettings) -> Layout:
-    """The list of blocks the settings ask for: core, wind, heading, airspeed, baro bias, range biases (full) or core, wind, baro."""
-    wind, height = settings.wind, settings.height
-    drift = height.baro_drift_m * math.sqrt(2.0 / height.baro_tau_s)
-    baro = random_walk("baro_bias", ["baro_bias_m"], Kind.FREE, height.baro_bias_m, drift)
-    blocks = [core_block(settings), gauss_markov("wind", _ne("wind_variation"), Kind.WIND, wind.sigma_mps, wind.tau_s)]
+    tau_s = (np.inf, np.inf, np.inf, height.climb_tau_s)
+    blocks = [
+        Block("core", labels, Kind.CORE, (10.0, 10.0, 10.0, height.climb_mps), tau_s, (0.0, 0.0, 0.0, climb)),
+        gauss_markov("wind", _ne("wind_variation"), Kind.WIND, wind.sigma_mps, wind.tau_s),
+    ]
     if wind.mean_mps > 0.0:
         blocks.append(random_walk("wind_mean", _ne("wind_mean"), Kind.WIND, wind.mean_mps))
-    if settings.model == "full":
-        blocks += _full_blocks(settings)
-    return Layout([*blocks, baro])
-
-
-def _ne(name: str) -> list[str]:
-    return [f"{name}_{axis}_mps" for axis in ("north", "east")]
-
-
-def _full_blocks(settings: DeadReckoningSettings) -> list[Block]:
-    heading, airspeed, dme = settings.heading, settings.airspeed, settings.dme
-    blocks = []
+    if settings.model == "reduced":
+        return blocks
     if heading.bias_deg > 0.0:
         label = ["heading_bias_rad"]
         blocks.append(gauss_markov("heading_bias", label, Kind.HEADING_BIAS, heading.bias_deg * DEG, heading.bias_tau_s))
@@ -68,10 +53,11 @@ def _full_blocks(settings: DeadReckoningSettings) -> list[Block]:
         blocks.append(random_walk("airspeed_scale", ["airspeed_scale"], Kind.AIRSPEED_SCALE, airspeed.scale))
     if airspeed.bias_mps > 0.0:
         blocks.append(gauss_markov("airspeed_bias", ["airspeed_bias_mps"], Kind.AIRSPEED_BIAS, airspeed.bias_mps, airspeed.bias_tau_s))
-    if dme.bias_nm > 0.0:
-        labels = [f"dme_bias_{i + 1}_m" for i in range(dme.slots)]
-        blocks.append(random_walk("dme_bias", labels, Kind.FREE, dme.bias_nm * NM))
-    return blocks + bias_blocks(settings.vor)
+    return blocks
+
+
+def _ne(name: str) -> list[str]:
+    return [f"{name}_{axis}_mps" for axis in ("north", "east")]
 
 
 @kernel

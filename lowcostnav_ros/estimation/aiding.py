@@ -128,6 +128,8 @@ class Host(Protocol):
     def gps_good(self, stamp_ns: int) -> bool: ...
 
 
+NAMED_S = 120.0
+"""What the ground sent is named this long after it was used."""
 SLACK_NS = 1e6
 """Jitter of stamps that does not make a measurement miss its period."""
 
@@ -239,6 +241,11 @@ class Aid(ABC):
         """What it contributes now, for people; empty for nothing to say."""
         return ""
 
+    def ago(self, what: str, now_ns: int) -> str:
+        """``what`` and how long ago it was used, for people; empty when that was long ago or never."""
+        age_s = self.status.age_s(now_ns)
+        return f"{what} {age_s:.0f} s ago" if age_s is not None and age_s <= NAMED_S else ""
+
     def free(self, stamp_ns: int, host: Host) -> np.ndarray | None:
         """States it may move, (n,): those it teaches while GPS is good, else all (None)."""
         return self._teaching if self._teaching is not None and host.gps_good(stamp_ns) else None
@@ -331,7 +338,8 @@ class Sensor:
     name : str
         Name of its group of settings; a second one of its kind is called ``name2``.
     settings : type
-        Settings dataclass; ``enabled``, ``period_s``, ``timeout_s``, ``latency_s`` and ``stations_file`` mean the same in all.
+        Settings dataclass; ``enabled``, ``period_s``, ``timeout_s``, ``latency_s`` and ``stations_file`` mean the same in all; a sensor
+        with ``topic`` is off until that names its one topic.
     make : callable
         Makes its aids from the settings, the key and the station table.
     defaults : mapping
@@ -358,13 +366,16 @@ class Sensor:
         SettingsError
             When ``topics`` does not name as many topics as the sensor has.
         """
+        topic = getattr(settings, "topic", None)
+        if topic == "":
+            return []
         aids = self.make(settings, key, stations)
         own = list(dict.fromkeys(aid.topic for aid in aids if aid.topic))
         number = key[len(self.name) :]
         topics = [f"{t.partition('/')[0]}{number}/{t.partition('/')[2]}" for t in own] if number else own
         if settings.topics and len(settings.topics) != len(own):
             raise SettingsError(f"'{key}.topics' must name {len(own)}, in place of {', '.join(own)}; got {len(settings.topics)}.")
-        named = dict(zip(own, settings.topics or topics, strict=True))
+        named = dict(zip(own, settings.topics or ([topic] if topic else topics), strict=True))
         for aid in aids:
             aid.source = named.get(aid.topic, "")
         return aids

@@ -27,6 +27,11 @@ class Kind(enum.IntEnum):
     HEADING_BIAS = 8
     FREE = 9  # acts only through measurements: baro bias, range bias, position bias
     CHAIN = 10  # acts only through measurements; each state is the integral of the next: receiver clock bias and drift
+    HELD = 11  # as FREE, and a horizontal fix, range or bearing moves it no more than height: baro bias, a bias that is only considered
+
+
+SLOWEST_MPS = 1.0
+"""Speed at which an error that varies along the way still changes when the aircraft stands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +51,8 @@ class Block:
         Correlation time of all states or of each; ``inf`` for a random constant or random walk.
     psd : tuple of float
         Driving noise per state, unit^2/s; a Gauss-Markov state of sigma s has 2 s^2 / tau.
+    distance_m : float
+        Where finite, the states are Gauss-Markov along the way flown, not in time: their rate and noise follow the speed.
     """
 
     name: str
@@ -54,6 +61,7 @@ class Block:
     sigma0: tuple[float, ...]
     tau_s: float | tuple[float, ...] = np.inf
     psd: tuple[float, ...] = ()
+    distance_m: float = np.inf
 
     @property
     def size(self) -> int:
@@ -82,6 +90,12 @@ def random_walk(name: str, labels: Iterable[str], kind: Kind, sigma0: PerState, 
     """Block of random walks growing by ``density`` (unit per square root of second); density 0 is a random constant."""
     names = tuple(labels)
     return Block(name, names, kind, _each(sigma0, names), np.inf, tuple(d * d for d in _each(density, names)))
+
+
+def along_way(name: str, labels: Iterable[str], kind: Kind, sigma: float, distance_m: float) -> Block:
+    """Block of states that vary with the distance flown: Gauss-Markov of correlation distance ``distance_m`` (:meth:`Layout.pace`)."""
+    names = tuple(labels)
+    return Block(name, names, kind, _each(sigma, names), psd=_each(0.0, names), distance_m=distance_m)
 
 
 def _each(value: PerState, names: tuple[str, ...]) -> tuple[float, ...]:
@@ -124,6 +138,7 @@ class Layout:
         self.rate = np.array([1.0 / tau for b in self.blocks for tau in np.broadcast_to(b.tau_s, b.size)])
         self.psd = np.array([q for b in self.blocks for q in (b.psd or (0.0,) * b.size)])
         self.sigma0 = np.array([s for b in self.blocks for s in b.sigma0])
+        self._along_way = [block for block in self.blocks if np.isfinite(block.distance_m)]
 
     def __contains__(self, name: str) -> bool:
         return name in self._slices
@@ -138,6 +153,17 @@ class Layout:
     def initial_covariance(self) -> np.ndarray:
         """Diagonal covariance from the blocks' initial sigmas, shape (n, n)."""
         return np.diag(self.sigma0**2)
+
+    def pace(self, speed_mps: float) -> None:
+        """Give states that vary along the way flown the rate and the driving noise of a speed."""
+        for block in self._along_way:
+            rows = self._slices[block.name]
+            self.rate[rows] = max(speed_mps, SLOWEST_MPS) / block.distance_m
+            self.psd[rows] = 2.0 * block.sigma0[0] ** 2 * self.rate[rows]
+
+    def components(self, kind: Kind, count: int) -> np.ndarray:
+        """Rows (count, n) that sum the states of one kind, axis by axis."""
+        return np.array([(self.kind == kind) & (self.axis == axis) for axis in range(count)], dtype=float)
 
     def mask(self, *free: str) -> np.ndarray:
         """1.0 for the states of the named blocks, 0.0 for all others: which states an update may move."""

@@ -1,4 +1,4 @@
-"""Slow errors of ground stations as states: a few states, as many stations as the flight hears."""
+"""Slow errors of ground stations as states: a few states, as many stations as are received."""
 
 import numpy as np
 
@@ -13,28 +13,28 @@ class StationSlots:
     rows : slice or None
         States of the block in the error state; None where these errors are no states.
     sigma : float
-        Sigma of the error of a station not heard before, in the unit of the states.
+        Sigma of the error of a station not received before, in the unit of the states.
     """
 
     def __init__(self, rows: slice | None, sigma: float) -> None:
         self._rows, self._variance = rows, sigma**2
-        self._seats: dict[str, int] = {}
+        self._slots: dict[str, int] = {}
         self._used_ns = [] if rows is None else [0] * (rows.stop - rows.start)
 
     def index(self, station: str) -> int | None:
         """State that holds the error of a station, None when no state does."""
-        return None if self._rows is None or station not in self._seats else self._rows.start + self._seats[station]
+        return None if station not in self._slots else self._rows.start + self._slots[station]
 
     def take(self, station: str, now_ns: int, P: np.ndarray, estimate: np.ndarray) -> int | None:
-        """Return the state of a station, seating it afresh in ``P`` (n, n) and ``estimate`` (n,) if need be; None without states."""
+        """Return the state of a station, assigning it afresh in ``P`` (n, n) and ``estimate`` (n,) if need be; None without states."""
         if self._rows is None:
             return None
-        if station not in self._seats:
-            seat = min(range(len(self._used_ns)), key=lambda i: (self._used_ns[i], i))
-            self._seats = {name: i for name, i in self._seats.items() if i != seat}
-            self._seats[station] = seat
-            index = self._rows.start + seat
+        if station not in self._slots:
+            slot = min(range(len(self._used_ns)), key=lambda i: (self._used_ns[i], i))
+            self._slots = {name: i for name, i in self._slots.items() if i != slot}
+            self._slots[station] = slot
+            index = self._rows.start + slot
             kalman.reset_block(P, slice(index, index + 1), np.array([[self._variance]]))
             estimate[index] = 0.0
-        self._used_ns[self._seats[station]] = now_ns
+        self._used_ns[self._slots[station]] = now_ns
         return self.index(station)

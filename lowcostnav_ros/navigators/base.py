@@ -114,8 +114,10 @@ class Navigator(ABC):
         Sources without which it does not run.
     inertial : str or None
         The IMU source that carries its state.
-    settings, inputs, aids
-        As given; source to whether it is required; all aids in order.
+    not_observable : str
+        Why there is no ``core.dynamics()`` to study its observability with; empty where there is.
+    settings, inputs, aids, core
+        As given; source to whether it is required; all aids in order; what its aids see, where it has a filter.
     """
 
     name: ClassVar[str] = ""
@@ -126,8 +128,10 @@ class Navigator(ABC):
     sensors: ClassVar[tuple[Sensor, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
     required: ClassVar[tuple[str, ...]] = ()
+    not_observable: ClassVar[str] = ""
     inertial: str | None = None
     inputs: Mapping[str, bool] = {}
+    core: Any
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -216,6 +220,11 @@ class Navigator(ABC):
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether GPS holds the solution."""
         return False
+
+    def restart_channels(self) -> None:
+        """Take the next measurement of every channel, whenever it comes."""
+        for channel in [*self.clocked, *(c for listening in self.channels.values() for c in listening)]:
+            channel.restart()
 
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """Give a measurement to the aids of a channel, if it is due; return those that used it."""

@@ -96,8 +96,7 @@ class InertialNavigator(Navigator):
         self._aligned = False
         self._emitted = -1
         self._fused_fix_ns: int | None = None
-        for channel in [*self.clocked, *(c for listening in self.channels.values() for c in listening)]:
-            channel.restart()
+        self.restart_channels()
         self.core.rest()
         self.start.clear()
 

@@ -46,6 +46,8 @@ class Parameters:
         self._known = _known(self._classes)
         self._where = node.get_name()
         defaults = {name: value for base in bases for name, value in to_mapping(base).items()}
+        for cls in self._classes:
+            given = getattr(cls, "upgraded", dict)(dict(given))  # names of older files
         for name in given:
             if name not in self._known:
                 raise SettingsError(f"{self._where}: unknown parameter '{name}'{nearest(name, self._known)}.")

@@ -6,15 +6,13 @@ published ranks of the INS/GPS thesis belong to positions in radians and metres 
 decomposition; :func:`geodetic_units` gives those, and they are what is reported.
 """
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import Measurement
-from lowcostnav_ros.estimation.aiding import Innovation
+from lowcostnav_ros.estimation.aiding import AidStatus
 from lowcostnav_ros.gnss.observability import observability_matrix
+from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.physics.earth import radii
 
 
@@ -69,66 +67,48 @@ def observability(stamp_ns: int, F: np.ndarray, H: np.ndarray, units: np.ndarray
 
 
 class Watch:
-    """Follow a navigator and note, at most once a period, what its measurements can tell.
-
-    It steps between the navigator and its aids, and changes nothing the navigator computes.
+    """Follow a navigator and note, at most once a period, what its measurements can tell; it changes nothing the navigator computes.
 
     Parameters
     ----------
     navigator : Navigator
-        With ``use_aid`` and ``core`` or ``state``, which holds ``nav`` (lat, lon, height, ...) and ``layout``; the error state begins with
-        the position north, east, down.
-    dynamics : callable
-        Gives F (n, n) of the navigator as it is now (:func:`lowcostnav_ros.studies.dynamics.dynamics_of`).
+        Its core has ``nav`` (lat, lon, height, ...), ``layout`` and ``dynamics()``; the error state begins with the position north, east,
+        down.  An observer of its aids that is set already is kept.
     period_s : float
     """
 
-    def __init__(self, navigator: Any, dynamics: Callable[[Any], np.ndarray], period_s: float = 1.0) -> None:
+    def __init__(self, navigator: Navigator, period_s: float = 1.0) -> None:
         self.navigator, self.period_ns = navigator, round(1e9 * period_s)
         self.found: list[Observability] = []
-        self._dynamics = dynamics
         self._rows: list[np.ndarray] = []
-        self._stamp_ns = 0
+        self._F = np.empty((0, 0))
+        self._stamp_ns: int | None = None
         self._next_ns = 0
-        self._use_aid = navigator.use_aid
-        navigator.use_aid = self._watched
+        self._on_aid = navigator.on_aid
+        navigator.on_aid = self._watched
 
     def finish(self) -> list[Observability]:
         """Judge the last instant, let go of the navigator and return what was found, in order of time."""
         self._judge()
-        self.navigator.use_aid = self._use_aid
+        self.navigator.on_aid = self._on_aid
         return self.found
 
-    def _watched(self, aid: Any, measurement: Measurement) -> bool:
-        if measurement.stamp_ns != self._stamp_ns:
+    def _watched(self, status: AidStatus) -> None:
+        if status.stamp_ns != self._stamp_ns:
             self._judge()
-            self._stamp_ns = measurement.stamp_ns
-        used = self._use_aid(aid, measurement)
-        if used and measurement.stamp_ns >= self._next_ns:
-            self._rows += [rows for rows in _rows_of(aid, measurement, self.navigator) if len(rows)]
-        return used
+            self._stamp_ns = status.stamp_ns
+        if status.accepted and status.stamp_ns >= self._next_ns:
+            aid = next(aid for aid in self.navigator.aids if aid.status is status)
+            self._rows.append(aid.applied.H)
+            self._F = self.navigator.core.dynamics()
+        if self._on_aid is not None:
+            self._on_aid(status)
 
     def _judge(self) -> None:
         if not self._rows:
             return
-        core = filter_of(self.navigator)
-        F = self._dynamics(self.navigator)
-        units = geodetic_units(core.nav[0], core.nav[2], core.layout.size)
-        self.found.append(observability(self._stamp_ns, F, np.vstack(self._rows), units))
+        nav = self.navigator.core.nav
+        units = geodetic_units(nav[0], nav[2], len(self._F))
+        self.found.append(observability(self._stamp_ns, self._F, np.vstack(self._rows), units))
         self._rows = []
         self._next_ns = self._stamp_ns + self.period_ns - 1_000_000
-
-
-def filter_of(navigator: Any) -> Any:
-    """The part of a navigator that holds its mean state ``nav`` and the ``layout`` of its error state."""
-    return navigator.core if hasattr(navigator, "core") else navigator.state
-
-
-def _rows_of(aid: Any, measurement: Measurement, host: Any) -> Iterator[np.ndarray]:
-    """Measurement rows an aid has just used: kept by those that fuse part of a message, computed anew by the others."""
-    if hasattr(aid, "fused_rows"):
-        yield aid.fused_rows
-        return
-    innovation = aid.innovation(measurement, host)
-    if isinstance(innovation, Innovation):
-        yield innovation.H

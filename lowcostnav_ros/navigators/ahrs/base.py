@@ -83,6 +83,7 @@ class Ahrs(Navigator):
     Settings = AhrsSettings
     colour = "#b4579a"
     outputs = ("imu/data", "imu/data_fused")
+    not_observable = "it is told position, velocity and acceleration from outside its filter; watch ins_gps, which estimates them"
     inertial = IMU
 
     def __new__(cls, settings: AhrsSettings) -> "Ahrs":

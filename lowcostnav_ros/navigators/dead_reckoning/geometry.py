@@ -1,4 +1,4 @@
-"""What the DME stations heard lately can tell, in words: one station, stations in line with the track, a mirror solution nearby."""
+"""What the geometry of the DME stations received lately leaves open: one station, stations in line with the track, a mirror solution."""
 
 import math
 from collections.abc import Callable
@@ -14,20 +14,20 @@ MIRROR = "mirror ambiguity possible"
 SIGMAS = 3.0
 
 
-class HeardStations:
+class ReceivedStations:
     """Stations with an accepted range in the last ``window_s`` seconds."""
 
     def __init__(self, stations: StationTable | None, window_s: float) -> None:
         self.stations, self.window_ns = stations, round(1e9 * window_s)
-        self._heard: dict[str, int] = {}
+        self._received: dict[str, int] = {}
 
-    def heard(self, ident: str, stamp_ns: int) -> None:
+    def received(self, ident: str, stamp_ns: int) -> None:
         """Note an accepted range."""
-        self._heard[ident] = stamp_ns
+        self._received[ident] = stamp_ns
 
     def idents(self, now_ns: int) -> list[str]:
-        """Stations heard within the window, by name."""
-        return sorted(name for name, stamp in self._heard.items() if now_ns - stamp <= self.window_ns)
+        """Stations received within the window, by name."""
+        return sorted(name for name, stamp in self._received.items() if now_ns - stamp <= self.window_ns)
 
     def judge(self, now_ns: int, nav: np.ndarray, course: float, sigma_towards: Callable[[np.ndarray], float]) -> str:
         """Name what is wrong with the geometry, empty when nothing is.
@@ -39,7 +39,7 @@ class HeardStations:
         course : float
             Course over ground, rad.
         sigma_towards : callable
-            Believed position sigma, m, along a horizontal unit vector (2,), north east.
+            Estimated position sigma, m, along a horizontal unit vector (2,), north east.
         """
         idents = self.idents(now_ns)
         if not idents or self.stations is None:
@@ -57,7 +57,7 @@ class HeardStations:
 
 
 def _mirror_is_near(station_a: np.ndarray, station_b: np.ndarray, sigma_towards: Callable[[np.ndarray], float]) -> bool:
-    """Whether the mirror point of the aircraft (at the origin) about the baseline is within the believed error."""
+    """Whether the mirror point of the aircraft (at the origin) about the baseline is within the estimated error."""
     mirror = mirror_point(np.zeros(2), station_a, station_b)
     distance = math.hypot(*mirror)
     if distance == 0.0:

@@ -89,6 +89,7 @@ class Supervisor(Navigator):
     colour = "#009e73"
     dash = "7 4"  # it flies on another navigator's solution: one sees which
     modes = {"no_go": ("#8e3b2f", ""), "re_acquiring": ("#66a6d9", "")}
+    not_observable = "it has no filter of its own; watch the navigator it flies on"
 
     def __init__(self, settings: SupervisorSettings | None = None) -> None:
         self.inputs = dict.fromkeys((*SOURCES, "imu/data_fused", "gps/fix"), False)

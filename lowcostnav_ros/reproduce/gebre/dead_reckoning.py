@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
 from lowcostnav_ros.cores import reckoning_model as model
-from lowcostnav_ros.cores.reckoning_settings import DeadReckoningSettings
 from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.studies.covariance_study import History, Step, error_budget, first_crossing, growth_exponent, run
 
@@ -65,8 +65,9 @@ def dead_reckoning_step(
         ``pos``: white heading noise acts like an instantaneous heading error, on position (as the navigator has it).  ``psi``: it drives
         the heading state, as the text about equation (5.32) describes; the steady heading error is then 6.7 deg, not 2.5 deg.
     """
-    layout = model.layout_of(settings)
-    rate, psd = paced(layout, settings, speed_mps)
+    layout = DeadReckoning(settings).layout
+    layout.pace(speed_mps)
+    rate, psd = layout.rate, layout.psd
     white = (settings.heading.noise_deg * DEGREE) ** 2
     if white_heading == "psi":
         psd[layout["heading_bias"]] += white
@@ -81,17 +82,6 @@ def dead_reckoning_step(
             model.add_position_noise(Qd, sums, white, 0.0, 0.0)
         noise[name] = Qd
     return layout, Step(Phi, noise, dt_s)
-
-
-def paced(layout: Layout, settings: DeadReckoningSettings, speed_mps: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return decay rates and driving noise with the range biases' correlation distance turned into time at a ground speed."""
-    rate, psd = layout.rate.copy(), layout.psd.copy()
-    rate[model.CLIMB] = 1.0 / settings.height.climb_tau_s
-    if "dme_bias" in layout:
-        rows, dme = layout["dme_bias"], settings.dme
-        rate[rows] = speed_mps / (dme.bias_distance_nm * NAUTICAL_MILE)
-        psd[rows] = 2.0 * (dme.bias_nm * NAUTICAL_MILE) ** 2 * rate[rows]
-    return rate, psd
 
 
 def open_loop(white_heading: str = "pos") -> History:

@@ -13,17 +13,8 @@ from scipy.linalg import block_diag
 
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.cores.inertial import (
-    ATT,
-    POS,
-    VEL,
-    ImuSettings,
-    bias_blocks,
-    core_block,
-    imu_settings,
-    inertial_dynamics,
-    noise_density,
-)
+from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block, imu_settings
+from lowcostnav_ros.cores.inertial import ATT, POS, VEL, inertial_dynamics, noise_density
 from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.physics.earth import gravity
 from lowcostnav_ros.reproduce.gebre.dead_reckoning import (

@@ -17,11 +17,10 @@ from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.base.units import NAUTICAL_MILE
-from lowcostnav_ros.cores.reckoning_model import CLIMB, carry_covariance, layout_of, move
-from lowcostnav_ros.cores.reckoning_settings import DeadReckoningSettings
+from lowcostnav_ros.cores.reckoning_model import carry_covariance, move
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
 from lowcostnav_ros.estimation.kalman import scalar_update
-from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning
+from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
 from lowcostnav_ros.physics.earth import difference_n, displace
 from lowcostnav_ros.radionav.geometry import range_and_direction
 from lowcostnav_ros.reproduce.gebre import flights
@@ -86,9 +85,7 @@ def fly_reduced(nav, estimate, P, kind, axis, rate, psd, free, air_n, seconds, t
 
 def reduced_track(flight: flights.Flight, case: Case | None, sigma_m: float) -> Track:
     """Run the reduced-order filter; ``case`` None leaves DME out, ``sigma_m`` is the sigma it gives every range."""
-    layout = layout_of(thesis_settings(model="reduced"))
-    rate = layout.rate.copy()
-    rate[CLIMB] = 1.0 / DeadReckoningSettings().height.climb_tau_s
+    layout = DeadReckoning(thesis_settings(model="reduced")).layout
     sigma = np.zeros(layout.size)
     sigma[0:2], sigma[layout["wind"]] = POSITION_SIGMA_M, WIND_SIGMA_MPS
     free = layout.mask("wind")
@@ -100,7 +97,7 @@ def reduced_track(flight: flights.Flight, case: Case | None, sigma_m: float) -> 
     seconds = np.array([(m.stamp_ns - flights.START_NS) // flights.SECOND_NS for m in heard], dtype=np.int64)
     towers = np.array([(table[m.station].lat, table[m.station].lon, table[m.station].height) for m in heard]).reshape(-1, 3)
     start = np.array(displaced_start(flight))
-    args = layout.kind, layout.axis, rate, layout.psd, free, flight.air_n(), seconds, towers, np.array([m.range_m for m in heard])
+    args = layout.kind, layout.axis, layout.rate, layout.psd, free, flight.air_n(), seconds, towers, np.array([m.range_m for m in heard])
     places, covariance = fly_reduced(start, estimate, np.diag(sigma**2), *args, sigma_m**2, WALK)
     return Track(errors(flight.place, places), covariance)
 
@@ -131,7 +128,7 @@ def live_track(flight: flights.Flight, case: Case | None, model: str = "full") -
     table = flights.stations()
     navigator = DeadReckoning(live_settings(model), table)
     navigator.start_at(flights.START_NS, *displaced_start(flight), POSITION_SIGMA_M)
-    navigator.state.know_wind(flight.wind_n[0], WIND_SIGMA_MPS)
+    navigator.core.know_wind(flight.wind_n[0], WIND_SIGMA_MPS)
     measurements = [*flights.air_measurements(flight), *(flights.ranges(flight, case, table) if case else ())]
     solutions = navigator.feed_all(sorted(measurements, key=lambda m: (m.stamp_ns, m.source)))
     return _as_track(flight, solutions)

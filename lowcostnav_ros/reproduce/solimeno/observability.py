@@ -17,7 +17,7 @@ from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.cores.imu_errors import imu_settings
-from lowcostnav_ros.cores.inertial import POS, VEL, dynamics_now, inertial_dynamics
+from lowcostnav_ros.cores.inertial import POS, VEL, inertial_dynamics
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.estimation.satellite_model import satellite_model
 from lowcostnav_ros.navigators.gnss_only import GnssOnly
@@ -91,7 +91,7 @@ def flown_ranks(case: Case) -> tuple[np.ndarray, np.ndarray]:
     """Time, s, and rank at the filter's own state, every :data:`PERIOD_S`; nothing where nothing was fused."""
     truth, profile = truth_of(case.dataset, case.duration_s), load_imu_profile(case.grade)
     navigator = started(navigator_of(case, profile), truth, case)
-    watch = Watch(navigator, dynamics_now, PERIOD_S)
+    watch = Watch(navigator, PERIOD_S)
     aids: Sequence = epochs_of(case, truth)
     if case.navigator == "loose":
         aids = [replace(s, source=SOLUTION) for s in GnssOnly(gps_only_settings(case)).feed_all(aids)]
