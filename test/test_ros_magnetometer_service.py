@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger  # noqa: E402
 
 from lowcostnav_ros.base.measurements import MagneticField, NavSolution  # noqa: E402
 from lowcostnav_ros.catalogue.config_files import load_settings  # noqa: E402
-from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings  # noqa: E402
+from lowcostnav_ros.navigators.ahrs.navigator import AhrsSettings  # noqa: E402
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference  # noqa: E402
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm  # noqa: E402
 from lowcostnav_ros.ros.magnetometer_service import MagnetometerService  # noqa: E402

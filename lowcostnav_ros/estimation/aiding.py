@@ -37,6 +37,12 @@ class Reason(str):
         made.phrase = phrase
         return made
 
+    @classmethod
+    def of(cls, text: str) -> "Reason":
+        """The reason of a text ``phrase: detail``; empty for none."""
+        phrase, _, detail = text.partition(": ")
+        return cls(phrase, detail)
+
 
 class Decision(Enum):
     """What ``control`` made of an innovation."""

@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
+import numpy as np
+
 from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
@@ -73,6 +75,10 @@ class Channel:
         """Take the next measurement, whenever it comes."""
         self._used_ns = -(10**18)
 
+    def begin(self, stamp_ns: int) -> None:
+        """Count the period from here."""
+        self._used_ns = stamp_ns
+
     def is_due(self, stamp_ns: int) -> bool:
         """Whether a period has passed since the last one: its errors are slow, more would only feign certainty."""
         return stamp_ns - self._used_ns >= 1e9 * self.period_s - SLACK_NS
@@ -114,6 +120,8 @@ class Navigator(ABC):
         Sources without which it does not run.
     inertial : str or None
         The IMU source that carries its state.
+    core
+        Holds mean and covariance of its error state, where it has one.
     settings, inputs, aids
         As given; source to whether it is required; all aids in order.
     """
@@ -127,6 +135,7 @@ class Navigator(ABC):
     needs: ClassVar[tuple[str, ...]] = ()
     required: ClassVar[tuple[str, ...]] = ()
     inertial: str | None = None
+    core: Any = None
     inputs: Mapping[str, bool] = {}
 
     def __init_subclass__(cls) -> None:
@@ -213,15 +222,29 @@ class Navigator(ABC):
         """One of its aids, by the name of its record; None where it is not in use."""
         return next((aid for aid in self.aids if aid.status.name == name), None)
 
+    @property
+    def P(self) -> np.ndarray:  # noqa: N802 - the covariance is P everywhere in the field
+        """Covariance of the whole error state."""
+        return self.core.P
+
+    def correct(self, dx: np.ndarray) -> None:
+        """Inject a correction (an aid calls this)."""
+        self.core.correct(dx)
+
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether GPS holds the solution."""
         return False
 
+    def applies(self, aid: Aid, measurement: Measurement) -> bool:
+        """Whether an aid has a part to play now; a measurement that no aid wants does not begin a period."""
+        return True
+
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """Give a measurement to the aids of a channel, if it is due; return those that used it."""
-        if not channel.due(measurement.stamp_ns):
+        wanted = [aid for aid in channel.aids if self.applies(aid, measurement)]
+        if not wanted or not channel.due(measurement.stamp_ns):
             return []
-        used = [aid for aid in channel.aids if aid.due(measurement) and self.use_aid(aid, measurement)]
+        used = [aid for aid in wanted if aid.due(measurement) and self.use_aid(aid, measurement)]
         for aid in channel.aids:
             aid.after(measurement, self)
         return used

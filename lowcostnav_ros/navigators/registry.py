@@ -6,7 +6,7 @@ from importlib import import_module
 from lowcostnav_ros.navigators.base import Navigator
 
 _WHERE = {
-    "ahrs": ("ahrs.base", "AhrsSettings", "Ahrs"),
+    "ahrs": ("ahrs.navigator", "AhrsSettings", "Ahrs"),
     "dead_reckoning": ("dead_reckoning.navigator", "DeadReckoningSettings", "DeadReckoning"),
     "gnss_only": ("gnss_only", "GnssOnlySettings", "GnssOnly"),
     "ins_gnss": ("ins_gnss", "InsGnssSettings", "InsGnss"),
