@@ -81,7 +81,7 @@ class ConstantQuaternionAid(GpsAttitudeAid):
 
     def __init__(self, settings: GpsAttitudeSettings, key: str, tuning: Tuning) -> None:
         super().__init__(settings, key)
-        self.tuning = tuning
+        self.tuning, self.period_s = tuning, tuning.period_s
         self.on_angle, self.on_rate = axis_gains(tuning, tuning.angle_sigma_deg[0])
 
     def gain(self, host: Host) -> np.ndarray:
@@ -128,7 +128,7 @@ class ConstantLevelAid(Aid):
 
     def __init__(self, settings: LevelSettings, key: str, tuning: Tuning, rates: RateSwitchSettings) -> None:
         super().__init__(settings, key)
-        self.switch = RateSwitch(settings, rates)
+        self.switch, self.period_s = RateSwitch(settings, rates), tuning.period_s
         self.on_angle, self.on_rate = axis_gains(tuning, tuning.angle_sigma_deg[0])
 
     def innovation(self, measurement: Measurement, host: Host) -> Innovation | str:
@@ -191,8 +191,8 @@ class FieldMatchAid(VectorAid):
 
     def blocks(self) -> list[Block]:
         """Error of the field in b, of unit strength."""
-        labels, sigma = [f"magnetic_error_{axis}" for axis in "xyz"], self.settings.bias_deg * DEGREE
-        return [gauss_markov("magnetic_error", labels, Kind.FREE, 0.5 * sigma, self.settings.bias_tau_s)]  # half the field is horizontal
+        name, sigma = self.own("magnetic_error"), 0.5 * (self.settings.bias_deg * DEGREE)  # half the field is horizontal
+        return [gauss_markov(name, [f"{name}_{axis}" for axis in "xyz"], Kind.FREE, sigma, self.settings.bias_tau_s)]
 
     def innovation(self, measurement: MagneticField, host: Host) -> Innovation | str:
         """``y = u_n - C u_b`` of unit vectors (equation 4.60)."""
@@ -207,7 +207,7 @@ class FieldMatchAid(VectorAid):
         C = host.core.C_nb()
         y, on_attitude = matching_rows(C, field_n / strength, measurement.field_b / strength)
         H = np.zeros((3, host.layout.size))
-        H[:, host.core.attitude_rows], H[:, host.layout["magnetic_error"]] = on_attitude, -C
+        H[:, host.core.attitude_rows], H[:, host.layout[self.own("magnetic_error")]] = on_attitude, -C
         noise = self.settings.noise_deg * DEGREE * float(np.hypot(field_n[0], field_n[1])) / strength
         return Innovation(y, H, np.eye(3) * noise**2, measurement.field_b.copy(), self._matched)
 
@@ -235,7 +235,7 @@ class ForceMatchAid(VectorAid):
     def begin(self, velocity: GpsVelocity | None) -> None:
         """Begin a span at a velocity; None: with the next one."""
         self._velocity = velocity
-        self.window.begin(0 if velocity is None else velocity.stamp_ns)
+        self.window.begin(None if velocity is None else velocity.stamp_ns)
 
     def follow(self, block: ImuBlock, start: int, stop: int) -> None:
         """Take samples ``start`` to ``stop`` of a block into the span."""

@@ -49,8 +49,8 @@ class InertialWindow:
 
     Attributes
     ----------
-    t_ns : int
-        Time reached.
+    t_ns : int or None
+        Time reached; None before the first sample.
     turn : ndarray (4,)
         ``q_b0b``, from the present body axes to those of the beginning.
     force_b0, rate_b : ndarray (3,)
@@ -58,9 +58,9 @@ class InertialWindow:
     """
 
     def __init__(self) -> None:
-        self.begin(0)
+        self.begin(None)
 
-    def begin(self, t_ns: int) -> None:
+    def begin(self, t_ns: int | None) -> None:
         """Begin anew at a stamp."""
         self.t_ns, self._sums = t_ns, np.zeros(WINDOW_SIZE)
         self._sums[0] = 1.0

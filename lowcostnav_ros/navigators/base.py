@@ -68,7 +68,7 @@ class Channel:
 
     def __init__(self, aids: list[Aid]) -> None:
         self.aids = aids
-        self.period_s: float = 0.0 if aids[0].thins_itself else getattr(aids[0].settings, "period_s", 0.0)
+        self.period_s: float = 0.0 if aids[0].thins_itself else aids[0].period_s
         self._used_ns = -(10**18)
 
     def restart(self) -> None:

@@ -88,22 +88,17 @@ class Alignment:
         self._window = InertialWindow()
         self.restart(None)
 
-    @property
-    def t_ns(self) -> int | None:
-        """Time reached, None before the first sample."""
-        return self._window.t_ns if self._begun else None
-
     def restart(self, t_ns: int | None, reason: str = "waiting for inertial data") -> None:
         """Forget everything; the first window begins at ``t_ns`` (None: with the next sample)."""
-        self._begun, self._window.t_ns = t_ns is not None, t_ns or 0
+        self._window.begin(t_ns)
         self.reason, self.wrong_unit = reason, False
         self._field: MagneticField | None = None
         self._begin(None)
 
     def gather(self, block: ImuBlock, start: int) -> int:
         """Integrate samples from ``start``; return the next index, short of the end when :meth:`unaided` is due."""
-        if not self._begun:  # the interval of the very first sample has no known beginning
-            self._begun, self._window.t_ns = True, int(block.stamps_ns[start])
+        if self._window.t_ns is None:  # the interval of the very first sample has no known beginning
+            self._window.begin(int(block.stamps_ns[start]))
             self._begin(None)
             return start + 1
         return self._window.gather(block, start, limit_ns=self._limit_ns())
@@ -130,7 +125,7 @@ class Alignment:
             return None
         self.reason = ""
         sigma = np.sqrt(np.maximum(np.diag(measurement.cov_att), 0.0))
-        return FirstAttitude(self.t_ns, measurement.q_nb.copy(), float(max(sigma[:2])), float(sigma[2]), False)
+        return FirstAttitude(self._window.t_ns, measurement.q_nb.copy(), float(max(sigma[:2])), float(sigma[2]), False)
 
     def gps(self, measurement: GpsVelocity, local: LocalField | None) -> FirstAttitude | None:
         """Close the window at a GPS velocity when it began with one; else begin there."""
@@ -168,9 +163,9 @@ class Alignment:
 
     def unaided(self, local: LocalField | None) -> FirstAttitude | None:
         """At the end of a window without velocities: level by the accelerometers when it looks unaccelerated."""
-        if self.t_ns is None or self.t_ns < self._limit_ns():
+        window, stale = self._window, self._anchor is not None
+        if window.t_ns is None or window.t_ns < self._limit_ns():
             return None
-        stale, window = self._anchor is not None, self._window
         first = None
         if not stale:
             force, rate, steady = window.force_b0 / window.seconds, window.rate_b / window.seconds, self._steady
@@ -223,13 +218,14 @@ class Alignment:
         gps = end if isinstance(end, GpsVelocity) else None
         air = end if isinstance(end, AirVelocity) else None
         self.reason = ""
-        return FirstAttitude(self.t_ns, euler_to_quat(roll, pitch, heading), tilt_sigma, sigma * DEGREE, field_b is not None, gps, air)
+        q_nb, is_magnetic = euler_to_quat(roll, pitch, heading), field_b is not None
+        return FirstAttitude(self._window.t_ns, q_nb, tilt_sigma, sigma * DEGREE, is_magnetic, gps, air)
 
     def _field_at_end(self, local: LocalField | None) -> tuple[np.ndarray | None, str]:
         """Newest magnetic field turned to the end of the window, or why there is none."""
         if self._magnetic_deg is None:
             return None, "magnetometer switched off and no GPS track"
-        if self._field is None or self.t_ns - self._field.stamp_ns > FIELD_AGE_NS:
+        if self._field is None or self._window.t_ns - self._field.stamp_ns > FIELD_AGE_NS:
             return None, "no magnetometer and no GPS track"
         if local is None:
             return None, DECLINATION_UNKNOWN

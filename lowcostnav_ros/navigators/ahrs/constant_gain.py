@@ -44,7 +44,7 @@ class SwitchedFilter(Filter):
         super().__init__(host)
         self.level: ConstantLevelAid = host.aid("accelerometer_level")
         self._levelling = host.channel_of(self.level)
-        self._levelling.period_s = host.settings.constant_gain.level_period_s
+        self._paced = [host.channel_of(aid) for aid in host.aids if isinstance(aid, ConstantLevelAid | ConstantQuaternionAid)]
 
     @classmethod
     def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
@@ -60,7 +60,8 @@ class SwitchedFilter(Filter):
         """Count the periods from here."""
         self.level.switch.restart(t_ns)
         self._held_ns: int | None = None
-        self._levelling.begin(t_ns)
+        for channel in self._paced:
+            channel.begin(t_ns)
 
     def follow(self, block: ImuBlock, start: int, stop: int) -> None:
         """Watch for manoeuvres."""
@@ -107,22 +108,12 @@ class QuaternionFilter(SwitchedFilter):
     unused = ("airflow",)
     attitude: ClassVar[type[ConstantQuaternionAid]] = ConstantQuaternionAid
 
-    def __init__(self, host: Reference) -> None:
-        super().__init__(host)
-        self._attitude = host.channel_of(host.aid("gps_attitude"))
-        self._attitude.period_s = host.settings.constant_gain.gps_period_s
-
     @classmethod
     def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
         """GPS attitude with the gain made for it."""
         if isinstance(aid, GpsAttitudeAid):
             return [cls.attitude(aid.settings, aid.key, tunings(settings.constant_gain)[0])]
         return super().forms(aid, settings)
-
-    def begin(self, t_ns: int) -> None:
-        """Count the periods from here."""
-        super().begin(t_ns)
-        self._attitude.begin(t_ns)
 
 
 class EulerFilter(QuaternionFilter):
@@ -138,7 +129,7 @@ class VectorMatchingFilter(SwitchedFilter):
 
     def __init__(self, host: Reference) -> None:
         super().__init__(host)
-        self.force: ForceMatchAid = host.aid("specific_force_vector")
+        self._forces = [aid for aid in host.aids if isinstance(aid, ForceMatchAid)]
 
     @classmethod
     def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
@@ -153,12 +144,14 @@ class VectorMatchingFilter(SwitchedFilter):
     def begin(self, t_ns: int) -> None:
         """Begin a span with the next velocity."""
         super().begin(t_ns)
-        self.force.begin(None)
+        for force in self._forces:
+            force.begin(None)
 
     def follow(self, block: ImuBlock, start: int, stop: int) -> None:
         """Sum the specific force of the span."""
         super().follow(block, start, stop)
-        self.force.follow(block, start, stop)
+        for force in self._forces:
+            force.follow(block, start, stop)
 
     def applies(self, aid: Aid, measurement: Measurement) -> bool:
         """The field as a vector while GPS velocity tells the other one."""

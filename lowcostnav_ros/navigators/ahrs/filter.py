@@ -14,7 +14,7 @@ LEVEL_TIMEOUT_S = 5.0
 class Reference(Host, Protocol):
     """The navigator that holds a filter."""
 
-    settings: Any
+    aids: list[Aid]
 
     def aid(self, name: str) -> Aid | None: ...
     def channel_of(self, aid: Aid) -> Channel: ...

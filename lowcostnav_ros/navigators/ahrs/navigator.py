@@ -246,9 +246,8 @@ class Ahrs(Navigator):
             self.mode = "failed" if self.alignment.wrong_unit else "aligning"
             self.reason = self.alignment.reason
             return
-        gps = getattr(self.settings, "gps", None)
-        sigmas = (self.settings.alignment.track_speed_mps, gps.velocity_floor_mps if gps is not None else 0.0)
-        begin_core(self.core, first, self.magnetic.place, self._kept, *sigmas)
+        floor_mps = max((getattr(own, "velocity_floor_mps", 0.0) for _, own in listed(self.settings)), default=0.0)
+        begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
         self._aligned, self._kept = True, None
         began_with = {"level": True, "gps": first.gps is not None, "airflow": first.air is not None, "magnetic": first.is_magnetic}
         self._used_ns = {sensor: first.t_ns for sensor, was_used in began_with.items() if was_used}
