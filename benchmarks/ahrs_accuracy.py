@@ -14,8 +14,7 @@ from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.estimation.consistency import error_over_sigma_rms
-from lowcostnav_ros.navigators.ahrs.base import Ahrs
-from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings
+from lowcostnav_ros.navigators.ahrs.navigator import Ahrs, AhrsSettings
 from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, wrap
 from lowcostnav_ros.simulation.scenario import scenario_from_text
 

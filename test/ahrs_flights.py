@@ -6,7 +6,7 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import AirVelocity, GpsVelocity, ImuBlock, MagneticField, Measurement
 from lowcostnav_ros.base.settings import from_mapping
-from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings
+from lowcostnav_ros.navigators.ahrs.navigator import AhrsSettings
 from lowcostnav_ros.physics.magnetic_heading import MagneticReference
 from lowcostnav_ros.physics.rotation import euler_to_dcm
 

@@ -9,8 +9,7 @@ from ahrs_flights import DEG, T0, Turn, settings
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, MagneticField
 from lowcostnav_ros.base.settings import SettingsError, from_mapping, to_mapping
 from lowcostnav_ros.catalogue.config_files import config_dir, load_settings, yaml_of
-from lowcostnav_ros.navigators.ahrs.base import Ahrs
-from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings
+from lowcostnav_ros.navigators.ahrs.navigator import Ahrs, AhrsSettings
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.physics.rotation import quat_to_euler, wrap
 
@@ -49,12 +48,12 @@ def test_plain_levelling_in_a_turn_would_be_wrong_by_the_bank():
     navigator.feed_all(straight.measurements(0.0, 10.0, ("mag",)))
     assert navigator.mode == "coasting"
     assert "steady flight" in navigator.reason
-    fused = navigator.steady_aid.status.fused
+    fused = navigator.aid("accelerometer_level").status.fused
     assert fused >= 3
     for second in range(10, 25):
         navigator.feed(turn.imu(second, second + 1.0))
-    assert navigator.steady_aid.status.fused <= fused + 2
-    assert navigator.steady_aid.status.reason == "manoeuvring"
+    assert navigator.aid("accelerometer_level").status.fused <= fused + 2
+    assert navigator.aid("accelerometer_level").status.reason == "manoeuvring"
     assert navigator.mode == "gyro_only"
     assert "manoeuvring without" in navigator.reason
 
@@ -227,11 +226,11 @@ def test_magnetic_interference_is_named_and_not_fused():
     turn = Turn(0.0)
     navigator = Ahrs(settings())
     navigator.feed_all(turn.measurements(0.0, 10.0))
-    fused = navigator.magnetic_aid.status.fused
+    fused = navigator.aid("magnetic_heading").status.fused
     for m in turn.measurements(10.0, 15.0):
         navigator.feed(MagneticField(m.stamp_ns, m.source, 1.5 * m.field_b, m.cov_b) if isinstance(m, MagneticField) else m)
-    assert navigator.magnetic_aid.status.fused <= fused + 1
-    assert "interference: field is 1.50" in navigator.magnetic_aid.status.reason
+    assert navigator.aid("magnetic_heading").status.fused <= fused + 1
+    assert "interference: field is 1.50" in navigator.aid("magnetic_heading").status.reason
 
 
 def test_samples_that_are_not_numbers_are_left_out():

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from ahrs_flights import DEG, T0, Turn, settings
 
-from lowcostnav_ros.aids.constant_gain import joseph
+from lowcostnav_ros.aids._constant_gain import joseph
 from lowcostnav_ros.base.measurements import Attitude, GpsVelocity, ImuBlock, Measurement
 from lowcostnav_ros.base.settings import SettingsError, from_mapping
-from lowcostnav_ros.navigators.ahrs.base import Ahrs
-from lowcostnav_ros.navigators.ahrs.constant_gain import ConstantGainAhrs
-from lowcostnav_ros.navigators.ahrs.full import FullAhrs
-from lowcostnav_ros.navigators.ahrs.settings import FILTERS, AhrsSettings
+from lowcostnav_ros.navigators.ahrs.full import FullFilter
+from lowcostnav_ros.navigators.ahrs.navigator import Ahrs, AhrsSettings
+from lowcostnav_ros.navigators.ahrs.settings import FILTERS
 from lowcostnav_ros.physics.rotation import dcm_to_quat, euler_to_quat, quat_to_euler, wrap
 from lowcostnav_ros.simulation.scenario import scenario_from_text
 from lowcostnav_ros.simulation.simulator import Simulation
@@ -46,9 +45,9 @@ def error_deg(turn: Turn, solution) -> np.ndarray:
 
 
 def test_the_setting_chooses_the_filter():
-    assert isinstance(Ahrs(settings()), FullAhrs)
-    for kind in FILTERS[1:]:
-        assert isinstance(Ahrs(settings(filter=kind)), ConstantGainAhrs)
+    assert isinstance(Ahrs(settings()).filter, FullFilter)
+    for kind, chosen in FILTERS.items():
+        assert type(Ahrs(settings(filter=kind)).filter) is chosen
     with pytest.raises(SettingsError, match="one of full, euler"):
         from_mapping(AhrsSettings, {"filter": "kalman"})
 
@@ -92,7 +91,7 @@ def test_in_a_turn_the_gyros_carry_it_and_the_sigma_grows():
     navigator = flown(turn, "quaternion", 60.0, 30.0, bias=np.zeros(3))
     assert navigator.mode == "gyro_only"
     assert "gyros alone" in navigator.reason
-    assert navigator.level_aid.status.reason == "manoeuvring"
+    assert navigator.aid("accelerometer_level").status.reason == "manoeuvring"
     assert np.abs(error_deg(turn, navigator.solutions[-1])).max() < 0.5  # levelling would have said zero bank
     early, late = navigator.solutions[320], navigator.solutions[-1]
     assert math.sqrt(late.cov_att[0, 0]) > 1.5 * math.sqrt(early.cov_att[0, 0])
@@ -119,8 +118,8 @@ def test_a_wrong_attitude_is_rejected_and_a_lasting_one_believed(kind):
     other = Turn(0.0, heading0_deg=70.0)
     late = gps_attitude(other, 20.0, 40.0)
     navigator.feed_all(sorted([*straight, *late], key=lambda m: m.stamp_ns))
-    assert navigator.attitude_aid.status.rejected["innovation beyond gate"] >= 5
-    assert navigator.attitude_aid.status.rejected["recovered after rejections"] >= 1
+    assert navigator.aid("gps_attitude").status.rejected["innovation beyond gate"] >= 5
+    assert navigator.aid("gps_attitude").status.rejected["recovered after rejections"] >= 1
     assert abs(error_deg(other, navigator.output())[2]) < 2.0
 
 
@@ -165,14 +164,14 @@ def test_euler_angles_are_refused_near_the_vertical():
     navigator = Ahrs(settings(filter="euler", magnetic__enabled=False))
     items = steep.measurements(0.0, 6.0, ()) + gps_attitude(steep, 0.0, 6.0)
     navigator.feed_all(sorted(items, key=lambda m: m.stamp_ns))
-    assert navigator.attitude_aid.status.reason == "too steep for Euler angles"
+    assert navigator.aid("gps_attitude").status.reason == "too steep for Euler angles"
 
 
 def test_vector_matching_says_when_the_dip_is_unknown():
     navigator = Ahrs(settings(filter="vector_matching", place__lat_lon_deg=[], magnetic__declination_deg=[13.0]))
     navigator.feed_all(Turn(0.0).measurements(0.0, 10.0, ("gps", "mag")))
-    assert "place unknown" in navigator.field_aid.status.reason
-    assert navigator.force_aid.status.fused >= 5
+    assert "place unknown" in navigator.aid("magnetic_vector").status.reason
+    assert navigator.aid("specific_force_vector").status.fused >= 5
 
 
 FLIGHT = """

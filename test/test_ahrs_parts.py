@@ -10,16 +10,16 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from lowcostnav_ros.aids.level import LevelSettings
 from lowcostnav_ros.base.measurements import AirVelocity
 from lowcostnav_ros.cores.inertial import ATT, VEL
-from lowcostnav_ros.navigators.ahrs.base import Ahrs
-from lowcostnav_ros.navigators.ahrs.kernels import WINDOW_SIZE, gather_window
-from lowcostnav_ros.navigators.ahrs.settings import LevelSettings
-from lowcostnav_ros.navigators.ahrs.switch import ManoeuvreSwitch
+from lowcostnav_ros.estimation.inertial_window import WINDOW_SIZE, gather_window
+from lowcostnav_ros.estimation.manoeuvre import ManoeuvreSwitch
+from lowcostnav_ros.navigators.ahrs.navigator import Ahrs
 from lowcostnav_ros.physics.magnetic_heading import LocalField
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm, quat_to_euler, skew, wrap
 from lowcostnav_ros.starts.attitude_core import begin_core, restart_velocity_from_air
-from lowcostnav_ros.starts.first_attitude import Alignment, FirstAttitude
+from lowcostnav_ros.starts.first_attitude import FirstAttitude
 
 UNKNOWN = 1.0e6
 
@@ -27,7 +27,7 @@ UNKNOWN = 1.0e6
 def started(roll: float, pitch: float, heading: float, rng: np.random.Generator) -> Ahrs:
     """A navigator at an attitude, flying, with every further estimate off zero."""
     navigator = Ahrs(settings())
-    begin_core(navigator.core, navigator.settings, FirstAttitude(T0, euler_to_quat(roll, pitch, heading), 0.02, 0.02, True), None, None)
+    begin_core(navigator.core, FirstAttitude(T0, euler_to_quat(roll, pitch, heading), 0.02, 0.02, True))
     navigator.core.nav[VEL] = 50.0 * quat_to_dcm(navigator.core.nav[6:10])[:, 0] + rng.normal(0.0, 3.0, 3)
     navigator.core.estimate[9:] = 0.3 * navigator.layout.sigma0[9:] * rng.standard_normal(navigator.layout.size - 9)
     return navigator
@@ -40,14 +40,14 @@ def test_airflow_jacobian_is_the_derivative_of_the_innovation(roll, pitch, headi
     cov = np.diag([7.0, 0.2, 0.2] if vanes else [7.0, UNKNOWN, UNKNOWN])
     seen = AirVelocity(T0, "air/velocity", np.array([52.0, 1.0, 2.5]), cov)
     nav, estimate, P = navigator.core.nav.copy(), navigator.core.estimate.copy(), navigator.P.copy()
-    H = navigator.airflow_aid.innovation(seen, navigator).H
+    H = navigator.aid("airflow").innovation(seen, navigator).H
 
     def innovation(index: int, step: float) -> np.ndarray:
         navigator.core.nav[:], navigator.core.estimate[:], navigator.core.P[:] = nav, estimate, P
         dx = np.zeros(navigator.layout.size)
         dx[index] = step
         navigator.correct(dx)
-        return navigator.airflow_aid.innovation(seen, navigator).y
+        return navigator.aid("airflow").innovation(seen, navigator).y
 
     for index in range(3, navigator.layout.size):
         slope = -(innovation(index, 1e-5) - innovation(index, -1e-5)) / 2e-5  # a correction takes its error out of the innovation
@@ -59,14 +59,14 @@ def test_airflow_moves_no_attitude_while_gps_is_good():
     with_air, without = Ahrs(settings()), Ahrs(settings())
     last = with_air.feed_all(turn.measurements(0.0, 20.0, ("gps", "mag", "air")))[-1]
     other = without.feed_all(turn.measurements(0.0, 20.0, ("gps", "mag")))[-1]
-    assert with_air.airflow_aid.status.fused > 50
+    assert with_air.aid("airflow").status.fused > 50
     np.testing.assert_allclose(last.q_nb, other.q_nb, atol=1e-6)
 
 
 def test_slow_air_is_not_used():
     navigator = Ahrs(settings())
     slow = AirVelocity(T0, "air/velocity", np.array([9.0, 0.0, 0.0]), np.diag([7.0, UNKNOWN, UNKNOWN]))
-    assert navigator.airflow_aid.innovation(slow, navigator) == "below minimum airspeed"
+    assert navigator.aid("airflow").innovation(slow, navigator) == "below minimum airspeed"
 
 
 def test_window_integral_against_a_differential_equation():
@@ -91,7 +91,7 @@ def test_window_integral_against_a_differential_equation():
 def test_alignment_in_a_turn_is_exact_without_noise(bank_deg):
     turn = Turn(bank_deg, heading0_deg=200.0)
     local = LocalField(math.atan2(turn.field_n[1], turn.field_n[0]), float(np.linalg.norm(turn.field_n)))
-    alignment = Alignment(settings())
+    alignment = Ahrs(settings()).alignment
     first = None
     for m in turn.measurements(0.0, 4.0, ("gps", "mag")):
         if m.source == "imu/data_raw":
@@ -111,7 +111,7 @@ def test_alignment_in_a_turn_is_exact_without_noise(bank_deg):
 def test_first_covariance_is_that_of_sampled_first_attitudes():
     q, rng = euler_to_quat(0.3, -0.1, 1.0), np.random.default_rng(3)
     navigator = Ahrs(settings(imu__accel_turn_on_mg=20.0))
-    begin_core(navigator.core, navigator.settings, FirstAttitude(T0, q, 0.001, 0.01, True), None, None)
+    begin_core(navigator.core, FirstAttitude(T0, q, 0.001, 0.01, True))
     layout, C = navigator.layout, quat_to_dcm(q)
     accel, bias = layout["accel_bias"], layout["heading_bias"].start
     n = 40_000
@@ -130,7 +130,7 @@ def test_first_covariance_is_that_of_sampled_first_attitudes():
 def test_velocity_from_air_is_as_uncertain_as_the_wind_and_correlated_with_it():
     navigator = Ahrs(settings())
     q = euler_to_quat(0.0, 0.0, 0.5)
-    begin_core(navigator.core, navigator.settings, FirstAttitude(T0, q, 0.01, 0.03, True), None, None)
+    begin_core(navigator.core, FirstAttitude(T0, q, 0.01, 0.03, True))
     air = AirVelocity(T0, "air/velocity", np.array([50.0, 0.0, 0.0]), np.diag([7.0, UNKNOWN, UNKNOWN]))
     restart_velocity_from_air(navigator.core, air, np.array([3.0, -4.0, 0.0]))
     np.testing.assert_allclose(navigator.core.nav[VEL], [50.0 * math.cos(0.5) + 3.0, 50.0 * math.sin(0.5) - 4.0, 0.0])

@@ -7,13 +7,12 @@ import pytest
 from ahrs_flights import T0, Turn
 
 from lowcostnav_ros.base.measurements import ImuBlock
-from lowcostnav_ros.navigators.ahrs.rate_switch import RateSwitch, follow_switch, switch_limits
-from lowcostnav_ros.navigators.ahrs.settings import LevelSettings, RateSwitchSettings
+from lowcostnav_ros.estimation.manoeuvre import RateSwitch, RateSwitchSettings, SteadyLimits, follow_switch, switch_limits
 from lowcostnav_ros.reproduce.gebre.attitude_switch import turning_flight
 from lowcostnav_ros.studies.attitude_filters import HEADING_SWITCH, RATE_SWITCH, accel_mag_filter
 
 DEG = math.pi / 180.0
-LIMITS = switch_limits(LevelSettings(), RateSwitchSettings())
+LIMITS = switch_limits(SteadyLimits(), RateSwitchSettings())
 DOWN, LEVEL = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -9.80665])
 
 
@@ -47,7 +46,7 @@ def test_cut_of_the_blocks_does_not_matter():
     turn, results = Turn(1.0), []
     block = turn.imu(0.0, 5.0)
     for cut in (500, 7):
-        switch = RateSwitch(LevelSettings(), RateSwitchSettings())
+        switch = RateSwitch(SteadyLimits(), RateSwitchSettings())
         switch.restart(T0)
         switch.begin_span()
         for start in range(0, 500, cut):

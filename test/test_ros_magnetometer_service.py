@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 
 from lowcostnav_ros.base.measurements import MagneticField, NavSolution
 from lowcostnav_ros.catalogue.config_files import load_settings
-from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings
+from lowcostnav_ros.navigators.ahrs.navigator import AhrsSettings
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm
 from lowcostnav_ros.ros.magnetometer_service import MagnetometerService

@@ -127,4 +127,6 @@ class VelocityAid(Aid):
         host.correct(dx)
 
 
+GPS_VELOCITY = Sensor("gps", GpsVelocitySettings, each(VelocityAid))
+"""The same receiver where position is not estimated."""
 GPS = AIDS.register("gps", Sensor("gps", GpsSettings, each(PositionAid, VelocityAid)), __name__)

@@ -58,10 +58,9 @@ class MagneticAid(Aid):
         reference = self.reference.at(core.nav[0], core.nav[1], core.nav[2])
         if reference is None:
             return DECLINATION_UNKNOWN
-        refusal = reference.refusal(measurement.field_b)
+        refusal = Reason.of(reference.refusal(measurement.field_b))
         if refusal:
-            phrase, _, detail = refusal.partition(": ")
-            return Reason(phrase, detail)
+            return refusal
         y, h_att, _ = magnetic_innovation(core.C_nb(), measurement.field_b, reference.declination)
         H = np.zeros((1, host.layout.size))
         H[0, core.attitude_rows] = h_att

@@ -37,6 +37,12 @@ class Reason(str):
         made.phrase = phrase
         return made
 
+    @classmethod
+    def of(cls, text: str) -> "Reason":
+        """The reason of a text ``phrase: detail``; empty for none."""
+        phrase, _, detail = text.partition(": ")
+        return cls(phrase, detail)
+
 
 class Decision(Enum):
     """What ``control`` made of an innovation."""
@@ -157,6 +163,8 @@ class Aid(ABC):
         Whether :meth:`due` keeps the period (of each station, say) rather than the sensor's channel.
     needs_rate : bool
         Whether the rate of turn of the newest inertial sample is to be had from the core.
+    period_s : float
+        At most one measurement in this time, unless it thins itself.
     source : str
         Topic it listens to: its own, unless its sensor's settings say another.
     applied : Innovation or None
@@ -181,7 +189,7 @@ class Aid(ABC):
         self.gate: GateSettings = settings.gate
         self.threshold = chi_square.threshold(self.gate.probability, len(self.labels))
         self.status = AidStatus(self.own(self.name), self.labels)
-        self.source = self.topic
+        self.source, self.period_s = self.topic, getattr(settings, "period_s", 0.0)
         self.applied: Innovation | None = None
         self.decision: Decision | None = None
         self._teaching: np.ndarray | None = None

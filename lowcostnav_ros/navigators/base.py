@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
+import numpy as np
+
 from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
@@ -48,7 +50,7 @@ class InputStatus:
 
 @dataclass(slots=True)
 class NavigatorStatus:
-    """How a navigator is: mode, why, how bad, and one record per input and per aid."""
+    """How a navigator is: mode, why, how bad, one record per input and per aid, and further values for diagnostics by name."""
 
     name: str
     mode: str
@@ -59,6 +61,7 @@ class NavigatorStatus:
     inputs: list[InputStatus]
     aids: list[AidStatus]
     integrity: Integrity | None = None
+    details: Mapping[str, str] = field(default_factory=dict)
 
 
 class Channel:
@@ -66,12 +69,16 @@ class Channel:
 
     def __init__(self, aids: list[Aid]) -> None:
         self.aids = aids
-        self.period_s: float = 0.0 if aids[0].thins_itself else getattr(aids[0].settings, "period_s", 0.0)
+        self.period_s: float = 0.0 if aids[0].thins_itself else aids[0].period_s
         self._used_ns = -(10**18)
 
     def restart(self) -> None:
         """Take the next measurement, whenever it comes."""
         self._used_ns = -(10**18)
+
+    def begin(self, stamp_ns: int) -> None:
+        """Count the period from here."""
+        self._used_ns = stamp_ns
 
     def is_due(self, stamp_ns: int) -> bool:
         """Whether a period has passed since the last one: its errors are slow, more would only feign certainty."""
@@ -130,8 +137,8 @@ class Navigator(ABC):
     required: ClassVar[tuple[str, ...]] = ()
     not_observable: ClassVar[str] = ""
     inertial: str | None = None
+    core: Any = None
     inputs: Mapping[str, bool] = {}
-    core: Any
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -217,6 +224,15 @@ class Navigator(ABC):
         """One of its aids, by the name of its record; None where it is not in use."""
         return next((aid for aid in self.aids if aid.status.name == name), None)
 
+    @property
+    def P(self) -> np.ndarray:
+        """Covariance of the whole error state."""
+        return self.core.P
+
+    def correct(self, dx: np.ndarray) -> None:
+        """Inject a correction (an aid calls this)."""
+        self.core.correct(dx)
+
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether GPS holds the solution."""
         return False
@@ -226,11 +242,16 @@ class Navigator(ABC):
         for channel in [*self.clocked, *(c for listening in self.channels.values() for c in listening)]:
             channel.restart()
 
+    def applies(self, aid: Aid, measurement: Measurement) -> bool:
+        """Whether an aid has a part to play now; a measurement that no aid wants does not begin a period."""
+        return True
+
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """Give a measurement to the aids of a channel, if it is due; return those that used it."""
-        if not channel.due(measurement.stamp_ns):
+        wanted = [aid for aid in channel.aids if self.applies(aid, measurement)]
+        if not wanted or not channel.due(measurement.stamp_ns):
             return []
-        used = [aid for aid in channel.aids if aid.due(measurement) and self.use_aid(aid, measurement)]
+        used = [aid for aid in wanted if aid.due(measurement) and self.use_aid(aid, measurement)]
         for aid in channel.aids:
             aid.after(measurement, self)
         return used
@@ -280,7 +301,7 @@ class Navigator(ABC):
         aids = [aid.status for aid in self.aids]
         inputs = list(self.input_status.values())
         now_ns, integrity = self.horizon.passed_ns, self._integrity()
-        return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, integrity)
+        return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, integrity, self._details())
 
     def reset(self, reason: str) -> None:
         """Start over: forget the state and what is held, keep the settings, the origin and the counters."""
@@ -299,6 +320,10 @@ class Navigator(ABC):
         if self.on_aid is not None:
             self.on_aid(aid.status)
         return used
+
+    def _details(self) -> Mapping[str, str]:
+        """Further values for diagnostics, by name."""
+        return {}
 
     @abstractmethod
     def _fuse(self, item: Measurement) -> None:

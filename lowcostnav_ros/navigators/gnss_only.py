@@ -81,15 +81,6 @@ class GnssOnly(Navigator):
         self.receiver = self.range_aid.receiver
         self._restart()
 
-    @property
-    def P(self) -> np.ndarray:
-        """Covariance of the whole error state."""
-        return self.core.P
-
-    def correct(self, dx: np.ndarray) -> None:
-        """Inject a correction (an aid calls this)."""
-        self.core.correct(dx)
-
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether satellites hold the solution."""
         return self.mode == "gps"

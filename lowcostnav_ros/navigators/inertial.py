@@ -77,15 +77,6 @@ class InertialNavigator(Navigator):
 
     # what aids ask of their host ---------------------------------------------------------------------------------------------
 
-    @property
-    def P(self) -> np.ndarray:
-        """Covariance of the whole error state."""
-        return self.core.P
-
-    def correct(self, dx: np.ndarray) -> None:
-        """Inject a correction (an aid calls this)."""
-        self.core.correct(dx)
-
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether GPS holds the solution."""
         return self.mode == "gps"

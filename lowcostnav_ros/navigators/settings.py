@@ -15,6 +15,11 @@ from lowcostnav_ros.base.settings import SettingsError, setting, to_mapping
 from lowcostnav_ros.estimation.aiding import Sensor
 
 
+def kind_of(key: str) -> str:
+    """Kind of sensor that an entry of the list is: its name without the number."""
+    return key.rstrip("0123456789")
+
+
 def sensor_of(key: str, own: Mapping[str, Sensor]) -> Sensor:
     """The sensor that an entry of the list names: as the navigator has it, else as it is defined.
 
@@ -23,7 +28,7 @@ def sensor_of(key: str, own: Mapping[str, Sensor]) -> Sensor:
     SettingsError
         For a name that is no sensor's, with the nearest that is.
     """
-    kind = key.rstrip("0123456789")
+    kind = kind_of(key)
     try:
         return own[kind] if kind in own else AIDS[kind]
     except RegistryError as error:

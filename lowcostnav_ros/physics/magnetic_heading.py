@@ -166,6 +166,17 @@ class FieldAtPlace:
         """Expected field, or None when neither the place nor a declination is known."""
         return self.reference.anywhere() if self.place is None else self.reference.at(*self.place)
 
+    def field_n(self) -> np.ndarray | None:
+        """Expected field (3,), tesla, NED, or None where the place or the model is missing."""
+        model, azimuth = self.reference.model, self.reference.override
+        if self.place is None or model is None:
+            return None
+        field: np.ndarray = model.field_n(*self.place)
+        if azimuth is not None:
+            level = float(np.hypot(field[0], field[1]))
+            field = np.array([level * np.cos(azimuth), level * np.sin(azimuth), field[2]])
+        return field
+
     def at(self, lat: float, lon: float, height: float) -> LocalField | None:
         """The same; the position asked about is the host's guess and is not used."""
         return self.known()

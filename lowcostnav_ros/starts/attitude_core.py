@@ -1,68 +1,104 @@
 """How the inertial core of the attitude reference begins: with honest correlations, so that nothing is believed twice."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from lowcostnav_ros.base.measurements import AirVelocity
+from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.inertial import ATT, CORE, POS, VEL, InertialCore
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings, PlaceSettings
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.rotation import quat_rotate, quat_to_dcm
 from lowcostnav_ros.starts.first_attitude import FirstAttitude
 
+Place = tuple[float, float, float]
+"""Lat, lon, height: rad, rad, m above the ellipsoid."""
 POSITION_SIGMA = 1000.0
 """Position is carried for gravity and the earth's rate only; a kilometre is nothing to either."""
 MEAN_PLACE = (np.pi / 4.0, 0.0, 0.0)
 UNKNOWN_SPEED = 3.0
 """Sigma, m/s, that incidence and heading errors add to a velocity taken from airspeed and attitude."""
+HELD_VELOCITY_SIGMA = 0.01
+
+
+@dataclass(frozen=True)
+class PlaceSettings:
+    """Where the flight is until a position is received; it gives the magnetic declination, gravity and the earth's rate."""
+
+    lat_lon_deg: list = setting([], "Latitude, longitude; empty: unknown before the first fix.", unit="deg", minimum=-180.0, maximum=180.0)
+    height_m: float = setting(0.0, "Height above the ellipsoid.", unit="m", minimum=-1000.0, maximum=30000.0)
+
+    def __post_init__(self) -> None:
+        if len(self.lat_lon_deg) not in (0, 2) or (self.lat_lon_deg and abs(self.lat_lon_deg[0]) > 89.0):
+            raise SettingsError(f"'place.lat_lon_deg' needs latitude (at most 89) and longitude, or nothing; got {self.lat_lon_deg}.")
+
+    def known(self) -> Place | None:
+        """The place, or None where it is not given."""
+        return (self.lat_lon_deg[0] * DEGREE, self.lat_lon_deg[1] * DEGREE, self.height_m) if self.lat_lon_deg else None
 
 
 def begin_core(
     core: InertialCore,
-    settings: AhrsSettings,
     first: FirstAttitude,
-    place: tuple[float, float, float] | None,
-    kept: tuple[np.ndarray, np.ndarray] | None,
+    place: Place | None = None,
+    kept: tuple[np.ndarray, np.ndarray] | None = None,
+    speed_mps: float = 10.0,
+    velocity_floor_mps: float = 0.05,
 ) -> None:
     """Start the core at a first attitude.
 
     Parameters
     ----------
     core : InertialCore
-    settings : AhrsSettings
     first : FirstAttitude
     place : (lat, lon, height) or None
         Rad, rad, m; unknown counts as 45 degrees of latitude, where gravity and the earth's rate are mean.
     kept : (estimate, covariance) or None
-        Accelerometer and gyro biases carried over from before a gap.
+        Accelerometer and gyro biases carried over from before a gap (:func:`sensor_rows`).
+    speed_mps : float
+        Sigma of a velocity that nothing has measured.
+    velocity_floor_mps : float
+        Added to the sigma of one that GPS has.
     """
-    layout = core.layout
     nav = np.zeros(10)
     nav[0:3] = MEAN_PLACE if place is None else place
     nav[6:10] = first.q_nb
-    covariance = np.diag([POSITION_SIGMA**2] * 3 + [settings.alignment.track_speed_mps**2] * 3 + [1.0] * 3)
+    covariance = np.diag([POSITION_SIGMA**2] * 3 + [speed_mps**2] * 3 + [1.0] * 3)
     if first.gps is not None:
         nav[VEL] = first.gps.vel_n
-        covariance[VEL, VEL] = first.gps.cov_n + np.eye(3) * settings.gps.velocity_floor_mps**2
+        covariance[VEL, VEL] = first.gps.cov_n + np.eye(3) * velocity_floor_mps**2
     core.start(first.t_ns, nav, covariance)
     if kept is not None:
-        sensors = slice(CORE, layout["gyro_bias"].stop)
+        sensors = sensor_rows(core)
         core.estimate[sensors], core.P[sensors, sensors] = kept
     _correlate_attitude(core, first)
     if first.air is not None:
         restart_velocity_from_air(core, first.air, np.zeros(3))
 
 
-def hold_position(core: InertialCore, place: tuple[float, float, float] | None) -> None:
+def sensor_rows(core: InertialCore) -> slice:
+    """States of the accelerometer and gyro biases."""
+    return slice(CORE, core.layout["gyro_bias"].stop)
+
+
+def hold_position(core: InertialCore, place: Place | None) -> None:
     """Put the core's position, which nothing corrects, back to the place last known, before its drift reaches gravity."""
     core.nav[0:3] = MEAN_PLACE if place is None else place
     kalman.reset_block(core.P, POS, np.eye(3) * POSITION_SIGMA**2)
 
 
-def configured_place(place: PlaceSettings) -> tuple[float, float, float] | None:
-    """Place of the settings as (lat, lon, height) in rad, rad, m, or None."""
-    return (place.lat_lon_deg[0] * DEGREE, place.lat_lon_deg[1] * DEGREE, place.height_m) if place.lat_lon_deg else None
+def hold_velocity(core: InertialCore) -> None:
+    """Without any measure of velocity, count it from zero: only its change over the next span matters."""
+    restart_velocity(core, np.zeros(3), np.eye(3) * HELD_VELOCITY_SIGMA**2)
+
+
+def restart_velocity(core: InertialCore, vel_n: np.ndarray, covariance: np.ndarray) -> None:
+    """Set the velocity over ground (3,), m/s; what it was counted from zero means nothing beside a measured one."""
+    core.settle()
+    core.nav[VEL] = vel_n
+    kalman.reset_block(core.P, VEL, covariance)
 
 
 def _correlate_attitude(core: InertialCore, first: FirstAttitude) -> None:
@@ -79,7 +115,7 @@ def _correlate_attitude(core: InertialCore, first: FirstAttitude) -> None:
     P[ATT, ATT] = by_bias @ P[accel, accel] @ by_bias.T + own
     P[ATT, accel] = by_bias @ P[accel, accel]
     P[accel, ATT] = P[ATT, accel].T
-    if first.is_magnetic:
+    if first.is_magnetic and "heading_bias" in layout:
         bias = layout["heading_bias"].start
         P[8, 8] += P[bias, bias]
         P[8, bias] = P[bias, 8] = -P[bias, bias]
@@ -90,8 +126,9 @@ def restart_velocity_from_air(core: InertialCore, air: AirVelocity, wind_n: np.n
     P, layout = core.P, core.layout
     tas = float(np.linalg.norm(air.vel_b))
     core.nav[VEL] = quat_rotate(core.nav[6:10], np.array([tas, 0.0, 0.0])) + wind_n
-    wind = slice(layout["wind"].start, layout["updraught"].stop)
+    rows = np.r_[layout["wind"], layout["updraught"]]
+    wind = P[np.ix_(rows, rows)]
     heading_part = np.diag([1.0, 1.0, 0.0]) * P[8, 8] * tas**2
-    kalman.reset_block(P, VEL, P[wind, wind] + np.eye(3) * UNKNOWN_SPEED**2 + heading_part)
-    P[VEL, wind] = P[wind, wind]
-    P[wind, VEL] = P[wind, wind]
+    kalman.reset_block(P, VEL, wind + np.eye(3) * UNKNOWN_SPEED**2 + heading_part)
+    P[VEL, rows] = wind
+    P[rows, VEL] = wind

@@ -11,7 +11,7 @@ import numpy as np
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.small_matrices import matvec
 from lowcostnav_ros.estimation.attitude_vectors import level_angles
-from lowcostnav_ros.navigators.ahrs.rate_switch import follow_switch
+from lowcostnav_ros.estimation.manoeuvre import follow_switch
 from lowcostnav_ros.physics.attitude_propagation import body_rate_matrix, euler_step
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.rotation import wrap
@@ -73,7 +73,7 @@ def accel_mag_filter(angles, rates, forces, heading, every, on_level, on_heading
         :data:`OPEN_LOOP`, :data:`ALWAYS`, :data:`HEADING_SWITCH` (limits[0] on the change of the estimated heading per second and
         limits[2] on the load, equation 4.67) or :data:`RATE_SWITCH` (:func:`follow_switch`, steady since the last update).
     limits : ndarray, shape (7,)
-        Of :func:`~lowcostnav_ros.navigators.ahrs.rate_switch.switch_limits`.
+        Of :func:`~lowcostnav_ros.estimation.manoeuvre.switch_limits`.
 
     Returns
     -------

@@ -10,11 +10,9 @@ When its GPS is silent, each goes on as ``switched``: level and magnetic heading
 the low-latency output and the sigmas mean the same as in the full filter; for ``euler`` the angles are formed where they are compared.
 """
 
-from dataclasses import dataclass
+from typing import Any, ClassVar
 
-import numpy as np
-
-from lowcostnav_ros.aids.constant_gain import (
+from lowcostnav_ros.aids._constant_gain import (
     ConstantHeadingAid,
     ConstantLevelAid,
     ConstantQuaternionAid,
@@ -23,169 +21,148 @@ from lowcostnav_ros.aids.constant_gain import (
     ScheduledEulerAid,
     tunings,
 )
-from lowcostnav_ros.aids.ins_gps_aids import floored
-from lowcostnav_ros.base.measurements import Attitude, GpsVelocity, ImuBlock, MagneticField, Measurement
-from lowcostnav_ros.base.units import DEGREE
-from lowcostnav_ros.cores.imu_errors import bias_blocks, core_block, typical
-from lowcostnav_ros.estimation.attitude_vectors import specific_force_from_velocity
-from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
-from lowcostnav_ros.navigators.ahrs.base import ATTITUDE, FIX, IMU, LEVEL_TIMEOUT_NS, MAG, VELOCITY, Ahrs
-from lowcostnav_ros.navigators.ahrs.kernels import WINDOW_SIZE, gather_window
-from lowcostnav_ros.navigators.ahrs.rate_switch import RateSwitch
-from lowcostnav_ros.navigators.ahrs.settings import EULER, QUATERNION, VECTOR_MATCHING, AhrsSettings
-from lowcostnav_ros.physics.rotation import quat_conjugate, quat_rotate, quat_to_dcm
+from lowcostnav_ros.aids.gps import VelocityAid
+from lowcostnav_ros.aids.gps_attitude import GpsAttitudeAid
+from lowcostnav_ros.aids.level import SteadyFlightAid
+from lowcostnav_ros.aids.magnetic import MagneticAid
+from lowcostnav_ros.base.measurements import ImuBlock, Measurement
+from lowcostnav_ros.cores.imu_errors import typical
+from lowcostnav_ros.estimation.aiding import Aid
+from lowcostnav_ros.navigators.ahrs.filter import IMU, LEVEL_TIMEOUT_S, Filter, Reference
+from lowcostnav_ros.starts.attitude_core import hold_velocity
 
-LONGEST_SPAN_S = 3.0
-SHORTEST_SPAN_S = 0.9
-_NEVER_NS = 2**62
-_SLACK_NS = 1e6
+HELD_NS = 1_000_000_000
+"""The velocity, which nothing here uses, is put back to zero this often."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Span:
-    """Mean specific force between two GPS velocities, m/s^2: as they show it in n, as accelerometers saw it in b at the end."""
+class SwitchedFilter(Filter):
+    """Accelerometers and magnetometer in steady flight, gyros alone in manoeuvres."""
 
-    seconds: float
-    force_n: np.ndarray
-    force_b: np.ndarray
-    velocity_cov: np.ndarray
+    unused = ("airflow", "gps_attitude")
 
+    def __init__(self, host: Reference) -> None:
+        super().__init__(host)
+        self.level: ConstantLevelAid = host.aid("accelerometer_level")
+        self._levelling = host.channel_of(self.level)
+        self._paced = [host.channel_of(aid) for aid in host.aids if isinstance(aid, ConstantLevelAid | ConstantQuaternionAid)]
 
-class ConstantGainAhrs(Ahrs):
-    """Attitude and heading reference with constant gains; see the module head.
+    @classmethod
+    def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
+        """Constant gains; GPS velocity serves the first attitude alone."""
+        level = tunings(settings.constant_gain)[1]
+        if isinstance(aid, MagneticAid):
+            return [ConstantHeadingAid(aid.settings, aid.key, level)]
+        if isinstance(aid, SteadyFlightAid):
+            return [ConstantLevelAid(aid.settings, aid.key, level, settings.rate_switch)]
+        return [] if isinstance(aid, VelocityAid) else [aid]
 
-    Attributes
-    ----------
-    span : Span or None
-        What the force aid compares now.
-    matched : ndarray
-        1 for the states vector matching moves: attitude and gyro bias.
-    """
+    def begin(self, t_ns: int) -> None:
+        """Count the periods from here."""
+        self.level.switch.restart(t_ns)
+        self._held_ns: int | None = None
+        for channel in self._paced:
+            channel.begin(t_ns)
 
-    def __init__(self, settings: AhrsSettings) -> None:
-        kind = self.kind = settings.filter
-        hears_attitude = kind in (EULER, QUATERNION)
-        self.inputs = {IMU: True, MAG: False, VELOCITY: False, FIX: False} | ({ATTITUDE: False} if hears_attitude else {})
-        super().__init__(settings)
-        gps, level = tunings(settings)
-        self.switch = RateSwitch(settings.level, settings.rate_switch)
-        self.attitude_aid = (ScheduledEulerAid if kind == EULER else ConstantQuaternionAid)(settings, gps)
-        self.level_aid, self.magnetic_aid = ConstantLevelAid(settings.level, level), ConstantHeadingAid(settings, level)
-        self.field_aid = FieldMatchAid(settings)
-        self.force_aid = ForceMatchAid(settings.gps.gate, typical(settings.imu.accel_noise_mg_rthz))
-        primary = [self.attitude_aid] if hears_attitude else [self.force_aid] if kind == VECTOR_MATCHING else []
-        field = [self.field_aid] if kind == VECTOR_MATCHING else []
-        magnetic = [*field, self.magnetic_aid] if settings.magnetic.enabled else []
-        self.aids = [*primary, self.level_aid, *magnetic]
-        self.matched = self.layout.mask("gyro_bias")
-        self.matched[6:9] = 1.0
+    def follow(self, block: ImuBlock, start: int, stop: int) -> None:
+        """Watch for manoeuvres."""
+        core = self.host.core
+        self.level.switch.follow(block, start, stop, core.C_nb(), core.errors()[1])
 
-    @staticmethod
-    def _blocks(settings: AhrsSettings) -> list[Block]:
-        magnetic = settings.magnetic
-        blocks = [core_block(settings.imu), *bias_blocks(settings.imu)]
-        sigma, tau_s = magnetic.bias_deg * DEGREE, magnetic.bias_tau_s
-        if magnetic.enabled:
-            blocks.append(gauss_markov("heading_bias", ["heading_bias_rad"], Kind.HEADING_BIAS, sigma, tau_s))
-        if settings.filter == VECTOR_MATCHING and magnetic.enabled:
-            labels = [f"magnetic_error_{axis}" for axis in "xyz"]
-            blocks.append(gauss_markov("magnetic_error", labels, Kind.FREE, 0.5 * sigma, tau_s))  # half the field is horizontal
-        return blocks
-
-    def field_n(self) -> np.ndarray | None:
-        """Expected magnetic field (3,), tesla, NED, or None where the place or the model is missing."""
-        reference, place = self.magnetic.reference, self.magnetic.place
-        if place is None or reference.model is None:
-            return None
-        field = reference.model.field_n(*place)
-        if reference.override is not None:
-            level = float(np.hypot(field[0], field[1]))
-            field = np.array([level * np.cos(reference.override), level * np.sin(reference.override), field[2]])
-        return field
-
-    def _begun(self, t_ns: int) -> None:
-        self.switch.restart(t_ns)
-        self._levelled_ns = self._tried_attitude_ns = t_ns
-        self._forget_span(None)
-
-    def _follow(self, block: ImuBlock, start: int, following: int) -> None:
-        self.switch.follow(block, start, following, quat_to_dcm(self.core.nav[6:10]), self.core.errors()[1])
-        if self._velocity is not None:
-            columns = (block.stamps_ns[:following], block.specific_force_b, block.angular_rate_b)
-            _, t_ns = gather_window(self._span_ns, self._window, *columns, start, _NEVER_NS)
-            self._span_ns = int(t_ns)
-
-    def _keep(self, now: int) -> None:
+    def keep(self, now_ns: int) -> None:
         """Level on the grid of outputs; hold the velocity that nothing here uses at zero."""
-        if self.level_since_ns is None or now - self.level_since_ns >= 1_000_000_000:
-            self._hold_velocity(now)
-        if now - self._levelled_ns < 1e9 * self.settings.constant_gain.level_period_s - _SLACK_NS:
-            return
-        self._levelled_ns = now
-        if not self._gps_holds(now):
-            self.core.settle()
-            if self.use_aid(self.level_aid, Measurement(now, IMU)):
-                self._steady_ns = now
-        self.switch.begin_span()
+        if self._held_ns is None or now_ns - self._held_ns >= HELD_NS:
+            hold_velocity(self.host.core)
+            self._held_ns = now_ns
+        if self._levelling.due(now_ns):
+            if not self.gps_good(now_ns):
+                self.host.use_aid(self.level, Measurement(now_ns, IMU))
+            self.level.switch.begin_span()
 
-    def _gps_holds(self, now: int) -> bool:
-        if self.kind == VECTOR_MATCHING:
-            return now - self._gps_ns <= 1e9 * self.settings.gps.timeout_s
-        return now - self._attitude_ns <= 1e9 * self.settings.gps_attitude.timeout_s
+    def applies(self, aid: Aid, measurement: Measurement) -> bool:
+        """Magnetic heading in steady flight without GPS; the level has its time in :meth:`keep`."""
+        if isinstance(aid, ConstantHeadingAid):
+            return not self.gps_good(measurement.stamp_ns) and self.level.switch.is_steady
+        return aid is not self.level
 
-    def _aid(self, item: Measurement) -> None:
-        if isinstance(item, Attitude):
-            self._aid_attitude(item)
-        elif isinstance(item, GpsVelocity) and self.kind == VECTOR_MATCHING:
-            self._aid_force(item)
-        elif isinstance(item, MagneticField) and self.settings.magnetic.enabled:
-            self._aid_field(item)
+    def gps_good(self, stamp_ns: int) -> bool:
+        """Whether GPS attitude was accepted within the time-out."""
+        return self.host.fresh("gps_attitude", stamp_ns)
 
-    def _aid_attitude(self, item: Attitude) -> None:
-        if item.stamp_ns - self._tried_attitude_ns < 1e9 * self.settings.constant_gain.gps_period_s - _SLACK_NS:
-            return
-        self._tried_attitude_ns = item.stamp_ns
-        self.core.settle()
-        if self.use_aid(self.attitude_aid, item):
-            self._attitude_ns = item.stamp_ns
+    def held(self, heading: str) -> str:
+        """How GPS holds the attitude, for people."""
+        return "GPS attitude holds the attitude"
 
-    def _aid_field(self, item: MagneticField) -> None:
-        if not self._gps_holds(item.stamp_ns):
-            if self.switch.is_steady:
-                self._aid_magnetic(item)
-        elif self.kind == VECTOR_MATCHING and item.stamp_ns - self._tried_magnetic_ns >= 1e9 * self.settings.magnetic.period_s - _SLACK_NS:
-            self._tried_magnetic_ns = item.stamp_ns
-            self.core.settle()
-            if self.use_aid(self.field_aid, item):
-                self._magnetic_ns = item.stamp_ns
-
-    def _aid_force(self, item: GpsVelocity) -> None:
-        """Close the span at a GPS velocity when it is long enough; begin the next one."""
-        seconds = self._window[10]
-        if self._velocity is not None and seconds < SHORTEST_SPAN_S:
-            return
-        if self._velocity is not None and seconds <= LONGEST_SPAN_S:
-            scale, floor = self.settings.gps.sigma_scale, self.settings.gps.velocity_floor_mps
-            cov = floored(item.cov_n, scale, floor) + floored(self._velocity.cov_n, scale, floor)
-            force_b = quat_rotate(quat_conjugate(self._window[0:4]), self._window[4:7]) / seconds
-            self.span = Span(seconds, specific_force_from_velocity(self._velocity.vel_n, item.vel_n, seconds), force_b, cov)
-            self.core.settle()
-            if self.use_aid(self.force_aid, item):
-                self._gps_ns = item.stamp_ns
-        self._forget_span(item)
-
-    def _forget_span(self, velocity: GpsVelocity | None) -> None:
-        self.span: Span | None = None
-        self._velocity = velocity
-        self._window = np.zeros(WINDOW_SIZE)
-        self._window[0] = 1.0
-        self._span_ns = self.core.t_ns
-
-    def _mode(self, now: int, has_heading: bool) -> tuple[str, str]:
-        heading = "" if has_heading else ", no magnetic heading"
-        if self._gps_holds(now):
-            held = "GPS velocity shows the acceleration" + heading if self.kind == VECTOR_MATCHING else "GPS attitude holds the attitude"
-            return "calibrating", held
-        if now - self._steady_ns <= LEVEL_TIMEOUT_NS:
+    def mode(self, now_ns: int, heading: str) -> tuple[str, str]:
+        """By GPS, by steady flight, or neither."""
+        if self.gps_good(now_ns):
+            return "calibrating", self.held(heading)
+        if self.host.fresh("level", now_ns, LEVEL_TIMEOUT_S):
             return "coasting", "levelled in steady flight" + heading
         return "gyro_only", "manoeuvring: gyros alone since the last steady flight"
+
+
+class QuaternionFilter(SwitchedFilter):
+    """GPS attitude as a small rotation."""
+
+    needs = ("level", "gps_attitude")
+    unused = ("airflow",)
+    attitude: ClassVar[type[ConstantQuaternionAid]] = ConstantQuaternionAid
+
+    @classmethod
+    def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
+        """GPS attitude with the gain made for it."""
+        if isinstance(aid, GpsAttitudeAid):
+            return [cls.attitude(aid.settings, aid.key, tunings(settings.constant_gain)[0])]
+        return super().forms(aid, settings)
+
+
+class EulerFilter(QuaternionFilter):
+    """GPS attitude as Euler angles."""
+
+    attitude = ScheduledEulerAid
+
+
+class VectorMatchingFilter(SwitchedFilter):
+    """GPS velocity and magnetic field as vectors."""
+
+    needs = ("level", "gps")
+
+    def __init__(self, host: Reference) -> None:
+        super().__init__(host)
+        self._forces = [aid for aid in host.aids if isinstance(aid, ForceMatchAid)]
+
+    @classmethod
+    def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
+        """The field as a vector beside its heading, GPS velocity as a specific force."""
+        made = super().forms(aid, settings)
+        if isinstance(aid, MagneticAid):
+            return [*made, FieldMatchAid(aid.settings, aid.key)]
+        if isinstance(aid, VelocityAid):
+            return [ForceMatchAid(aid.settings, aid.key, typical(settings.imu.accel_noise_mg_rthz))]
+        return made
+
+    def begin(self, t_ns: int) -> None:
+        """Begin a span with the next velocity."""
+        super().begin(t_ns)
+        for force in self._forces:
+            force.begin(None)
+
+    def follow(self, block: ImuBlock, start: int, stop: int) -> None:
+        """Sum the specific force of the span."""
+        super().follow(block, start, stop)
+        for force in self._forces:
+            force.follow(block, start, stop)
+
+    def applies(self, aid: Aid, measurement: Measurement) -> bool:
+        """The field as a vector while GPS velocity tells the other one."""
+        if isinstance(aid, FieldMatchAid):
+            return self.gps_good(measurement.stamp_ns)
+        return super().applies(aid, measurement)
+
+    def gps_good(self, stamp_ns: int) -> bool:
+        """Whether a GPS velocity was used within the time-out."""
+        return self.host.fresh("gps", stamp_ns)
+
+    def held(self, heading: str) -> str:
+        """How GPS holds the attitude, for people."""
+        return "GPS velocity shows the acceleration" + heading

@@ -3,117 +3,82 @@
 Accelerometers show the vertical only once the acceleration is known.  It comes, in this order, from GPS velocity, from the velocity
 through the air, or it is taken to be zero while a manoeuvre switch sees steady flight.  The error state is that of the inertial
 core with gyro and accelerometer biases, a slow magnetic heading error, wind and airflow; velocity is carried because it links
-attitude to acceleration exactly.  See :mod:`lowcostnav_ros.aids.ahrs_aids` for the measurements.
+attitude to acceleration exactly.
 """
 
 import numpy as np
 
-from lowcostnav_ros.aids.ahrs_aids import AirflowAid, GpsAttitudeAid, SteadyFlightAid
-from lowcostnav_ros.aids.ins_gps_aids import VelocityAid
-from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsVelocity, ImuBlock, MagneticField, Measurement
-from lowcostnav_ros.cores.inertial import VEL
-from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.error_state import Block
-from lowcostnav_ros.navigators.ahrs.base import AIR, ATTITUDE, FIX, IMU, LEVEL_TIMEOUT_NS, MAG, VELOCITY, Ahrs
-from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings, chosen_blocks
-from lowcostnav_ros.navigators.ahrs.switch import ManoeuvreSwitch
-from lowcostnav_ros.physics.rotation import quat_to_dcm
-from lowcostnav_ros.starts.attitude_core import restart_velocity_from_air
+from lowcostnav_ros.aids.airflow import AirflowAid
+from lowcostnav_ros.aids.gps import VelocityAid
+from lowcostnav_ros.aids.level import SteadyFlightAid
+from lowcostnav_ros.base.measurements import AirVelocity, GpsVelocity, ImuBlock, Measurement
+from lowcostnav_ros.estimation.aiding import Aid
+from lowcostnav_ros.navigators.ahrs.filter import IMU, LEVEL_TIMEOUT_S, Filter, Reference
+from lowcostnav_ros.starts.attitude_core import hold_velocity, restart_velocity, restart_velocity_from_air
 
 
-class FullAhrs(Ahrs):
-    """Attitude and heading reference with a full covariance; see the module head."""
+class FullFilter(Filter):
+    """Full covariance; see the module head."""
 
-    def __init__(self, settings: AhrsSettings) -> None:
-        self.inputs = {IMU: True, MAG: False, VELOCITY: False, FIX: False, AIR: False}
-        if settings.gps_attitude.enabled:
-            self.inputs[ATTITUDE] = False
-        super().__init__(settings)
-        self.velocity_aid, self.attitude_aid = VelocityAid(settings.gps), GpsAttitudeAid(settings.gps_attitude)
-        self.airflow_aid, self.steady_aid = AirflowAid(settings.airflow), SteadyFlightAid(settings.level)
-        optional = (
-            (settings.gps_attitude.enabled, self.attitude_aid),
-            (settings.airflow.enabled, self.airflow_aid),
-            (settings.magnetic.enabled, self.magnetic_aid),
-        )
-        self.aids = [self.velocity_aid, self.steady_aid, *(aid for enabled, aid in optional if enabled)]
-        self.airflow_states = self.layout.mask("wind", "updraught", "airspeed_bias", "sideslip", "incidence")
-        self.switch = ManoeuvreSwitch(settings.level)
+    def __init__(self, host: Reference) -> None:
+        super().__init__(host)
+        self.level: SteadyFlightAid = host.aid("accelerometer_level")
 
-    @staticmethod
-    def _blocks(settings: AhrsSettings) -> list[Block]:
-        return chosen_blocks(settings)
+    def begin(self, t_ns: int) -> None:
+        """Begin with the velocity that was measured."""
+        self.level.switch.restart(t_ns)
+        self.level.since_ns = None
 
-    def wind_n(self) -> np.ndarray:
-        """Estimated wind (3,), m/s, NED."""
-        estimate = self.core.estimate
-        return np.concatenate((estimate[self.layout["wind"]], estimate[self.layout["updraught"]]))
+    def follow(self, block: ImuBlock, start: int, stop: int) -> None:
+        """Low-pass the motion."""
+        self.level.switch.follow(block, start, stop)
 
-    def gps_is_fresh(self, stamp_ns: int) -> bool:
-        """Whether a GPS velocity was accepted within the time-out."""
-        return stamp_ns - self._gps_ns <= 1e9 * self.settings.gps.timeout_s
-
-    def _begun(self, t_ns: int) -> None:
-        self.switch.restart(t_ns)
-
-    def _follow(self, block: ImuBlock, start: int, following: int) -> None:
-        self.switch.follow(block, start, following)
-
-    def _keep(self, now: int) -> None:
+    def keep(self, now_ns: int) -> None:
         """Judge the motion; level by steady flight when nothing measures velocity."""
-        self.switch.decide(quat_to_dcm(self.core.nav[6:10]), self.core.errors()[1])
-        if self.gps_is_fresh(now) or now - self._air_ns <= 1e9 * self.settings.airflow.timeout_s:
-            self.level_since_ns = None
-        elif self.level_since_ns is None:
-            self._hold_velocity(now)
-        elif now - self.level_since_ns >= 1e9 * self.settings.level.period_s:
-            if self.use_aid(self.steady_aid, Measurement(now, IMU)):
-                self._steady_ns = now
-            self._hold_velocity(now)
-
-    def _aid(self, item: Measurement) -> None:
-        if isinstance(item, GpsVelocity):
-            self._aid_velocity(item)
-        elif isinstance(item, AirVelocity):
-            self._aid_airflow(item)
-        elif isinstance(item, MagneticField) and self.settings.magnetic.enabled:
-            self._aid_magnetic(item)
-        elif isinstance(item, Attitude):
-            self.core.settle()
-            if self.use_aid(self.attitude_aid, item):
-                self._attitude_ns = item.stamp_ns
-
-    def _aid_velocity(self, item: GpsVelocity) -> None:
-        self.core.settle()
-        if self.level_since_ns is not None:
-            self.core.nav[VEL] = item.vel_n  # the velocity counted from zero means nothing beside a measured one
-            kalman.reset_block(self.P, VEL, item.cov_n + np.eye(3) * self.settings.gps.velocity_floor_mps**2)
-            self.level_since_ns = None
-        if self.use_aid(self.velocity_aid, item):
-            self._gps_ns = item.stamp_ns
-
-    def _aid_airflow(self, item: AirVelocity) -> None:
-        air = self.settings.airflow
-        if not air.enabled or item.stamp_ns - self._tried_air_ns < 1e9 * air.period_s - 1e6:
+        core, level = self.host.core, self.level
+        level.switch.decide(core.C_nb(), core.errors()[1])
+        if self.gps_good(now_ns) or self.host.fresh("airflow", now_ns):
+            level.since_ns = None
             return
-        self._tried_air_ns = item.stamp_ns
-        self.core.settle()
-        if self.level_since_ns is not None and np.linalg.norm(item.vel_b) >= air.minimum_mps:
-            restart_velocity_from_air(self.core, item, self.wind_n())
-            self.level_since_ns = None
-        if self.use_aid(self.airflow_aid, item):
-            self._air_ns = item.stamp_ns
+        if level.since_ns is not None:
+            if now_ns - level.since_ns < 1e9 * level.settings.period_s:
+                return
+            self.host.use_aid(level, Measurement(now_ns, IMU))
+        hold_velocity(core)
+        level.since_ns = now_ns
 
-    def _mode(self, now: int, has_heading: bool) -> tuple[str, str]:
-        heading = "" if has_heading else ", no magnetic heading"
-        if self.gps_is_fresh(now):
+    def applies(self, aid: Aid, measurement: Measurement) -> bool:
+        """All but the level, which has its time in :meth:`keep`."""
+        return aid is not self.level
+
+    def before(self, aid: Aid, measurement: Measurement) -> None:
+        """A velocity that was counted from zero begins anew at a measured one."""
+        if self.level.since_ns is None:
+            return
+        core = self.host.core
+        if isinstance(aid, VelocityAid) and isinstance(measurement, GpsVelocity):
+            restart_velocity(core, measurement.vel_n, measurement.cov_n + np.eye(3) * aid.settings.velocity_floor_mps**2)
+        elif isinstance(aid, AirflowAid) and isinstance(measurement, AirVelocity) and aid.fast_enough(measurement):
+            restart_velocity_from_air(core, measurement, aid.wind_n(self.host))
+        else:
+            return
+        self.level.since_ns = None
+
+    def gps_good(self, stamp_ns: int) -> bool:
+        """Whether a GPS velocity was accepted within the time-out."""
+        return self.host.fresh("gps", stamp_ns)
+
+    def mode(self, now_ns: int, heading: str) -> tuple[str, str]:
+        """By what shows the acceleration."""
+        fresh = self.host.fresh
+        if self.gps_good(now_ns):
             return "calibrating", "GPS velocity gives the acceleration" + heading
-        if now - self._attitude_ns <= 1e9 * self.settings.gps_attitude.timeout_s:
+        if fresh("gps_attitude", now_ns):
             return "calibrating", "no GPS velocity, GPS attitude holds the attitude"
-        if now - self._air_ns <= 1e9 * self.settings.airflow.timeout_s:
+        if fresh("airflow", now_ns):
             return "coasting", "no GPS velocity, airspeed gives the acceleration" + heading
-        if now - self._steady_ns <= LEVEL_TIMEOUT_NS:
+        if fresh("level", now_ns, LEVEL_TIMEOUT_S):
             return "coasting", "no GPS velocity or airspeed, levelled in steady flight" + heading
-        if has_heading:
+        if not heading:
             return "coasting", "magnetic heading only: roll and pitch run on the gyros while manoeuvring"
         return "gyro_only", "manoeuvring without GPS velocity, airspeed and magnetic heading"

@@ -15,9 +15,8 @@ from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.units import DEGREE, MILLI_G
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.cores.imu_errors import imu_settings
-from lowcostnav_ros.navigators.ahrs.base import Ahrs
-from lowcostnav_ros.navigators.ahrs.rate_switch import switch_limits
-from lowcostnav_ros.navigators.ahrs.settings import AhrsSettings, LevelSettings, PlaceSettings, RateSwitchSettings
+from lowcostnav_ros.estimation.manoeuvre import RateSwitchSettings, SteadyLimits, switch_limits
+from lowcostnav_ros.navigators.ahrs.navigator import Ahrs, AhrsSettings
 from lowcostnav_ros.physics.attitude_propagation import coast_quaternion
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.rotation import quat_to_euler, wrap
@@ -27,6 +26,7 @@ from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.sensors.imu import ImuSimulator, ImuSimulatorSettings
 from lowcostnav_ros.simulation.scenario import scenario_from_text
 from lowcostnav_ros.simulation.simulator import Simulation
+from lowcostnav_ros.starts.attitude_core import PlaceSettings
 from lowcostnav_ros.studies.attitude_filters import ALWAYS, HEADING_SWITCH, OPEN_LOOP, RATE_SWITCH, accel_mag_filter
 
 RATE_HZ, DURATION_S, SPEED = 20, 1200, 50.0
@@ -92,7 +92,7 @@ def fly(gyros: Gyros, feedback: int, rng: np.random.Generator, begin_s: float) -
     bias = GaussMarkov(1.2 * MILLI_G, 100.0)
     forces = forces + MILLI_G * rng.standard_normal((n, 3)) + simulate(bias, dt, n, rng, initial_state(bias, rng, 3))[0]
     heading = truth[RATE_HZ - 1 :: RATE_HZ, 2] + 0.8 * DEGREE * rng.standard_normal(DURATION_S)
-    limits = switch_limits(LevelSettings(), RateSwitchSettings())
+    limits = switch_limits(SteadyLimits(), RateSwitchSettings())
     found, used, turning = accel_mag_filter(np.zeros(3), rates, forces, heading, RATE_HZ, ON_LEVEL, ON_HEADING, dt, feedback, limits)
     return Run(wrap(found - truth) / DEGREE, truth[:, 0] / DEGREE, used, turning / DEGREE)
 

@@ -1,0 +1,140 @@
+"""Velocity through the air where GPS velocity may be missing: it then gives the acceleration that the accelerometers feel beside gravity.
+
+The aid sees the attitude through the velocity that an inertial core carries: between two measured velocities the core integrates ``C_nb f_b
++ g``, so the error of that integral, ``-[integral of f_n x] phi``, is in the covariance between velocity and attitude.  That is the exact
+form of comparing the change of velocity with the integral of specific force, in turns as well, and successive differences share no noise
+they would have to account for.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lowcostnav_ros.aids import AIDS
+from lowcostnav_ros.aids.airdata import SLOW
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity
+from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.views import Attitude, Velocity
+from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Host, Innovation, Sensor, SensorSettings, each
+from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov, random_walk
+from lowcostnav_ros.physics.rotation import skew
+
+SMALLEST_SPEED = 1.0
+VANE_SHARE = 0.5 * DEGREE
+"""Smallest error of a vane believed, rad: position error and mounting."""
+
+
+@dataclass(frozen=True)
+class AirflowSettings(SensorSettings):
+    """Air data: what gives the acceleration when GPS velocity is missing."""
+
+    enabled: bool = setting(True, "Use the air-relative velocity.")
+    noise_mps: float = setting(0.5, "White noise and gusts in each component.", unit="m/s", minimum=0.01, maximum=20.0)
+    bias_mps: float = setting(2.6, "Slow airspeed error, Gauss-Markov sigma.", unit="m/s", minimum=0.01, maximum=50.0)
+    bias_tau_s: float = setting(400.0, "Correlation time of the slow airspeed error.", unit="s", minimum=1.0)
+    incidence_deg: float = setting(3.0, "Usual incidence of the body x axis, used without a vane.", unit="deg", minimum=-5.0, maximum=20.0)
+    incidence_sigma_deg: float = setting(2.0, "Incidence about the usual one, Gauss-Markov sigma.", unit="deg", minimum=0.1, maximum=20.0)
+    incidence_tau_s: float = setting(60.0, "Correlation time of the incidence.", unit="s", minimum=0.5)
+    sideslip_sigma_deg: float = setting(1.5, "Sideslip, Gauss-Markov sigma.", unit="deg", minimum=0.1, maximum=20.0)
+    sideslip_tau_s: float = setting(15.0, "Correlation time of the sideslip.", unit="s", minimum=0.5)
+    wind_mps: float = setting(5.0, "Change of a wind component in its correlation time, sigma.", unit="m/s", minimum=0.01, maximum=50.0)
+    wind_tau_s: float = setting(400.0, "Correlation time of the wind.", unit="s", minimum=1.0)
+    wind_start_mps: float = setting(10.0, "Sigma of the wind at the start.", unit="m/s", minimum=0.1, maximum=100.0)
+    updraught_mps: float = setting(0.5, "Vertical wind, Gauss-Markov sigma.", unit="m/s", minimum=0.01, maximum=20.0)
+    updraught_tau_s: float = setting(30.0, "Correlation time of the vertical wind.", unit="s", minimum=1.0)
+    minimum_mps: float = setting(15.0, "Below this airspeed nothing is used.", unit="m/s", minimum=1.0, maximum=200.0)
+    period_s: float = setting(0.2, "Use at most one measurement in this time.", unit="s", minimum=0.0, maximum=60.0)
+    timeout_s: float = setting(3.0, "No accepted airspeed for this long is an outage.", unit="s", minimum=0.1, maximum=60.0)
+    gate: GateSettings = group(GateSettings)
+
+
+class AirflowAid(Aid):
+    """Velocity through the air: its length is the true airspeed, its direction sideslip and incidence.
+
+    While GPS velocity is good it teaches wind, airspeed error and flow angles and moves nothing else; without GPS it holds velocity
+    and thereby attitude, and its innovation is limited, not rejected: it is the last there is.
+    """
+
+    name, labels = "airflow", ("tas_mps", "lateral_mps", "vertical_mps")
+    measurement, topic, views, last_resort = AirVelocity, "air/velocity", (Velocity, Attitude), True
+    teaches = ("wind", "updraught", "airspeed_bias", "sideslip", "incidence")
+
+    def blocks(self) -> list[Block]:
+        """Wind, airspeed error and flow angles.
+
+        The wind is a random walk with the short-term growth of a Gauss-Markov process, so that a steady wind is no error to forget.
+        """
+        air, own = self.settings, self.own
+        growth = air.wind_mps * float(np.sqrt(2.0 / air.wind_tau_s))
+        angles = (("sideslip", air.sideslip_sigma_deg, air.sideslip_tau_s), ("incidence", air.incidence_sigma_deg, air.incidence_tau_s))
+        bias = own("airspeed_bias")
+        return [
+            random_walk("wind", ["wind_north_mps", "wind_east_mps"], Kind.WIND, air.wind_start_mps, growth),
+            gauss_markov("updraught", ["wind_down_mps"], Kind.FREE, air.updraught_mps, air.updraught_tau_s),
+            gauss_markov(bias, [f"{bias}_mps"], Kind.AIRSPEED_BIAS, air.bias_mps, air.bias_tau_s),
+            *(gauss_markov(own(n), [f"{own(n)}_rad"], Kind.FREE, sigma * DEGREE, tau) for n, sigma, tau in angles),
+        ]
+
+    def attach(self, host: Host) -> None:
+        """Find wind and updraught, which all air data share, and the own errors."""
+        super().attach(host)
+        self._wind, self._updraught = host.layout["wind"], host.layout["updraught"]
+        self._teaching = host.layout.mask("wind", "updraught", *map(self.own, self.teaches[2:]))
+
+    def wind_n(self, host: Host) -> np.ndarray:
+        """Estimated wind (3,), m/s, NED."""
+        estimate = host.core.estimate
+        return np.concatenate((estimate[self._wind], estimate[self._updraught]))
+
+    def fast_enough(self, measurement: AirVelocity) -> bool:
+        """Whether it flies fast enough for the measurement to be used."""
+        return bool(np.linalg.norm(measurement.vel_b) >= self.settings.minimum_mps)
+
+    def innovation(self, measurement: AirVelocity, host: Host) -> Innovation | str:
+        """Rows airspeed, lateral, vertical against ``u = C' (v - w)``.
+
+        ``TAS = |u| + b``;  lateral ``u_y``, vertical ``u_z``: a vane's measurement, else TAS times the estimated flow angle.
+        Jacobian of u: ``C'`` on velocity, ``-C'`` on wind, ``C' [(v - w) x]`` on attitude.
+        """
+        if not self.fast_enough(measurement):
+            return SLOW
+        tas = float(np.linalg.norm(measurement.vel_b))
+        air_n = host.core.nav[3:6] - self.wind_n(host)
+        speed = float(np.linalg.norm(air_n))
+        if speed < SMALLEST_SPEED:
+            return "predicted airspeed is zero"
+        H, predicted = self._rows(host, air_n, speed)
+        measured, sigma = self._measured(measurement, H, host, tas)
+        return Innovation(measured - predicted, H, np.diag(sigma**2), measured, self.free(measurement.stamp_ns, host))
+
+    def _rows(self, host: Host, air_n: np.ndarray, speed: float) -> tuple[np.ndarray, np.ndarray]:
+        C = host.core.C_nb()
+        H = np.zeros((3, host.layout.size))
+        to_u = np.vstack((air_n / speed, C.T[1:]))
+        H[:, host.core.velocity_rows] = to_u
+        H[1:, host.core.attitude_rows] = (C.T @ skew(air_n))[1:]
+        H[:, self._wind], H[:, self._updraught] = -to_u[:, :2], -to_u[:, 2:]
+        bias = host.layout[self.own("airspeed_bias")].start
+        H[0, bias] = 1.0
+        return H, np.array([speed + host.core.estimate[bias], *(C.T @ air_n)[1:]])
+
+    def _measured(self, measurement: AirVelocity, H: np.ndarray, host: Host, tas: float) -> tuple[np.ndarray, np.ndarray]:
+        """What each row saw and its white sigma; an unmeasured direction is the flow angle's estimate, a state of its own."""
+        settings = self.settings
+        stated = measurement.cov_b[0, 0] - settings.bias_mps**2  # the message states the whole error; its slow part is a state here
+        measured, sigma = np.empty(3), np.full(3, settings.noise_mps)
+        measured[0], sigma[0] = tas, np.sqrt(max(settings.noise_mps**2, stated))
+        for axis, name, usual in ((1, "sideslip", 0.0), (2, "incidence", settings.incidence_deg * DEGREE)):
+            variance = measurement.cov_b[axis, axis]
+            if variance < UNKNOWN_VARIANCE:
+                measured[axis] = measurement.vel_b[axis]
+                sigma[axis] = np.sqrt(settings.noise_mps**2 + max(variance, (tas * VANE_SHARE) ** 2))
+            else:
+                state = host.layout[self.own(name)].start
+                H[axis, state] = -tas
+                measured[axis] = tas * (usual + host.core.estimate[state])
+        return measured, sigma
+
+
+AIRFLOW = AIDS.register("airflow", Sensor("airflow", AirflowSettings, each(AirflowAid)), __name__)

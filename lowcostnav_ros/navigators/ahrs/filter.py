@@ -1,0 +1,73 @@
+"""What the attitude reference asks of a filter: its list of aids, and the rules of when to apply them."""
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Protocol
+
+from lowcostnav_ros.base.measurements import ImuBlock, Measurement
+from lowcostnav_ros.estimation.aiding import Aid, Host
+from lowcostnav_ros.navigators.base import Channel
+
+IMU = "imu/data_raw"
+LEVEL_TIMEOUT_S = 5.0
+
+
+class Reference(Host, Protocol):
+    """The navigator that holds a filter."""
+
+    aids: list[Aid]
+
+    def aid(self, name: str) -> Aid | None: ...
+    def channel_of(self, aid: Aid) -> Channel: ...
+    def use_aid(self, aid: Aid, measurement: Measurement) -> bool: ...
+    def fresh(self, sensor: str, now_ns: int, seconds: float | None = None) -> bool:
+        """Whether a sensor was used within its time-out, or within ``seconds``."""
+
+
+class Filter(ABC):
+    """A filter of the attitude reference.
+
+    Attributes
+    ----------
+    needs : tuple of str
+        Sensors it cannot do without.
+    unused : tuple of str
+        Sensors it has no use for: they are not listened to.
+    """
+
+    needs: ClassVar[tuple[str, ...]] = ("level",)
+    unused: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, host: Reference) -> None:
+        self.host = host
+
+    @classmethod
+    def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
+        """What it uses in place of an aid of the list, with the navigator's settings."""
+        return [aid]
+
+    @abstractmethod
+    def begin(self, t_ns: int) -> None:
+        """An attitude was found: begin."""
+
+    @abstractmethod
+    def follow(self, block: ImuBlock, start: int, stop: int) -> None:
+        """Samples ``start`` to ``stop`` have moved the core."""
+
+    @abstractmethod
+    def keep(self, now_ns: int) -> None:
+        """Called at every output: what is to be done without measurements."""
+
+    def applies(self, aid: Aid, measurement: Measurement) -> bool:
+        """Whether an aid has a part to play now."""
+        return True
+
+    def before(self, aid: Aid, measurement: Measurement) -> None:  # noqa: B027 - few filters have a use for it
+        """Called before an aid is run on a measurement."""
+
+    @abstractmethod
+    def gps_good(self, stamp_ns: int) -> bool:
+        """Whether GPS holds the solution."""
+
+    @abstractmethod
+    def mode(self, now_ns: int, heading: str) -> tuple[str, str]:
+        """Mode and reason; ``heading`` is what to add when there is no magnetic heading, else empty."""

@@ -1,0 +1,332 @@
+"""Attitude and heading reference (AHRS): gyros carry the attitude, other sensors keep it.
+
+The navigator finds the first attitude, bridges holes in the inertial data, carries mean and covariance on the inertial core and gives the
+outputs; the filter that ``settings.filter`` names says which aids are used and when: that of :mod:`lowcostnav_ros.navigators.ahrs.full`
+weighs everything by a full covariance, those of :mod:`lowcostnav_ros.navigators.ahrs.constant_gain` have the gains of the source, known
+before the flight.  An AHRS owes attitude, heading, rates and specific force; it reports no velocity and no position.
+
+``C_true = (I + [phi_n x]) C_est``; see :mod:`lowcostnav_ros.cores.inertial` for the dynamics (Gebre-Egziabher 2004, chapter 4).
+"""
+
+import math
+from dataclasses import replace
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.aids.airflow import AIRFLOW
+from lowcostnav_ros.aids.gps import GPS_VELOCITY
+from lowcostnav_ros.aids.gps_attitude import GPS_ATTITUDE
+from lowcostnav_ros.aids.level import LEVEL
+from lowcostnav_ros.aids.magnetic import MAGNETIC, MagneticSettings
+from lowcostnav_ros.base.measurements import (
+    AirVelocity,
+    Attitude,
+    GpsPosition,
+    GpsVelocity,
+    ImuBlock,
+    MagneticField,
+    Measurement,
+    NavSolution,
+)
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.imu_errors import bias_blocks, core_block
+from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
+from lowcostnav_ros.estimation.aiding import Aid
+from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.navigators.ahrs.filter import IMU
+from lowcostnav_ros.navigators.ahrs.settings import FILTERS, AhrsOwnSettings
+from lowcostnav_ros.navigators.base import Channel, Navigator
+from lowcostnav_ros.navigators.registry import navigator
+from lowcostnav_ros.navigators.settings import kind_of, listed
+from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference
+from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler
+from lowcostnav_ros.starts.attitude_core import begin_core, hold_position, sensor_rows
+from lowcostnav_ros.starts.first_attitude import Alignment, FirstAttitude
+
+FIX = "gps/fix"
+HEADING_TIMEOUT_S = 5.0
+POSITION_HELD_NS = 10_000_000_000
+NUMBERS = {GpsVelocity: ("vel_n", "cov_n"), AirVelocity: ("vel_b", "cov_b"), Attitude: ("q_nb", "cov_att"), MagneticField: ("field_b",)}
+"""What of a measurement must be finite.  The aids see to it, too, but the first attitude and a velocity that begins anew have no aid."""
+
+
+def rows_of(block: ImuBlock, rows: slice | np.ndarray) -> ImuBlock:
+    """Some rows of a block; its head stamp stays, so that no rows at all are a block too."""
+    return ImuBlock(block.stamp_ns, block.source, block.stamps_ns[rows], block.specific_force_b[rows], block.angular_rate_b[rows])
+
+
+def unbroken(block: ImuBlock) -> list[ImuBlock]:
+    """The block cut before every sample that comes after a hole in the data."""
+    if len(block) == 0 or block.stamps_ns[-1] - block.stamps_ns[0] <= GAP_NS:
+        return [block]
+    cuts = np.flatnonzero(np.diff(block.stamps_ns) > GAP_NS) + 1
+    if not len(cuts):
+        return [block]
+    return [rows_of(block, slice(a, b)) for a, b in zip([0, *cuts], [*cuts, len(block)], strict=True)]
+
+
+@navigator
+class Ahrs(Navigator):
+    """Attitude and heading reference; see the module head.
+
+    Modes: ``initialising`` (no data), ``aligning``, ``calibrating`` (with GPS: the gyro biases converge), ``coasting`` (airspeed,
+    steady flight or magnetometer), ``gyro_only``, ``failed`` (wrong unit at the start, or a tilt sigma past the limit).
+
+    Attributes
+    ----------
+    filter : Filter
+    core : InertialCore
+    layout : Layout
+    magnetic : FieldAtPlace
+        The magnetic field expected at the place last known.
+    """
+
+    name = "ahrs"
+    colour = "#b4579a"
+    outputs = ("imu/data", "imu/data_fused")
+    not_observable = "it is told position, velocity and acceleration from outside its filter; watch ins_gps, which estimates them"
+    inertial = IMU
+    OwnSettings = AhrsOwnSettings
+    sensors = (GPS_VELOCITY.but(latency_s=0.0), MAGNETIC.but(noise_deg=0.8), AIRFLOW, LEVEL, GPS_ATTITUDE.but(enabled=False))
+    required = (IMU,)
+
+    def __init__(self, settings: Any, stations: Any = None) -> None:
+        self._kind = FILTERS[settings.filter]
+        self.needs = self._kind.needs
+        if "gps_attitude" in self.needs and "gps_attitude" in settings.aids:
+            settings = replace(settings, gps_attitude=replace(settings.gps_attitude, enabled=True))
+        super().__init__(settings, stations)
+        self.layout = Layout([core_block(settings.imu), *bias_blocks(settings.imu), *self.aid_blocks()])
+        self.core = InertialCore(self.layout)
+        for aid in self.aids:
+            aid.attach(self)
+        field, heading, airflow = getattr(settings, "magnetic", MagneticSettings()), self.aid("magnetic_heading"), self.aid("airflow")
+        self.magnetic = FieldAtPlace(MagneticReference(field.decimal_year, field.declination_deg), settings.place.known())
+        for aid in self.aids:
+            if hasattr(aid, "reference"):
+                aid.reference = self.magnetic
+        self.alignment = Alignment(
+            *(settings.alignment, settings.imu, settings.level),
+            *(heading and heading.settings.noise_deg, airflow and airflow.settings.minimum_mps),
+        )
+        self.filter = self._kind(self)
+        self._timeouts = {kind_of(key): getattr(own, "timeout_s", 0.0) for key, own in listed(settings)}
+        self._restart()
+
+    # its list ----------------------------------------------------------------------------------------------------------------
+
+    def own_inputs(self) -> tuple[str, ...]:
+        """The IMU, and a position for declination, gravity and the earth's rate."""
+        return IMU, FIX
+
+    def wants(self, key: str) -> bool:
+        """What its filter has a use for."""
+        return kind_of(key) not in self._kind.unused
+
+    def _connect(self, aids: list[Aid]) -> None:
+        made = [(form, aid.source) for aid in aids for form in self._kind.forms(aid, self.settings)]
+        for form, source in made:
+            form.source = source
+        super()._connect([form for form, _ in made])
+
+    def channel_of(self, aid: Aid) -> Channel:
+        """The channel that leads to one of its aids."""
+        return next(channel for channel in self._all_channels() if aid in channel.aids)
+
+    def _all_channels(self) -> list[Channel]:
+        return [*self.clocked, *chain.from_iterable(self.channels.values())]
+
+    def applies(self, aid: Aid, measurement: Measurement) -> bool:
+        """As its filter rules."""
+        return self.filter.applies(aid, measurement)
+
+    def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
+        """As every navigator, with the covariance brought to the time of the mean first."""
+        self.core.settle()
+        self.filter.before(aid, measurement)
+        used = super().use_aid(aid, measurement)
+        if used:
+            self._used_ns[kind_of(aid.key)] = measurement.stamp_ns
+        return used
+
+    def gps_good(self, stamp_ns: int) -> bool:
+        """Whether GPS holds the solution."""
+        return self.filter.gps_good(stamp_ns)
+
+    def fresh(self, sensor: str, now_ns: int, seconds: float | None = None) -> bool:
+        """Whether a sensor, or another of its kind, was used within its time-out, or within ``seconds``."""
+        if sensor not in self._used_ns:
+            return False
+        return now_ns - self._used_ns[sensor] <= 1e9 * (self._timeouts[sensor] if seconds is None else seconds)
+
+    # measurements ------------------------------------------------------------------------------------------------------------
+
+    def _restart(self) -> None:
+        self._aligned = False
+        self._imu_ns: int | None = None
+        self._used_ns: dict[str, int] = {}
+        self._position_held_ns = -(10**18)
+        self._kept: tuple[np.ndarray, np.ndarray] | None = None
+        for channel in self._all_channels():
+            channel.restart()
+        self.core.rest()
+        self.alignment.restart(None)
+
+    def _fuse(self, item: Measurement) -> None:
+        if isinstance(item, ImuBlock):
+            self._run(item)
+        elif isinstance(item, GpsPosition):
+            self._take_place(item)
+        elif self._imu_ns != item.stamp_ns:
+            self.input_status[item.source].reject("inertial data missing")
+        elif not all(np.isfinite(getattr(item, name)).all() for name in NUMBERS.get(type(item), ())):
+            self.input_status[item.source].reject("not finite")
+        elif not self._aligned:
+            self._start(self.alignment.take(item, self.magnetic.known()))
+        else:
+            self.use(item)
+            self._judge()
+
+    def _take_place(self, fix: GpsPosition) -> None:
+        """A position serves declination, gravity and the earth's rate; it is not fused."""
+        if not (abs(fix.lat) < 0.5 * math.pi and math.isfinite(fix.lon) and math.isfinite(fix.height)):
+            self.input_status[fix.source].reject("not a place on earth")
+            return
+        self.magnetic.place = (fix.lat, fix.lon, fix.height)
+        if self._aligned:
+            hold_position(self.core, self.magnetic.place)
+
+    def _run(self, block: ImuBlock) -> None:
+        for part in unbroken(self._finite(block)):
+            start = 0
+            while start < len(part):
+                if self._in_gap(part, start):
+                    start += 1
+                elif self._aligned:
+                    start = self._advance(part, start)
+                else:
+                    start = self._align(part, start)
+
+    def _finite(self, block: ImuBlock) -> ImuBlock:
+        if math.isfinite(block.specific_force_b.sum() + block.angular_rate_b.sum()):  # one number that is none spoils the sum
+            return block
+        good = np.isfinite(block.specific_force_b).all(axis=1) & np.isfinite(block.angular_rate_b).all(axis=1)
+        self.input_status[IMU].reject("not finite")
+        return rows_of(block, good)
+
+    def _in_gap(self, block: ImuBlock, start: int) -> bool:
+        """Whether the sample at ``start`` ends a hole in the inertial data; if so, align anew, keeping the sensor biases.
+
+        A hole's sample always comes whole: the horizon splits none that stands for so long.
+        """
+        end = int(block.stamps_ns[start])
+        if self._imu_ns is None or end - self._imu_ns <= GAP_NS:
+            return False
+        if self._aligned:
+            self._realign("inertial gap", f"inertial data missing for {1e-9 * (end - self._imu_ns):.1f} s")
+        self._imu_ns = end
+        self.alignment.restart(end, self.reason)
+        return True
+
+    def _realign(self, kind: str, reason: str) -> None:
+        self.restarts[kind] += 1
+        sensors = sensor_rows(self.core)
+        self._kept = (self.core.estimate[sensors].copy(), self.P[sensors, sensors].copy())
+        self._aligned = False
+        self.mode, self.reason = "aligning", reason
+
+    # alignment ---------------------------------------------------------------------------------------------------------------
+
+    def _align(self, block: ImuBlock, start: int) -> int:
+        following = self.alignment.gather(block, start)
+        self._imu_ns = int(block.stamps_ns[following - 1])
+        self._start(self.alignment.unaided(self.magnetic.known()))
+        return following
+
+    def _start(self, first: FirstAttitude | None) -> None:
+        """Begin to navigate when the alignment has an attitude; else say what it waits for."""
+        if first is None:
+            self.mode = "failed" if self.alignment.wrong_unit else "aligning"
+            self.reason = self.alignment.reason
+            return
+        floor_mps = max((getattr(own, "velocity_floor_mps", 0.0) for _, own in listed(self.settings)), default=0.0)
+        begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
+        self._aligned, self._kept = True, None
+        began_with = {"level": True, "gps": first.gps is not None, "airflow": first.air is not None, "magnetic": first.is_magnetic}
+        self._used_ns = {sensor: first.t_ns for sensor, was_used in began_with.items() if was_used}
+        self.filter.begin(first.t_ns)
+        self._judge()
+
+    # navigation --------------------------------------------------------------------------------------------------------------
+
+    def _advance(self, block: ImuBlock, start: int) -> int:
+        before = self.core.t_ns
+        following = self.core.advance(block, start, self.output_period_ns)
+        self.filter.follow(block, start, following)
+        self._imu_ns = self.core.t_ns
+        self.core.note(block, following - 1)
+        if self.core.t_ns // self.output_period_ns != before // self.output_period_ns:
+            self._tick()
+            if self._aligned:
+                self._out.append(self._solution(self.core.t_ns, self.core.nav, self.core.force_b, self.core.rate_b))
+        return following
+
+    def _tick(self) -> None:
+        """At every output: what the filter does in steady flight, and the mode."""
+        now, nav = self.core.t_ns, self.core.nav
+        if not (np.isfinite(nav).all() and np.isfinite(self.P[ATT, ATT]).all()):
+            self._realign("state not finite", "state not finite")
+            self._kept = None
+            self.alignment.restart(now, self.reason)
+            return
+        if now - self._position_held_ns >= POSITION_HELD_NS:
+            self._position_held_ns = now
+            hold_position(self.core, self.magnetic.place)
+        self.filter.keep(now)
+        for channel in self.clocked:
+            self.use_channel(channel, Measurement(now, IMU))
+        self._judge()
+
+    # outputs -----------------------------------------------------------------------------------------------------------------
+
+    def _judge(self) -> None:
+        """Keep mode and reason in step with what was fused."""
+        tilt_sigma_deg, limit = math.sqrt(max(self.P[6, 6], self.P[7, 7], 0.0)) / DEGREE, self.settings.failed_tilt_deg
+        if tilt_sigma_deg > limit:
+            self.mode, self.reason = "failed", f"roll or pitch sigma {tilt_sigma_deg:.0f} deg is past {limit:.0f} deg"
+        else:
+            has_heading = self.fresh("magnetic", self.core.t_ns, HEADING_TIMEOUT_S)
+            self.mode, self.reason = self.filter.mode(self.core.t_ns, "" if has_heading else ", no magnetic heading")
+
+    def _predict(self) -> NavSolution | None:
+        if not self._aligned:
+            return None
+        block, _ = self.horizon.ahead()
+        return self._solution(*self.core.predicted(block), *self.core.latest(block))
+
+    def _solution(self, t_ns: int, nav: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
+        sigma, layout = np.sqrt(np.maximum(np.diag(self.P), 0.0)), self.layout
+        reported = range(CORE, layout["heading_bias" if "heading_bias" in layout else "gyro_bias"].stop)
+        return NavSolution(
+            stamp_ns=int(t_ns),
+            source=self.name,
+            q_nb=nav[6:10].copy(),
+            angular_rate_b=rate_b,
+            specific_force_b=force_b,
+            cov_att=self.P[ATT, ATT].copy(),
+            mode=self.mode,
+            states={layout.labels[i]: (float(self.core.estimate[i]), float(sigma[i])) for i in reported},
+        )
+
+    def _sigmas(self) -> dict[str, float]:
+        if not self._aligned:
+            return {}
+        J = euler_jacobian_n(*quat_to_euler(self.core.nav[6:10]))
+        euler = np.sqrt(np.maximum(np.diag(J @ self.P[ATT, ATT] @ J.T), 0.0)) / DEGREE
+        bias = np.sqrt(np.diag(self.P)[self.layout["gyro_bias"]].max()) / DEGREE
+        return {"roll_deg": float(euler[0]), "pitch_deg": float(euler[1]), "heading_deg": float(euler[2]), "gyro_bias_dps": float(bias)}
+
+
+AhrsSettings = Ahrs.Settings
