@@ -27,6 +27,7 @@ class Mode(StrEnum):
     COASTING = "coasting"
     DME_AIDED = "dme_aided"
     VOR_AIDED = "vor_aided"
+    GYRO_ONLY = "gyro_only"
     RE_ACQUIRING = "re_acquiring"
     FAILED = "failed"
     SILENT = "no solution"

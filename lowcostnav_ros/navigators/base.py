@@ -9,15 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
 from lowcostnav_ros.estimation.error_state import Block
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
-
-OK, WARN, ERROR = 0, 1, 2
-"""Levels of a status, as diagnostic_msgs numbers them."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ class NavigatorStatus:
     name: str
     mode: str
     reason: str
-    level: int
+    level: Level
     stamp_ns: int | None
     sigmas: dict[str, float]
     inputs: list[InputStatus]
@@ -142,6 +140,7 @@ class Navigator(ABC):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
+        register_modes(dict.fromkeys(cls.__dict__.get("healthy_modes", ()), Level.OK))
         if "OwnSettings" in cls.__dict__:
             cls.Settings = settings_class(cls, tuple(sensor.name for sensor in cls.sensors))
 
@@ -155,7 +154,7 @@ class Navigator(ABC):
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
         self.origin: LocalFrame | None = None
         self.input_status = {source: InputStatus(source, required) for source, required in self.inputs.items()}
-        self.mode = "initialising"
+        self.mode = Mode.INITIALISING
         self.reason = "waiting for measurements"
         self.restarts: Counter[str] = Counter()
         self.on_aid: Callable[[AidStatus], None] | None = None
@@ -300,8 +299,8 @@ class Navigator(ABC):
         """Mode, reason, level and all records, for diagnostics and reports."""
         aids = [aid.status for aid in self.aids]
         inputs = list(self.input_status.values())
-        now_ns, integrity = self.horizon.passed_ns, self._integrity()
-        return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, integrity, self._details())
+        now_ns, further = self.horizon.passed_ns, (self._integrity(), self._details())
+        return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, *further)
 
     def reset(self, reason: str) -> None:
         """Start over: forget the state and what is held, keep the settings, the origin and the counters."""
@@ -311,7 +310,7 @@ class Navigator(ABC):
     def realign(self, reason: str) -> None:
         """Forget the state alone; what the horizon holds is used to align anew (so that this, too, repeats to the bit)."""
         self.restarts[reason] += 1
-        self.mode, self.reason = "initialising", reason
+        self.mode, self.reason = Mode.INITIALISING, reason
         self._restart()
 
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
@@ -350,7 +349,6 @@ class Navigator(ABC):
         """What the integrity tests say, where there are any."""
         return None
 
-    def _level(self) -> int:
-        if self.mode == "failed":
-            return ERROR
-        return OK if self.mode in ("gps", "calibrating") else WARN
+    def _level(self) -> Level:
+        """Health, by the mode."""
+        return level_of(self.mode)

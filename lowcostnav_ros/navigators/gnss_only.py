@@ -14,6 +14,7 @@ import numpy as np
 
 from lowcostnav_ros.aids.gnss import ENOUGH, EPOCH, GNSS, THESIS_POSITION_PSD, RangeAid, clock_block
 from lowcostnav_ros.base.measurements import GnssEpoch, Integrity, Measurement, NavSolution
+from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.cores.inertial import POS, VEL
 from lowcostnav_ros.cores.motion import MotionCore
@@ -83,7 +84,7 @@ class GnssOnly(Navigator):
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether satellites hold the solution."""
-        return self.mode == "gps"
+        return self.mode == Mode.GPS
 
     def _restart(self) -> None:
         self._started = False
@@ -127,14 +128,14 @@ class GnssOnly(Navigator):
     def _judge(self, epoch: GnssEpoch) -> None:
         since = 1e-9 * (epoch.stamp_ns - self._fused_ns)
         if since == 0.0:
-            self.mode, self.reason = "gps", f"{len(self.range_aid.used)} satellites"
+            self.mode, self.reason = Mode.GPS, f"{len(self.range_aid.used)} satellites"
             if self.receiver.integrity.status.alarm:
-                self.mode, self.reason = "suspect", self.receiver.integrity.status.alarm
+                self.mode, self.reason = Mode.SUSPECT, self.receiver.integrity.status.alarm
         elif since > self.settings.timeout_s:
-            self.mode, self.reason = "coasting", f"{len(epoch)} satellites for {since:.0f} s"
+            self.mode, self.reason = Mode.COASTING, f"{len(epoch)} satellites for {since:.0f} s"
 
     def _predict(self) -> NavSolution | None:
-        if not self._started or self.mode not in ("gps", "suspect"):
+        if not self._started or self.mode not in (Mode.GPS, Mode.SUSPECT):
             return None
         newest = self.horizon.newest_ns or self.core.t_ns
         return self._solution(max(newest, self.core.t_ns), *self.core.ahead(newest))

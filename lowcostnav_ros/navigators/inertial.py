@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
@@ -79,7 +80,7 @@ class InertialNavigator(Navigator):
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether GPS holds the solution."""
-        return self.mode == "gps"
+        return self.mode == Mode.GPS
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
@@ -142,12 +143,12 @@ class InertialNavigator(Navigator):
         now, last = self.core.t_ns, self._fused_fix_ns
         sigma = self._horizontal_sigma()
         if sigma > self.settings.failed_sigma_m:
-            self.mode, self.reason = "failed", f"horizontal sigma {sigma:.0f} m is past {self.settings.failed_sigma_m:.0f} m"
+            self.mode, self.reason = Mode.FAILED, f"horizontal sigma {sigma:.0f} m is past {self.settings.failed_sigma_m:.0f} m"
         elif last is not None and now - last <= 1e9 * self.settings.gps.timeout_s:
-            self.mode, self.reason = "gps", "GPS position accepted"
+            self.mode, self.reason = Mode.GPS, "GPS position accepted"
         else:
             since = 0.0 if last is None else 1e-9 * (now - last)
-            self.mode, self.reason = "coasting", f"{self._why_no_fix(now)} for {since:.0f} s{self.outage_words(now)}"
+            self.mode, self.reason = Mode.COASTING, f"{self._why_no_fix(now)} for {since:.0f} s{self.outage_words(now)}"
 
     def _why_no_fix(self, now_ns: int) -> str:
         recent = (aid.status.reason for aid in self.aids if aid.is_fix and aid.status.stamp_ns > now_ns - RECENT_NS)
@@ -166,7 +167,7 @@ class InertialNavigator(Navigator):
         if start is not None:
             self._begin(start)
         elif self.start.reason:
-            self.mode, self.reason = "aligning", self.start.reason
+            self.mode, self.reason = Mode.ALIGNING, self.start.reason
 
     def _begin(self, start: Start) -> None:
         self.begin(start.stamp_ns, start.nav, start.covariance)

@@ -20,6 +20,7 @@ from lowcostnav_ros.aids.magnetic import MAGNETIC
 from lowcostnav_ros.aids.vor import VOR
 from lowcostnav_ros.aids.wheels import WHEELS
 from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, Integrity, Measurement, NavSolution
+from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.error_state import Block
@@ -161,7 +162,7 @@ class InsGnss(InertialNavigator):
         except GnssError as error:
             self.input_status[epoch.source].reject("no solution of this epoch")
             if not self._aligned:
-                self.mode, self.reason = "aligning", str(error)
+                self.mode, self.reason = Mode.ALIGNING, str(error)
             return ()
 
     def _solve(self, epoch: GnssEpoch) -> tuple[GpsPosition, GpsVelocity | None]:
@@ -179,25 +180,25 @@ class InsGnss(InertialNavigator):
         try:
             fix, velocity = self._solve(item)
         except GnssError as error:
-            self.mode, self.reason = "aligning", str(error)
+            self.mode, self.reason = Mode.ALIGNING, str(error)
             return
         super()._prepare(fix)
         if velocity is not None:
             super()._prepare(velocity)
         else:
-            self.mode, self.reason = "aligning", "waiting for positions that give a velocity: there are no Dopplers"
+            self.mode, self.reason = Mode.ALIGNING, "waiting for positions that give a velocity: there are no Dopplers"
 
     def _judge(self) -> None:
         super()._judge()
         if self.receiver is None:
             return
-        if self.mode == "gps":
+        if self.mode == Mode.GPS:
             ranges, rates = (len(aid.used) if aid is not None else 0 for aid in map(self.aid, ("gnss_range", "gnss_range_rate")))
-            self.mode = "gps" if ranges >= ENOUGH else "sparse"
+            self.mode = Mode.GPS if ranges >= ENOUGH else Mode.SPARSE
             self.reason = f"{ranges} satellites" if ranges or not rates else f"no pseudorange, {rates} Dopplers"
         alarm = self.receiver.integrity.status.alarm
-        if alarm and self.mode in ("gps", "sparse"):
-            self.mode, self.reason = "suspect", alarm
+        if alarm and self.mode in (Mode.GPS, Mode.SPARSE):
+            self.mode, self.reason = Mode.SUSPECT, alarm
 
     def _integrity(self) -> Integrity | None:
         return None if self.receiver is None else self.receiver.integrity.report(self.core.t_ns)

@@ -26,6 +26,7 @@ from lowcostnav_ros.aids.gps_attitude import GpsAttitudeAid
 from lowcostnav_ros.aids.level import SteadyFlightAid
 from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
+from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.cores.imu_errors import typical
 from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.navigators.ahrs.filter import IMU, LEVEL_TIMEOUT_S, Filter, Reference
@@ -95,10 +96,10 @@ class SwitchedFilter(Filter):
     def mode(self, now_ns: int, heading: str) -> tuple[str, str]:
         """By GPS, by steady flight, or neither."""
         if self.gps_good(now_ns):
-            return "calibrating", self.held(heading)
+            return Mode.CALIBRATING, self.held(heading)
         if self.host.fresh("level", now_ns, LEVEL_TIMEOUT_S):
-            return "coasting", "levelled in steady flight" + heading
-        return "gyro_only", "manoeuvring: gyros alone since the last steady flight"
+            return Mode.COASTING, "levelled in steady flight" + heading
+        return Mode.GYRO_ONLY, "manoeuvring: gyros alone since the last steady flight"
 
 
 class QuaternionFilter(SwitchedFilter):

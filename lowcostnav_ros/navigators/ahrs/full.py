@@ -12,6 +12,7 @@ from lowcostnav_ros.aids.airflow import AirflowAid
 from lowcostnav_ros.aids.gps import VelocityAid
 from lowcostnav_ros.aids.level import SteadyFlightAid
 from lowcostnav_ros.base.measurements import AirVelocity, GpsVelocity, ImuBlock, Measurement
+from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.navigators.ahrs.filter import IMU, LEVEL_TIMEOUT_S, Filter, Reference
 from lowcostnav_ros.starts.attitude_core import hold_velocity, restart_velocity, restart_velocity_from_air
@@ -72,13 +73,13 @@ class FullFilter(Filter):
         """By what shows the acceleration."""
         fresh = self.host.fresh
         if self.gps_good(now_ns):
-            return "calibrating", "GPS velocity gives the acceleration" + heading
+            return Mode.CALIBRATING, "GPS velocity gives the acceleration" + heading
         if fresh("gps_attitude", now_ns):
-            return "calibrating", "no GPS velocity, GPS attitude holds the attitude"
+            return Mode.CALIBRATING, "no GPS velocity, GPS attitude holds the attitude"
         if fresh("airflow", now_ns):
-            return "coasting", "no GPS velocity, airspeed gives the acceleration" + heading
+            return Mode.COASTING, "no GPS velocity, airspeed gives the acceleration" + heading
         if fresh("level", now_ns, LEVEL_TIMEOUT_S):
-            return "coasting", "no GPS velocity or airspeed, levelled in steady flight" + heading
+            return Mode.COASTING, "no GPS velocity or airspeed, levelled in steady flight" + heading
         if not heading:
-            return "coasting", "magnetic heading only: roll and pitch run on the gyros while manoeuvring"
-        return "gyro_only", "manoeuvring without GPS velocity, airspeed and magnetic heading"
+            return Mode.COASTING, "magnetic heading only: roll and pitch run on the gyros while manoeuvring"
+        return Mode.GYRO_ONLY, "manoeuvring without GPS velocity, airspeed and magnetic heading"

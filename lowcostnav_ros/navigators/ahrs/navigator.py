@@ -30,6 +30,7 @@ from lowcostnav_ros.base.measurements import (
     Measurement,
     NavSolution,
 )
+from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.imu_errors import bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
@@ -235,7 +236,7 @@ class Ahrs(Navigator):
         sensors = sensor_rows(self.core)
         self._kept = (self.core.estimate[sensors].copy(), self.P[sensors, sensors].copy())
         self._aligned = False
-        self.mode, self.reason = "aligning", reason
+        self.mode, self.reason = Mode.ALIGNING, reason
 
     # alignment ---------------------------------------------------------------------------------------------------------------
 
@@ -248,7 +249,7 @@ class Ahrs(Navigator):
     def _start(self, first: FirstAttitude | None) -> None:
         """Begin to navigate when the alignment has an attitude; else say what it waits for."""
         if first is None:
-            self.mode = "failed" if self.alignment.wrong_unit else "aligning"
+            self.mode = Mode.FAILED if self.alignment.wrong_unit else Mode.ALIGNING
             self.reason = self.alignment.reason
             return
         floor_mps = max((getattr(own, "velocity_floor_mps", 0.0) for _, own in listed(self.settings)), default=0.0)
@@ -295,7 +296,7 @@ class Ahrs(Navigator):
         """Keep mode and reason in step with what was fused."""
         tilt_sigma_deg, limit = math.sqrt(max(self.P[6, 6], self.P[7, 7], 0.0)) / DEGREE, self.settings.failed_tilt_deg
         if tilt_sigma_deg > limit:
-            self.mode, self.reason = "failed", f"roll or pitch sigma {tilt_sigma_deg:.0f} deg is past {limit:.0f} deg"
+            self.mode, self.reason = Mode.FAILED, f"roll or pitch sigma {tilt_sigma_deg:.0f} deg is past {limit:.0f} deg"
         else:
             has_heading = self.fresh("magnetic", self.core.t_ns, HEADING_TIMEOUT_S)
             self.mode, self.reason = self.filter.mode(self.core.t_ns, "" if has_heading else ", no magnetic heading")

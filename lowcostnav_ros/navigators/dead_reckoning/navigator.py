@@ -17,11 +17,12 @@ from lowcostnav_ros.aids.radar import RADAR
 from lowcostnav_ros.aids.vor import VOR, VorAid
 from lowcostnav_ros.aids.wind_uplink import WIND_UPLINK
 from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsPosition, Measurement, NavSolution, SlantRange
+from lowcostnav_ros.base.modes import Level, Mode
 from lowcostnav_ros.cores.reckoning import ReckoningCore
 from lowcostnav_ros.cores.reckoning_model import NM, POS, core_blocks
 from lowcostnav_ros.estimation.aiding import Aid, unique
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout
-from lowcostnav_ros.navigators.base import ERROR, Navigator
+from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.dead_reckoning.geometry import ReceivedStations
 from lowcostnav_ros.navigators.dead_reckoning.settings import DeadReckoningOwnSettings, baro_walk
 from lowcostnav_ros.navigators.registry import navigator
@@ -141,7 +142,7 @@ class DeadReckoning(Navigator):
         self._hold(item, self.core)
         outdated = self.core.timed_out(item.stamp_ns)
         if outdated:
-            self.mode, self.reason = "initialising", outdated
+            self.mode, self.reason = Mode.INITIALISING, outdated
         elif isinstance(item, GpsPosition):
             vague = 100.0 * self.aid("gps_position").noise(item)  # the fix itself is fused next
             self.core.start(item.stamp_ns, np.array([item.lat, item.lon, item.height]), vague)
@@ -149,7 +150,7 @@ class DeadReckoning(Navigator):
             self._aid(item)
             self._judge()
         else:
-            self.mode, self.reason = "aligning", "waiting for the first GPS fix"
+            self.mode, self.reason = Mode.ALIGNING, "waiting for the first GPS fix"
 
     def _aid(self, item: Measurement) -> None:
         self.core.settle()
@@ -182,10 +183,11 @@ class DeadReckoning(Navigator):
         core = self.core
         outdated = core.timed_out()
         if outdated:
-            self.mode, self.reason = "failed", f"{outdated}: last value held, error unbounded"
+            self.mode, self.reason = Mode.FAILED, f"{outdated}: last value held, error unbounded"
         elif self.gps_good(core.t_ns):
             self.geometry = ""
-            self.mode, self.reason = "calibrating", "GPS good" if core.held.airborne else "GPS good, on the ground: wind is not observable"
+            self.mode = Mode.CALIBRATING
+            self.reason = "GPS good" if core.held.airborne else "GPS good, on the ground: wind is not observable"
         else:
             self._judge_outage(core.t_ns)
             words = (aid.words(core.t_ns) for aid in self.aids if not isinstance(aid, StationAid))
@@ -199,20 +201,20 @@ class DeadReckoning(Navigator):
         gps = f"no GPS for {min(ages):.0f} s" if ages else "no GPS yet"
         if not self.core.held.airborne:
             slow = f"airspeed below {self.settings.airspeed.minimum_mps:g} m/s: landed, or it failed"
-            self.mode, self.reason = "coasting", f"{gps}; {slow}; position held"
+            self.mode, self.reason = Mode.COASTING, f"{gps}; {slow}; position held"
             return
         radials = ", ".join(name for aid in self.aids if isinstance(aid, VorAid) for name in aid.used_lately(now_ns))
         if not self._used_lately(DmeAid, now_ns):
             self.geometry = ""
-            self.mode, self.reason = "coasting", f"{gps}; reckoning on airspeed, heading and estimated wind"
+            self.mode, self.reason = Mode.COASTING, f"{gps}; reckoning on airspeed, heading and estimated wind"
             if radials:
-                self.mode, self.reason = "vor_aided", f"{gps}; VOR {radials}"
+                self.mode, self.reason = Mode.VOR_AIDED, f"{gps}; VOR {radials}"
             return
         self._look_at_geometry(now_ns)
         if radials:
             self.geometry = ""  # a radial observes what ranges of one station, or along the track, do not
         parts = (gps, f"DME {', '.join(self._received.idents(now_ns))}", f"VOR {radials}" if radials else "", self.geometry)
-        self.mode, self.reason = "dme_aided", "; ".join(part for part in parts if part)
+        self.mode, self.reason = Mode.DME_AIDED, "; ".join(part for part in parts if part)
 
     def _look_at_geometry(self, now_ns: int) -> None:
         """Judge the geometry of the stations received, once a second."""
@@ -228,8 +230,8 @@ class DeadReckoning(Navigator):
     def _alert(self) -> bool:
         return self.core.t_ns is not None and self.core.horizontal_sigma() > self.settings.alert_nm * NM
 
-    def _level(self) -> int:
-        return ERROR if self._alert() else super()._level()
+    def _level(self) -> Level:
+        return Level.ERROR if self._alert() else super()._level()
 
     # outputs -----------------------------------------------------------------------------------------------------------------
 

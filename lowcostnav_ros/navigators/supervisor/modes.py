@@ -8,6 +8,8 @@ backup for a while before it is primary again.
 from dataclasses import dataclass
 from enum import Enum
 
+from lowcostnav_ros.base.modes import Mode
+
 
 class Gps(Enum):
     """What GPS is worth at the moment."""
@@ -18,20 +20,20 @@ class Gps(Enum):
     GOOD = "good"
 
 
-MODES = ("initialising", "no_go", "calibrating", "gps", "coasting", "re_acquiring", "failed")
+MODES = (Mode.INITIALISING, Mode.NO_GO, Mode.CALIBRATING, Mode.GPS, Mode.COASTING, Mode.RE_ACQUIRING, Mode.FAILED)
 
-_HEALTHY = {Gps.COARSE: "gps", Gps.GOOD: "calibrating"}
-_LOST_IN_FLIGHT = {Gps.LOST: "coasting", Gps.SEEN: "re_acquiring", **_HEALTHY}
-_LOST_ON_GROUND = {Gps.LOST: "no_go", Gps.SEEN: "no_go", **_HEALTHY}
+_HEALTHY = {Gps.COARSE: Mode.GPS, Gps.GOOD: Mode.CALIBRATING}
+_LOST_IN_FLIGHT = {Gps.LOST: Mode.COASTING, Gps.SEEN: Mode.RE_ACQUIRING, **_HEALTHY}
+_LOST_ON_GROUND = {Gps.LOST: Mode.NO_GO, Gps.SEEN: Mode.NO_GO, **_HEALTHY}
 
 IN_FLIGHT: dict[str, dict[Gps, str]] = dict.fromkeys(MODES, _LOST_IN_FLIGHT)
 """Mode and GPS to the next mode, airborne: what matters there is GPS alone."""
 
 ON_GROUND: dict[str, dict[Gps, str]] = {
     **dict.fromkeys(MODES, _LOST_ON_GROUND),
-    "initialising": {Gps.LOST: "initialising", Gps.SEEN: "initialising", **_HEALTHY},
-    "coasting": _LOST_IN_FLIGHT,  # landed without GPS: the position is still reckoned until GPS is back
-    "re_acquiring": _LOST_IN_FLIGHT,
+    Mode.INITIALISING: {Gps.LOST: Mode.INITIALISING, Gps.SEEN: Mode.INITIALISING, **_HEALTHY},
+    Mode.COASTING: _LOST_IN_FLIGHT,  # landed without GPS: the position is still reckoned until GPS is back
+    Mode.RE_ACQUIRING: _LOST_IN_FLIGHT,
 }
 """The same before departure and after landing."""
 
@@ -52,11 +54,11 @@ def next_mode(mode: str, facts: Facts) -> str:
     Without any live solution: failed, or still initialising when there never was one.
     """
     if not facts.solution:
-        waiting = mode in ("initialising", "no_go") and not facts.airborne
+        waiting = mode in (Mode.INITIALISING, Mode.NO_GO) and not facts.airborne
         if not waiting:
-            return "failed"
-        return "no_go" if facts.waited else mode
+            return Mode.FAILED
+        return Mode.NO_GO if facts.waited else mode
     if facts.airborne:
         return IN_FLIGHT[mode][facts.gps]
     following = ON_GROUND[mode][facts.gps]
-    return "no_go" if following == "initialising" and facts.waited else following
+    return Mode.NO_GO if following == Mode.INITIALISING and facts.waited else following

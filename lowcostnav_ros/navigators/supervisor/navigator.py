@@ -13,8 +13,9 @@ import numpy as np
 
 from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import Attitude, GpsPosition, Measurement, NavSolution
+from lowcostnav_ros.base.modes import Level, Mode
 from lowcostnav_ros.base.settings import group, setting
-from lowcostnav_ros.navigators.base import ERROR, OK, WARN, HorizonSettings, Navigator
+from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.supervisor.blend import Blend, carried_to
 from lowcostnav_ros.navigators.supervisor.modes import Facts, Gps, next_mode
@@ -154,7 +155,7 @@ class Supervisor(Navigator):
         settings = self.settings.gps
         if self._fix is None or now_ns - self._fix.stamp_ns > 1e9 * settings.timeout_s:
             return Gps.LOST
-        outage = self.mode in ("coasting", "re_acquiring", "failed")
+        outage = self.mode in (Mode.COASTING, Mode.RE_ACQUIRING, Mode.FAILED)
         if self._agreed_ns is None or now_ns - self._agreed_ns > 1e9 * settings.timeout_s:
             return Gps.SEEN if outage else Gps.LOST
         if outage and (self._streak_ns is None or now_ns - self._streak_ns < 1e9 * settings.agree_s):
@@ -195,7 +196,7 @@ class Supervisor(Navigator):
             self._switch(preferred, now_ns, "first solution")
         elif self.active not in alive:
             self._switch(preferred, now_ns, f"{self.active} is silent")
-        elif self.mode in ("calibrating", "gps", "no_go", "initialising"):
+        elif self.mode in (Mode.CALIBRATING, Mode.GPS, Mode.NO_GO, Mode.INITIALISING):
             if self.active != preferred:
                 strayed = self._strayed(self.active, now_ns)
                 self._switch(preferred, now_ns, f"{self.active} disagrees with GPS" if strayed else "GPS is good")
@@ -248,22 +249,22 @@ class Supervisor(Navigator):
     def _sentence(self, now_ns: int) -> str:
         if self._published is None:
             return "no solution yet: check that ins_gps or dead_reckoning runs and is aligned"
-        if self.mode == "failed":
+        if self.mode == Mode.FAILED:
             return "no live solution: the last one is held"
         flown = f"flying on {self.active} ({self.switches[-1].reason})"
         return f"{self._gps_sentence(now_ns)}; {flown}{self._alert_sentence()}"
 
     def _gps_sentence(self, now_ns: int) -> str:
-        if self.mode in ("calibrating", "gps"):
-            return "GPS good" if self.mode == "calibrating" else "GPS stand-alone: no precision approach"
-        if self.mode == "re_acquiring":
+        if self.mode in (Mode.CALIBRATING, Mode.GPS):
+            return "GPS good" if self.mode == Mode.CALIBRATING else "GPS stand-alone: no precision approach"
+        if self.mode == Mode.RE_ACQUIRING:
             return "GPS is back and must agree first"
         if self._agreed_ns is None:
-            return "no GPS since the start" + (": do not depart" if self.mode == "no_go" else "")
+            return "no GPS since the start" + (": do not depart" if self.mode == Mode.NO_GO else "")
         age_s = 1e-9 * (now_ns - self._agreed_ns)
         fresh = self._fix is not None and now_ns - self._fix.stamp_ns <= 1e9 * self.settings.gps.timeout_s
         what = "GPS disagrees with the solution" if fresh else "no GPS"
-        return f"{what} for {age_s:.0f} s" + (": do not depart" if self.mode == "no_go" else "")
+        return f"{what} for {age_s:.0f} s" + (": do not depart" if self.mode == Mode.NO_GO else "")
 
     def _alert(self) -> bool:
         return self._published is not None and _horizontal_sigma(self._published) > self.settings.alert_nm * 1852.0
@@ -273,10 +274,12 @@ class Supervisor(Navigator):
             return ""
         return f"; ALERT: believed error {_horizontal_sigma(self._published) / 1852.0:.2f} NM is above {self.settings.alert_nm:g} NM"
 
-    def _level(self) -> int:
-        if self.mode in ("failed", "no_go") or self._alert():
-            return ERROR
-        return OK if self.mode in ("calibrating", "gps") else WARN
+    def _level(self) -> Level:
+        return Level.ERROR if self._alert() else super()._level()
+
+    def _details(self) -> dict[str, str]:
+        """On which navigator it flies."""
+        return {"flying_on": self.active or ""}
 
     def _predict(self) -> NavSolution | None:
         """The solution flown, from the newest one of the active navigator, carried by its velocity to the newest stamp."""
