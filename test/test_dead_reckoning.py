@@ -8,8 +8,8 @@ import pytest
 from dead_reckoning_flight import ORIGIN, START_NS, Flight, in_order, station, straight, table, turning
 
 from lowcostnav_ros.base.measurements import Pressure, SlantRange
+from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.base.settings import from_mapping
-from lowcostnav_ros.navigators.base import ERROR
 from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
 from lowcostnav_ros.physics.atmosphere import pressure_at
 from lowcostnav_ros.physics.stochastic import correlation_factor
@@ -209,7 +209,7 @@ def test_alert_when_the_believed_error_passes_half_a_mile():
     nav = navigator()
     out = nav.feed_all(in_order(flight.attitudes(), flight.airspeeds(), gps_until(flight, 60.0, every=2)))
     status = nav.status()
-    assert status.level == ERROR
+    assert status.level == Level.ERROR
     assert "ALERT" in status.reason and "0.5 NM" in status.reason
     assert status.sigmas["horizontal_m"] > 926.0
     assert out[-1].mode == "coasting"
@@ -223,7 +223,7 @@ def test_silent_airspeed_fails_the_mode_and_the_sigma_runs_away():
     assert nav.mode == "failed"
     assert nav.status().reason.startswith("no airspeed for")
     assert nav.status().sigmas["horizontal_m"] > 1000.0
-    assert nav.status().level == ERROR
+    assert nav.status().level == Level.ERROR
 
 
 def test_airspeed_that_collapses_without_gps_is_not_believed_to_be_a_landing():

@@ -11,7 +11,7 @@ import functools
 import numpy as np
 import pytest
 
-from lowcostnav_ros.navigators.base import OK
+from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.studies.outage_study import CASES, ENDS_S, LOST_S, errors_of, fly, navigator
 
 SEEDS = (11, 12, 13)
@@ -90,6 +90,6 @@ def test_in_the_outage_the_navigator_names_the_stations_it_hears():
     nav.feed_all(m for m in heard if m.stamp_ns < stop_ns)
     status = nav.status()
     vor = next(aid for aid in status.aids if aid.name == "vor")
-    assert (status.mode, status.level > OK) == ("coasting", True)
+    assert (status.mode, status.level > Level.OK) == ("coasting", True)
     assert "VOR OAK, SJC" in status.reason
     assert vor.fused > 80 and not vor.rejected["station unknown"]

@@ -22,8 +22,5 @@ def test_who_has_no_position_claims_no_category():
 
 
 def test_what_a_navigator_says_of_itself_by_key_stands_beside_mode_and_reason():
-    class Choosing(NavigatorStatus):
-        details = {"flying_on": "ins_gps"}
-
-    status = Choosing("supervisor", "gps", "", 0, 0, {}, [], [])
+    status = NavigatorStatus("supervisor", "gps", "", 0, 0, {}, [], [], details={"flying_on": "ins_gps"})
     assert navigator_rows("supervisor", status)[0].values == {"mode": "gps", "reason": "", "flying_on": "ins_gps"}

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lowcostnav_ros.base.measurements import Attitude, GpsPosition, NavSolution
+from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.base.settings import from_mapping
-from lowcostnav_ros.navigators.base import ERROR, OK
 from lowcostnav_ros.navigators.supervisor.modes import MODES, Facts, Gps, next_mode
 from lowcostnav_ros.navigators.supervisor.navigator import Supervisor, SupervisorSettings
 from lowcostnav_ros.physics.earth import LocalFrame
@@ -224,7 +224,7 @@ def test_whatever_lives_is_flown_and_nothing_is_published_when_nothing_does():
     assert supervisor.switches[-1].reason == "ins_gps is silent"
     assert max(1e-9 * (s.stamp_ns - T0) for s in out) < 41.5
     assert supervisor.mode == "failed"
-    assert supervisor.status().level == ERROR
+    assert supervisor.status().level == Level.ERROR
     assert "last one is held" in supervisor.status().reason
 
 
@@ -234,7 +234,7 @@ def test_no_departure_without_gps():
         supervisor.feed(NavSolution(T0 + round(1e9 * t), DR, *place(0.0), np.zeros(3), cov_pos=25.0 * np.eye(3)))
     assert supervisor.mode == "no_go"
     assert "do not depart" in supervisor.status().reason
-    assert supervisor.status().level == ERROR
+    assert supervisor.status().level == Level.ERROR
 
 
 def test_coarse_gps_stays_primary_without_a_precise_approach():
@@ -242,7 +242,7 @@ def test_coarse_gps_stays_primary_without_a_precise_approach():
     fly(supervisor, (0.0, 20.0), lambda t: solution(INS, t, 2.0), lambda t: gps(t, sigma=12.0))
     assert supervisor.mode == "gps"
     assert "no precision approach" in supervisor.status().reason
-    assert supervisor.status().level == OK
+    assert supervisor.status().level == Level.OK
 
 
 def test_gps_that_disagrees_counts_as_lost():

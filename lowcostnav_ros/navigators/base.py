@@ -122,7 +122,7 @@ class Navigator(ABC):
     not_observable : str
         Why there is no ``core.dynamics()`` to study its observability with; empty where there is.
     settings, inputs, aids, core
-        As given; source to whether it is required; all aids in order; what its aids see, where it has a filter.
+        As given; source to whether it is required (a class may declare some); all aids in order; what its aids see, where it has a filter.
     """
 
     name: ClassVar[str] = ""
@@ -170,7 +170,7 @@ class Navigator(ABC):
         self.channels: dict[str, list[Channel]] = {}
         self.clocked: list[Channel] = []
         self.frames: dict[str, tuple[str, ...]] = {}
-        sources: dict[str, bool] = dict.fromkeys(self.own_inputs(), False)
+        sources = {**self.inputs, **{source: False for source in self.own_inputs() if source not in self.inputs}}
         for key in getattr(self.settings, "aids", ()):
             own = getattr(self.settings, key)
             sensor = sensor_of(key, {s.name: s for s in self.sensors})
@@ -188,7 +188,7 @@ class Navigator(ABC):
         if missing:
             raise SettingsError(f"{self.name} cannot start without '{missing[0]}'; name it in 'aids'.")
         required = self.required_sources()
-        self.inputs = {source: source in required for source in sources}
+        self.inputs = {source: needed or source in required for source, needed in sources.items()}
 
     def _connect(self, aids: list[Aid]) -> None:
         self.aids += aids

@@ -83,7 +83,7 @@ def navigator_rows(prefix: str, status: NavigatorStatus) -> list[Status]:
     strictest precision approach that two of its own sigmas (95 % or more, both ways) allow.  The ``details`` of a status, such as
     ``flying_on`` of the supervisor, are values too.
     """
-    values = {"mode": status.mode, "reason": status.reason, **getattr(status, "details", {})}
+    values = {"mode": status.mode, "reason": status.reason, **status.details}
     values |= {k: f"{v:.4g}" for k, v in status.sigmas.items()}
     if {"position_horizontal_m", "position_down_m"} <= status.sigmas.keys():
         horizontal, vertical = 2.0 * status.sigmas["position_horizontal_m"], 2.0 * status.sigmas["position_down_m"]
