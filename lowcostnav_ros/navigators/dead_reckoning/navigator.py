@@ -273,10 +273,10 @@ class DeadReckoning(Navigator):
         north, east, down = (math.sqrt(core.P[i, i]) for i in range(3))
         wind = core.wind_covariance()
         return {
-            "horizontal_m": core.horizontal_sigma(),
-            "north_m": north,
-            "east_m": east,
-            "height_m": down,
+            "position_horizontal_m": core.horizontal_sigma(),
+            "position_north_m": north,
+            "position_east_m": east,
+            "position_down_m": down,
             "wind_mps": math.sqrt(wind[0, 0] + wind[1, 1]),
             "heading_bias_deg": math.degrees(core.sigma_of(Kind.HEADING_BIAS)),
         }

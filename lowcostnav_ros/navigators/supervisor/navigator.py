@@ -285,7 +285,8 @@ class Supervisor(Navigator):
     def _sigmas(self) -> dict[str, float]:
         out = {f"{name}_horizontal_m": _horizontal_sigma(s) for name, s in self._solutions.items()}
         if self._published is not None:
-            out["horizontal_m"] = _horizontal_sigma(self._published)
+            out["position_horizontal_m"] = _horizontal_sigma(self._published)
+            out["position_down_m"] = math.sqrt(self._published.cov_pos[2, 2])
         return out
 
 
