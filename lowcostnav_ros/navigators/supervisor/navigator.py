@@ -85,11 +85,14 @@ class Supervisor(Navigator):
     not_observable = "it has no filter of its own; watch the navigator it flies on"
 
     def __init__(self, settings: SupervisorSettings | None = None) -> None:
-        self.inputs = dict.fromkeys((*SOURCES, "imu/data_fused", "gps/fix"), False)
         settings = settings or SupervisorSettings()
         super().__init__(settings)
         self.threshold = chi_square.threshold(settings.gps.agree_probability, 2)
         self._restart()
+
+    def own_inputs(self) -> tuple[str, ...]:
+        """The navigators it picks from, the attitude reference and GPS fixes."""
+        return (*SOURCES, "imu/data_fused", "gps/fix")
 
     def _restart(self) -> None:
         self.active: str | None = None
