@@ -211,7 +211,7 @@ def test_alert_when_the_believed_error_passes_half_a_mile():
     status = nav.status()
     assert status.level == Level.ERROR
     assert "ALERT" in status.reason and "0.5 NM" in status.reason
-    assert status.sigmas["horizontal_m"] > 926.0
+    assert status.sigmas["position_horizontal_m"] > 926.0
     assert out[-1].mode == "coasting"
 
 
@@ -222,7 +222,7 @@ def test_silent_airspeed_fails_the_mode_and_the_sigma_runs_away():
     nav.feed_all(in_order(flight.attitudes(), air, gps_until(flight, 40.0)))
     assert nav.mode == "failed"
     assert nav.status().reason.startswith("no airspeed for")
-    assert nav.status().sigmas["horizontal_m"] > 1000.0
+    assert nav.status().sigmas["position_horizontal_m"] > 1000.0
     assert nav.status().level == Level.ERROR
 
 
@@ -233,7 +233,7 @@ def test_airspeed_that_collapses_without_gps_is_not_believed_to_be_a_landing():
     out = nav.feed_all(in_order(flight.attitudes(), blocked.airspeeds(), gps_until(flight, 50.0)))
     error = np.linalg.norm(error_at(flight, out[-1])[0:2])
     assert error > 2500.0
-    assert error < 3.0 * nav.status().sigmas["horizontal_m"]
+    assert error < 3.0 * nav.status().sigmas["position_horizontal_m"]
     assert "landed, or it failed" in nav.status().reason
 
 

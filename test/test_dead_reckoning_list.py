@@ -109,3 +109,10 @@ def test_a_restart_forgets_what_was_received_and_keeps_the_counters():
     anew = nav.feed_all(stream)
     assert [s.stamp_ns for s in anew] == [s.stamp_ns for s in again]
     assert all(np.array_equal(a.cov_pos, b.cov_pos) and a.lat == b.lat for a, b in zip(anew, again, strict=True))
+
+
+def test_diagnostics_name_the_approach_it_allows():
+    flight = straight(60.0)
+    nav = made()
+    nav.feed_all(in_order(flight.attitudes(), flight.airspeeds(), flight.gps(np.random.default_rng(0), 10)))
+    assert {"position_horizontal_m", "position_down_m"} <= nav.status().sigmas.keys()  # what the category is made of

@@ -40,4 +40,4 @@ def test_the_fused_solution_is_the_same_to_the_last_bit(tmp_path, graph, navigat
         assert [to_cdr(odometry_from_solution(solution, navigator.origin)) for solution in replayed] == live
         if "vor/bearing" in counts:
             assert counts["vor/bearing"][name] == 16  # two receivers, eight seconds
-            assert navigator.vor_aid.status.fused >= 2 and navigator.vor_aid.heard(navigator.core.t_ns) == ["OAK", "SJC"]
+            assert navigator.aid("vor").status.fused >= 2 and navigator.aid("vor").used_lately(navigator.core.t_ns) == ["OAK", "SJC"]

@@ -49,7 +49,6 @@ class ReckoningCore:
         self.guard_actions = 0
         self._sums = np.zeros(7)
         self._mean_rate = np.zeros(layout.size) if settings.model == "reduced" else layout.rate
-        self._kind_rows = {kind: (layout.kind == kind).astype(float) for kind in Kind}
         self.wind_rows = layout.components(Kind.WIND, 2)
         self._floor, self._ceiling = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2, np.full(layout.size, 1e14)
         self.ranging = (layout.kind != Kind.HELD).astype(float)
@@ -107,21 +106,20 @@ class ReckoningCore:
         """Return the estimates summed by what they act on (5,): wind north, east, heading bias, airspeed scale, airspeed bias."""
         return model.sum_estimates(self.estimate, self.layout.kind, self.layout.axis)
 
-    def velocity(self) -> tuple[np.ndarray, np.ndarray]:
-        """Estimated velocity over ground (3,), m/s NED, now, and its derivative (3, n) by the error states."""
+    def velocity(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Estimated velocity over ground (3,), m/s NED, now, its derivative (3, n) by the error states, and what they do not explain of it.
+
+        The last (3, 3) is turbulence and white heading and airspeed noise.
+        """
+        settings, held, layout, air_n = self.settings, self.held, self.layout, self.held.air_n(self.t_ns)
         out, air = np.zeros(3), np.zeros(2)
-        if self.held.airborne:
+        if held.airborne:
             total = self.totals()
-            air = model.corrected_air(self.held.air_n(self.t_ns), total)
+            air = model.corrected_air(air_n, total)
             out[0:2] = air + total[0:2]
         out[2] = self.estimate[CLIMB]
-        return out, model.coupling(air[0], air[1], float(self.held.airborne), self.layout.kind, self.layout.axis)
-
-    def velocity_noise(self) -> np.ndarray:
-        """What the states do not explain of an instantaneous velocity (3, 3): turbulence, white heading and airspeed noise."""
-        settings = self.settings
-        heading = settings.heading.noise_deg * DEG
-        return model.unmodelled_velocity(self.held.air_n(self.t_ns), heading, settings.airspeed.noise_mps, settings.wind.gust_mps)
+        noise = model.unmodelled_velocity(air_n, settings.heading.noise_deg * DEG, settings.airspeed.noise_mps, settings.wind.gust_mps)
+        return out, model.coupling(air[0], air[1], float(held.airborne), layout.kind, layout.axis), noise
 
     def dynamics(self) -> np.ndarray:
         """Continuous error dynamics F (n, n): vertical velocity, wind, heading and airspeed errors move position, each state decays."""
@@ -137,10 +135,9 @@ class ReckoningCore:
         """Estimated horizontal error, m: root of the sum of both variances."""
         return math.sqrt(self.P[0, 0] + self.P[1, 1])
 
-    def sigma_of(self, kind: Kind) -> float:
-        """Sigma of the sum of all states of one kind."""
-        row = self._kind_rows[kind]
-        return math.sqrt(max(row @ self.P @ row, 0.0))
+    def sigmas(self) -> np.ndarray:
+        """Sigmas (3,) of heading bias, rad, airspeed scale and airspeed bias, m/s, each the sum of its states."""
+        return model.sigmas_of_sums(self.P, self.layout.kind)
 
     def _walk(self) -> float:
         """Density of the unknown motion, m^2/s: turbulence in flight, taxiing on the ground, all of the airspeed when inputs are gone.
@@ -174,9 +171,9 @@ class ReckoningCore:
         outdated = self.timed_out()
         if outdated:
             return outdated
-        vel_n, H = self.velocity()
+        vel_n, H, noise = self.velocity()
         swing_n = quat_rotate(self.held.q_nb, np.cross(self.held.rate_b, lever_b)) if lever_b.any() else np.zeros(3)
-        return VelocitySeen(vel_n, swing_n, H, self.velocity_noise(), self.settings.wind.gust_tau_s)
+        return VelocitySeen(vel_n, swing_n, H, noise, self.settings.wind.gust_tau_s)
 
     def wind_n(self) -> np.ndarray:
         """Estimated wind (2,), m/s, north and east."""

@@ -83,6 +83,23 @@ def sum_estimates(estimate, kind, axis):
 
 
 @kernel
+def sigmas_of_sums(P, kind):
+    """Sigmas (3,) of the sums of the heading biases, the airspeed scales and the airspeed biases."""
+    out = np.zeros(3)
+    for k, wanted in enumerate((8, 6, 7)):
+        total = 0.0
+        for j in range(P.shape[0]):
+            if kind[j] == wanted:
+                column = 0.0
+                for i in range(P.shape[0]):
+                    if kind[i] == wanted:
+                        column += P[i, j]
+                total += column
+        out[k] = math.sqrt(max(total, 0.0))
+    return out
+
+
+@kernel
 def corrected_air(air_n, total):
     """Horizontal air-relative velocity (2,) with the estimated heading and airspeed errors of ``total`` taken out."""
     speed = math.hypot(air_n[0], air_n[1])

@@ -297,7 +297,7 @@ class Aid(ABC):
         innovation = self.innovation(measurement, host)
         if isinstance(innovation, str):
             return self._refused(innovation)
-        if not all(np.isfinite(part).all() for part in (innovation.y, innovation.H, innovation.R)):
+        if not math.isfinite(innovation.y.sum() + innovation.H.sum() + innovation.R.sum()):
             return self._refused(NOT_FINITE)
         S = kalman.innovation_covariance(host.P, innovation.H, innovation.R)
         nis = kalman.normalised_innovation_squared(innovation.y, S)

@@ -21,13 +21,15 @@ from lowcostnav_ros.base.modes import Level, Mode
 from lowcostnav_ros.cores.reckoning import ReckoningCore
 from lowcostnav_ros.cores.reckoning_model import NM, POS, core_blocks
 from lowcostnav_ros.estimation.aiding import Aid, unique
-from lowcostnav_ros.estimation.error_state import Block, Kind, Layout
+from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.dead_reckoning.geometry import ReceivedStations
 from lowcostnav_ros.navigators.dead_reckoning.settings import DeadReckoningOwnSettings, baro_walk
 from lowcostnav_ros.navigators.registry import navigator
 
 AIR = "air/velocity"
+STATES = ("heading_bias_rad", "airspeed_scale", "airspeed_bias_mps")
+"""Estimates beside position, velocity and wind that a solution carries, each the sum of its states."""
 RECEIVED_S = 120.0
 """A station counts for the geometry this long after its last accepted range."""
 
@@ -67,6 +69,8 @@ class DeadReckoning(Navigator):
         self.core = ReckoningCore(self.settings, self.layout)
         for aid in self.aids:
             aid.attach(self)
+        self._fixes, self._ranges, self._radials = ([a for a in self.aids if isinstance(a, kind)] for kind in (PositionAid, DmeAid, VorAid))
+        self._others = [aid for aid in self.aids if not isinstance(aid, StationAid)]
         self._restart()
 
     def own_inputs(self) -> tuple[str, str]:
@@ -96,11 +100,7 @@ class DeadReckoning(Navigator):
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether a fix was accepted within the time-out."""
-        return self._used_lately(PositionAid, stamp_ns)
-
-    def _used_lately(self, kind: type[Aid], now_ns: int) -> bool:
-        ages = ((aid, aid.status.age_s(now_ns)) for aid in self.aids if isinstance(aid, kind))
-        return any(age is not None and age <= aid.settings.timeout_s for aid, age in ages)
+        return any(_used_lately(aid, stamp_ns) for aid in self._fixes)
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
@@ -129,9 +129,9 @@ class DeadReckoning(Navigator):
 
     def _hold(self, item: Measurement, core: ReckoningCore) -> bool:
         """Let the core hold what carries it; return whether this does."""
-        if isinstance(item, Attitude) and item.source == self.settings.attitude_topic:
+        if item.source == self.settings.attitude_topic and isinstance(item, Attitude):
             core.held.take_attitude(item)
-        elif isinstance(item, AirVelocity) and item.source == AIR:
+        elif item.source == AIR and isinstance(item, AirVelocity):
             core.held.take_air(item, self.settings.airspeed)
         else:
             return False
@@ -190,21 +190,21 @@ class DeadReckoning(Navigator):
             self.reason = "GPS good" if core.held.airborne else "GPS good, on the ground: wind is not observable"
         else:
             self._judge_outage(core.t_ns)
-            words = (aid.words(core.t_ns) for aid in self.aids if not isinstance(aid, StationAid))
+            words = (aid.words(core.t_ns) for aid in self._others)
             self.reason += "".join(f"; {each}" for each in words if each)
         if self._alert():
             sigma, limit = core.horizontal_sigma() / NM, self.settings.alert_nm
             self.reason += f"; ALERT: estimated error {sigma:.2f} NM is above {limit:g} NM"
 
     def _judge_outage(self, now_ns: int) -> None:
-        ages = [age for aid in self.aids if isinstance(aid, PositionAid) and (age := aid.status.age_s(now_ns)) is not None]
+        ages = [age for aid in self._fixes if (age := aid.status.age_s(now_ns)) is not None]
         gps = f"no GPS for {min(ages):.0f} s" if ages else "no GPS yet"
         if not self.core.held.airborne:
             slow = f"airspeed below {self.settings.airspeed.minimum_mps:g} m/s: landed, or it failed"
             self.mode, self.reason = Mode.COASTING, f"{gps}; {slow}; position held"
             return
-        radials = ", ".join(name for aid in self.aids if isinstance(aid, VorAid) for name in aid.used_lately(now_ns))
-        if not self._used_lately(DmeAid, now_ns):
+        radials = ", ".join(name for aid in self._radials for name in aid.used_lately(now_ns))
+        if not any(_used_lately(aid, now_ns) for aid in self._ranges):
             self.geometry = ""
             self.mode, self.reason = Mode.COASTING, f"{gps}; reckoning on airspeed, heading and estimated wind"
             if radials:
@@ -247,7 +247,7 @@ class DeadReckoning(Navigator):
         return self._solution(core)
 
     def _solution(self, core: ReckoningCore) -> NavSolution:
-        velocity, G = core.velocity()
+        velocity, G, noise = core.velocity()
         total, held = core.totals(), core.held
         return NavSolution(
             stamp_ns=core.t_ns,
@@ -260,16 +260,12 @@ class DeadReckoning(Navigator):
             angular_rate_b=held.rate_b,
             specific_force_b=held.force_b,
             cov_pos=core.P[POS, POS].copy(),
-            cov_vel=G @ core.P @ G.T + core.velocity_noise(),
+            cov_vel=G @ core.P @ G.T + noise,
             cov_att=held.cov_att,
             wind_n=total[0:2],
             cov_wind=core.wind_covariance(),
             mode=self.mode,
-            states={
-                "heading_bias_rad": (float(total[2]), core.sigma_of(Kind.HEADING_BIAS)),
-                "airspeed_scale": (float(total[3]), core.sigma_of(Kind.AIRSPEED_SCALE)),
-                "airspeed_bias_mps": (float(total[4]), core.sigma_of(Kind.AIRSPEED_BIAS)),
-            },
+            states=dict(zip(STATES, zip(total[2:].tolist(), core.sigmas().tolist(), strict=True), strict=True)),
         )
 
     def _sigmas(self) -> dict[str, float]:
@@ -279,13 +275,18 @@ class DeadReckoning(Navigator):
         north, east, down = (math.sqrt(core.P[i, i]) for i in range(3))
         wind = core.wind_covariance()
         return {
-            "horizontal_m": core.horizontal_sigma(),
-            "north_m": north,
-            "east_m": east,
-            "height_m": down,
+            "position_horizontal_m": core.horizontal_sigma(),
+            "position_north_m": north,
+            "position_east_m": east,
+            "position_down_m": down,
             "wind_mps": math.sqrt(wind[0, 0] + wind[1, 1]),
-            "heading_bias_deg": math.degrees(core.sigma_of(Kind.HEADING_BIAS)),
+            "heading_bias_deg": math.degrees(core.sigmas()[0]),
         }
+
+
+def _used_lately(aid: Aid, now_ns: int) -> bool:
+    age_s = aid.status.age_s(now_ns)
+    return age_s is not None and age_s <= aid.settings.timeout_s
 
 
 DeadReckoningSettings = DeadReckoning.Settings

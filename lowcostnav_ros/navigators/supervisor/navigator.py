@@ -93,11 +93,14 @@ class Supervisor(Navigator):
     not_observable = "it has no filter of its own; watch the navigator it flies on"
 
     def __init__(self, settings: SupervisorSettings | None = None) -> None:
-        self.inputs = dict.fromkeys((*SOURCES, "imu/data_fused", "gps/fix"), False)
         settings = settings or SupervisorSettings()
         super().__init__(settings)
         self.threshold = chi_square.threshold(settings.gps.agree_probability, 2)
         self._restart()
+
+    def own_inputs(self) -> tuple[str, ...]:
+        """The navigators it picks from, the attitude reference and GPS fixes."""
+        return (*SOURCES, "imu/data_fused", "gps/fix")
 
     def _restart(self) -> None:
         self.active: str | None = None
@@ -295,7 +298,8 @@ class Supervisor(Navigator):
     def _sigmas(self) -> dict[str, float]:
         out = {f"{name}_horizontal_m": _horizontal_sigma(s) for name, s in self._solutions.items()}
         if self._published is not None:
-            out["horizontal_m"] = _horizontal_sigma(self._published)
+            out["position_horizontal_m"] = _horizontal_sigma(self._published)
+            out["position_down_m"] = math.sqrt(self._published.cov_pos[2, 2])
         return out
 
 
