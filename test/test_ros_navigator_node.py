@@ -49,13 +49,13 @@ class Standstill:
         return NavSolution(self.stamp_ns, "standstill", **place, **rates, **covariances, wind_n=np.array([5.0, -7.0]))
 
     def status(self):
-        aid = SimpleNamespace(
+        aid = SimpleNamespace(details={},
             name="gps_position", labels=("north_m",), innovation=np.array([1.5]), innovation_variance=np.array([4.0]), test_ratio=1.7,
             accepted=False, reason="innovation beyond gate", fused=3, rejected={"innovation beyond gate": 2}, age_s=lambda now_ns: 0.5,
         )  # fmt: skip
         integrity = Integrity("excluded", "G11 is left out.", {"G11": "its range contradicts the others'"}, hpl_m=31.26)
         parts = {"sigmas": {"north_m": 2.0}, "inputs": [], "aids": [aid], "integrity": integrity}
-        return SimpleNamespace(mode=self.mode, reason=self.reason, level=0, stamp_ns=1, **parts)
+        return SimpleNamespace(details={}, mode=self.mode, reason=self.reason, level=0, stamp_ns=1, **parts)
 
     def reset(self, reason):
         self.mode, self.reason = "initialising", reason
