@@ -61,6 +61,11 @@ class Registry(Mapping[str, T], Generic[T]):
         self._things[name] = thing
         return thing
 
+    def forget(self, origin: str) -> None:
+        """Take out what a module has entered, as if it had never been imported."""
+        for name in [name for name, where in self._origins.items() if where == origin]:
+            del self._things[name], self._origins[name]
+
     def __getitem__(self, name: str) -> T:
         names = self._load()
         if name not in self._things and name in names:
