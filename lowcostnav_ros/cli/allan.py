@@ -3,6 +3,9 @@
 import argparse
 from typing import Any
 
+from lowcostnav_ros.calibration.allan import allan_chart
+from lowcostnav_ros.calibration.allan_fit import fit_chart
+from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_rest as rest
 from lowcostnav_ros.cli.jobs import job
 
@@ -10,10 +13,6 @@ from lowcostnav_ros.cli.jobs import job
 @job("Allan deviation of inertial sensors at rest: chart, coefficients, and the numbers of an IMU profile.", rest.add_arguments)
 def allan(arguments: argparse.Namespace) -> int:
     """Charts and numbers of every column."""
-    from lowcostnav_ros.calibration.allan import allan_chart
-    from lowcostnav_ros.calibration.allan_fit import fit_chart
-    from lowcostnav_ros.cli import calibrate_charts as charts
-
     columns, rate_hz = rest.inertial(arguments)
     results: dict[str, Any] = {}
     for name, values in columns.values.items():

@@ -2,16 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.calibration.allan import AllanChart
+from lowcostnav_ros.calibration.allan_fit import AllanFit
 from lowcostnav_ros.calibration.identification import autocorrelation
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit
-
-if TYPE_CHECKING:
-    from lowcostnav_ros.calibration.allan import AllanChart
-    from lowcostnav_ros.calibration.allan_fit import AllanFit
 
 MOST_POINTS = 4000
 

@@ -11,6 +11,8 @@ import numpy as np
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.convert.table import is_number
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.physics.geomagnetism import decimal_year
 
 _SECONDS = dict.fromkeys(("t", "t_s", "time", "time_s", "stamp_s"), 1.0)
 TIME_NAMES = _SECONDS | {"stamp_ns": 1e-9, "t_ns": 1e-9, "t_ms": 1e-3, "time_ms": 1e-3}
@@ -51,8 +53,6 @@ def is_table(path: str) -> bool:
 
 def read_imu(path: str, topic: str) -> Columns:
     """Read the six axes of an inertial topic of a bag."""
-    from lowcostnav_ros.messages.bag import BagReader
-
     with BagReader(path) as reader:
         blocks = list(reader.measurements([topic]))
     if not blocks:
@@ -68,8 +68,6 @@ def read_imu(path: str, topic: str) -> Columns:
 
 def read_field(path: str, topic: str) -> Columns:
     """Read a magnetometer topic of a bag, with the place and date of its first position fix where it has one."""
-    from lowcostnav_ros.messages.bag import BagReader
-
     with BagReader(path) as reader:
         samples = list(reader.measurements([topic]))
         fixes = reader.measurements(["gps/fix"]) if "gps/fix" in reader.decodable() else iter(())
@@ -129,6 +127,4 @@ def _header(path: str) -> list[str]:
 
 
 def _year(stamp_ns: int) -> float | None:
-    from lowcostnav_ros.physics.geomagnetism import decimal_year
-
     return decimal_year(datetime.fromtimestamp(stamp_ns * 1e-9, UTC)) if stamp_ns > _EARLIEST else None

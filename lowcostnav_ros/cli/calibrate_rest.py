@@ -1,13 +1,20 @@
 """What the calibration jobs of sensors at rest share: options, columns out of a recording, and what is printed and written."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import numpy as np
+import numpy as np
 
-    from lowcostnav_ros.cli.calibrate_input import Columns
+from lowcostnav_ros.base.settings import nearest
+from lowcostnav_ros.base.tables import Table
+from lowcostnav_ros.base.units import DEGREE_PER_HOUR
+from lowcostnav_ros.calibration.profile_text import GYRO_UNITS, profile_text
+from lowcostnav_ros.calibration.record import CalibrationError, checked_record, regular_rate
+from lowcostnav_ros.cli import calibrate_input as files
+from lowcostnav_ros.cli.calibrate_input import Columns
+from lowcostnav_ros.report.terminal import print_report
+from lowcostnav_ros.sensors.imu_grade import grade
 
 UNITS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg")
 
@@ -24,9 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def inertial(arguments: argparse.Namespace) -> tuple["Columns", float]:
     """Columns of a recording and their sampling rate, Hz."""
-    from lowcostnav_ros.calibration.record import CalibrationError, regular_rate
-    from lowcostnav_ros.cli import calibrate_input as files
-
     wanted = split(arguments.column) if arguments.column else None
     if not files.is_table(arguments.source):
         columns = files.read_imu(arguments.source, arguments.topic)
@@ -41,11 +45,7 @@ def inertial(arguments: argparse.Namespace) -> tuple["Columns", float]:
     return columns, arguments.rate
 
 
-def _chosen(columns: "Columns", wanted: list[str]) -> "Columns":
-    from dataclasses import replace
-
-    from lowcostnav_ros.base.settings import nearest
-    from lowcostnav_ros.calibration.record import CalibrationError
+def _chosen(columns: Columns, wanted: list[str]) -> Columns:
 
     for name in wanted:
         if name not in columns.values:
@@ -53,10 +53,8 @@ def _chosen(columns: "Columns", wanted: list[str]) -> "Columns":
     return replace(columns, values={name: columns.values[name] for name in wanted})
 
 
-def named(values: "np.ndarray", rate_hz: float, name: str) -> "np.ndarray":
+def named(values: np.ndarray, rate_hz: float, name: str) -> np.ndarray:
     """Values of a column, checked to be usable."""
-    from lowcostnav_ros.calibration.record import checked_record
-
     return checked_record(values, rate_hz, f"'{name}'")
 
 
@@ -74,22 +72,15 @@ def out_dir(arguments: argparse.Namespace) -> Path | None:
     return out
 
 
-def print_columns(heads: tuple[str, ...], rows: list[tuple], columns: "Columns") -> None:
+def print_columns(heads: tuple[str, ...], rows: list[tuple], columns: Columns) -> None:
     """Print a row for each column, and what the unit is."""
-    from lowcostnav_ros.base.tables import Table
-    from lowcostnav_ros.report.terminal import print_report
-
     units = ", ".join(sorted({unit for unit in columns.units.values() if unit})) or "the unit of the columns (say which with --unit)"
     table = Table.plain("", heads, [(row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows])
     print_report("", [table], [f"u is {units}; {columns.source}"])
 
 
-def print_grade(drifts: dict[str, float], columns: "Columns") -> None:
+def print_grade(drifts: dict[str, float], columns: Columns) -> None:
     """Say of what grade the gyros are by their drift; a recording at rest does not show the turn-on bias."""
-    from lowcostnav_ros.base.units import DEGREE_PER_HOUR
-    from lowcostnav_ros.calibration.profile_text import GYRO_UNITS
-    from lowcostnav_ros.sensors.imu_grade import grade
-
     gyros = {n: sigma * GYRO_UNITS[columns.units[n]] / DEGREE_PER_HOUR for n, sigma in drifts.items() if columns.units[n] in GYRO_UNITS}
     worst = max(gyros, key=gyros.get, default=None)
     if worst is not None and gyros[worst] > 0.0:
@@ -107,10 +98,8 @@ def quantity(unit: str) -> str:
     return {"rad/s": "gyro", "deg/s": "gyro", "deg/h": "gyro", "": "columns"}.get(unit, "accelerometer")
 
 
-def write_profile(out: Path, how: str, numbers: dict[str, tuple], columns: "Columns", rate_hz: float) -> None:
+def write_profile(out: Path, how: str, numbers: dict[str, tuple], columns: Columns, rate_hz: float) -> None:
     """Write what was found as the numbers of an IMU profile."""
-    from lowcostnav_ros.calibration.profile_text import profile_text
-
     source = f"{how} of {columns.source}, {len(next(iter(columns.values.values()))) / rate_hz / 3600.0:.2f} h at {rate_hz:.6g} Hz"
     text = profile_text(numbers, columns.units, rate_hz, source)
     (out / "profile.yaml").write_text(text, encoding="utf-8")

@@ -2,8 +2,12 @@
 
 import argparse
 
+from lowcostnav_ros import convert as conversion
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.progress import progress_bar
+from lowcostnav_ros.convert.profile import ConvertError, shipped_profile_for
+from lowcostnav_ros.convert.rinex import convert_rinex
+from lowcostnav_ros.convert.rinex_files import is_rinex
 
 
 def add_arguments(convert: argparse.ArgumentParser) -> None:
@@ -19,10 +23,6 @@ def add_arguments(convert: argparse.ArgumentParser) -> None:
 @job("Turn a recorded log (CSV, or RINEX files) into a bag with the standard topics.", add_arguments)
 def convert(arguments: argparse.Namespace) -> int:
     """Turn a recorded log into a bag."""
-    from lowcostnav_ros import convert as conversion
-    from lowcostnav_ros.convert.profile import ConvertError, shipped_profile_for
-    from lowcostnav_ros.convert.rinex_files import is_rinex
-
     if arguments.navigation:
         return _convert_rinex(arguments)
     if is_rinex(arguments.source):
@@ -37,9 +37,6 @@ def convert(arguments: argparse.Namespace) -> int:
 
 
 def _convert_rinex(arguments: argparse.Namespace) -> int:
-    from lowcostnav_ros.convert.profile import ConvertError
-    from lowcostnav_ros.convert.rinex import convert_rinex
-
     if arguments.profile:
         raise ConvertError("--profile is for tables and --navigation for RINEX files; leave one of them out.")
     with progress_bar("convert") as advance:

@@ -7,20 +7,21 @@ import shutil
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from rich.console import Console
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.progress import progress_bar
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from lowcostnav_ros.graph.description import Graph
-    from lowcostnav_ros.graph.process import Event
-    from lowcostnav_ros.graph.runner import GraphRunner
-    from lowcostnav_ros.replay.result import ReplayResult
+from lowcostnav_ros.graph.description import Graph, GraphError, load_graph
+from lowcostnav_ros.graph.process import Event
+from lowcostnav_ros.graph.runner import GraphRunner
+from lowcostnav_ros.navigators.registry import NAVIGATORS
+from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
+from lowcostnav_ros.replay.result import ReplayResult
+from lowcostnav_ros.report.flight.page import write_page
+from lowcostnav_ros.report.terminal import print_result, print_table, result_console
 
 LONGEST_S = 900.0
 DRAW_S = 0.5
@@ -36,9 +37,6 @@ def add_arguments(demo: argparse.ArgumentParser) -> None:
 @job("Fly a whole simulated mission with a GPS outage and make its report.", add_arguments)
 def demo(arguments: argparse.Namespace) -> int:
     """Fly, replay, report; 0 when nothing was lost and the replay equals the flight to the bit, else 1."""
-    from lowcostnav_ros.graph.description import load_graph
-    from lowcostnav_ros.report.terminal import result_console
-
     graph = load_graph(arguments.graph)
     if arguments.real_time_factor:
         graph = dataclasses.replace(graph, real_time_factor=arguments.real_time_factor)
@@ -53,12 +51,7 @@ def _emptied(out: Path) -> Path:
     return out
 
 
-def _demonstrate(graph: "Graph", out: Path, console: "Console") -> int:
-    from lowcostnav_ros.navigators.registry import NAVIGATORS
-    from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
-    from lowcostnav_ros.report.flight.page import write_page
-    from lowcostnav_ros.report.terminal import print_result
-
+def _demonstrate(graph: Graph, out: Path, console: Console) -> int:
     console.rule(f"1  Fly {graph.scenario}: {len(graph.nodes)} processes over Fast DDS, {graph.real_time_factor:g} x real time")
     counts, events = _fly(graph, out, console)
     lost = _print_counts(counts, console)
@@ -79,11 +72,8 @@ def _demonstrate(graph: "Graph", out: Path, console: "Console") -> int:
     return Exit.OK if equal and not lost and not events else Exit.WORSE
 
 
-def _fly(graph: "Graph", out: Path, console: "Console") -> "tuple[dict[str, dict[str, int]], list[Event]]":
+def _fly(graph: Graph, out: Path, console: Console) -> tuple[dict[str, dict[str, int]], list[Event]]:
     """Fly the graph to its end; return messages per topic and what happened to nodes on the way."""
-    from lowcostnav_ros.graph.description import GraphError
-    from lowcostnav_ros.graph.runner import GraphRunner
-
     began = time.monotonic()
     with GraphRunner(graph, out=out, log_dir=out / "logs", on_event=lambda event: console.print(f"[yellow]{event}[/]")) as runner:
         finished = runner.wait_until_finished(LONGEST_S, each=_Narrator(runner, console))
@@ -97,7 +87,7 @@ def _fly(graph: "Graph", out: Path, console: "Console") -> "tuple[dict[str, dict
 class _Narrator:
     """Say what the supervisor does while the mission flies."""
 
-    def __init__(self, runner: "GraphRunner", console: "Console") -> None:
+    def __init__(self, runner: GraphRunner, console: Console) -> None:
         self._runner, self._console = runner, console
         self._said, self._next = ("", ""), 0.0
 
@@ -114,10 +104,8 @@ class _Narrator:
             self._console.print(f"  {flown / 60.0:4.1f} min  {row['message']}", highlight=False)
 
 
-def _print_counts(counts: Mapping[str, Mapping[str, int]], console: "Console") -> int:
+def _print_counts(counts: Mapping[str, Mapping[str, int]], console: Console) -> int:
     """Print messages published against received per topic; return how many were lost."""
-    from lowcostnav_ros.report.terminal import print_table
-
     rows, total = [], 0
     for topic, entry in sorted(counts.items()):
         listeners = {node: count for node, count in entry.items() if node != "sent"}
@@ -132,7 +120,7 @@ def _print_counts(counts: Mapping[str, Mapping[str, int]], console: "Console") -
     return total
 
 
-def _print_equality(result: "ReplayResult", console: "Console") -> bool:
+def _print_equality(result: ReplayResult, console: Console) -> bool:
     """Say, per navigator, whether the replayed fused solution is the one flown; return whether all are."""
     for name, navigator in result.navigators.items():
         fused, at = navigator.fused, navigator.fused.first_differing_stamp_s

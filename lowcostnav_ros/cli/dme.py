@@ -6,13 +6,24 @@
 """
 
 import argparse
+import csv
+import math
 import re
 from pathlib import Path
 
+import numpy as np
+
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.base.units import NAUTICAL_MILE
+from lowcostnav_ros.catalogue.config_files import find_config
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import between
+from lowcostnav_ros.radionav.coverage import altitudes_above
+from lowcostnav_ros.radionav.navaid_import import lost_longitude_signs, navaids_from_text, select_near, table_as_text
+from lowcostnav_ros.report.dme.figures import write_figures
+from lowcostnav_ros.report.dme.plan import make_plan
+from lowcostnav_ros.report.dme.tables import as_mapping, print_plan
 from lowcostnav_ros.report.plan_folder import write_plan
 
 DEFAULT_STATIONS = "dme_stations_bay_area.csv"
@@ -52,26 +63,17 @@ def dme(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> int:
-    from lowcostnav_ros.report.dme.plan import make_plan
-    from lowcostnav_ros.report.dme.tables import as_mapping, print_plan
-
     waypoints, elevation = _place(arguments)
     altitudes = _altitudes(arguments.altitude_m, elevation)
     navaids = _read(arguments.stations, 0.0)
     plan = make_plan(navaids, waypoints, altitudes, arguments.speed_mps, arguments.stations)
     print_plan(plan)
     if arguments.output:
-        from lowcostnav_ros.report.dme.figures import write_figures
-
         write_plan(plan, Path(arguments.output), as_mapping, write_figures)
     return Exit.OK if plan.good_enough() else Exit.WORSE
 
 
 def _import(arguments: argparse.Namespace) -> int:
-    import numpy as np
-
-    from lowcostnav_ros.base.units import NAUTICAL_MILE
-    from lowcostnav_ros.radionav.navaid_import import lost_longitude_signs, select_near, table_as_text
 
     (lat, lon), *_ = _waypoints(arguments.near, "--near")
     if not arguments.within_nm > 0.0:
@@ -88,9 +90,6 @@ def _import(arguments: argparse.Namespace) -> int:
 
 
 def _read(name: str, undulation_m: float):
-    from lowcostnav_ros.catalogue.config_files import find_config
-    from lowcostnav_ros.radionav.navaid_import import navaids_from_text
-
     path = find_config(name)
     return navaids_from_text(path.read_text(encoding="utf-8", errors="replace"), str(name), undulation_m)
 
@@ -110,8 +109,6 @@ def _place(arguments: argparse.Namespace) -> tuple[list[tuple[float, float]], fl
 
 
 def _waypoint_file(path: Path) -> str:
-    import csv
-
     with path.open(newline="", encoding="utf-8") as lines:
         rows = csv.DictReader(line for line in lines if not line.lstrip().startswith("#"))
         if not {"lat_deg", "lon_deg"} <= set(rows.fieldnames or ()):
@@ -120,8 +117,6 @@ def _waypoint_file(path: Path) -> str:
 
 
 def _waypoints(text: str, option: str) -> list[tuple[float, float]]:
-    import math
-
     waypoints = []
     for part in text.strip().strip(";").split(";"):
         cells = part.split(",")
@@ -132,8 +127,6 @@ def _waypoints(text: str, option: str) -> list[tuple[float, float]]:
 
 
 def _altitudes(text: str | None, elevation: float) -> list[float]:
-    from lowcostnav_ros.radionav.coverage import altitudes_above
-
     if text is None:
         return list(altitudes_above(elevation))
     return sorted({_number(cell, "--altitude-m", elevation, 20_000.0) for cell in text.split(",")})

@@ -11,11 +11,27 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lowcostnav_ros.base.exit_codes import Exit
-from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.base.settings import SettingsError, from_mapping
+from lowcostnav_ros.base.text import counted
+from lowcostnav_ros.catalogue.equipment import load_almanac
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import between, check_folders
 from lowcostnav_ros.cli.progress import progress_bar
+from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
+from lowcostnav_ros.gnss import GnssError
+from lowcostnav_ros.gnss.canyon import CanyonSettings
+from lowcostnav_ros.gnss.constellation import NAMES, TABLE_EPOCH_GPS_S, constellation_named
+from lowcostnav_ros.gnss.correction import CorrectionSettings
+from lowcostnav_ros.gnss.gps_time import SECOND, gps_ns
+from lowcostnav_ros.gnss.sky_plan import plan_sky
+from lowcostnav_ros.gnss.track import track
+from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, print_plan
+from lowcostnav_ros.report.gnss.plan_figures import write_figures
+from lowcostnav_ros.report.gnss.track import print_track, summarise, write_csv
+from lowcostnav_ros.report.gnss.track_page import write_page
 from lowcostnav_ros.report.plan_folder import write_plan
 
 
@@ -62,9 +78,6 @@ def gnss(arguments: argparse.Namespace) -> int:
 
 
 def _locate(arguments: argparse.Namespace) -> int:
-    from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
-    from lowcostnav_ros.report.gnss.track import print_track, summarise, write_csv
-
     settings = correction_settings(arguments)
     check_folders(arguments.out, arguments.page)
     observations, navigation = read_observations(arguments.observations), read_navigation(arguments.navigation)
@@ -75,17 +88,12 @@ def _locate(arguments: argparse.Namespace) -> int:
         write_csv(summary, Path(arguments.out))
         print(f"{len(located.located)} epochs in {arguments.out}")
     if arguments.page:
-        from lowcostnav_ros.report.gnss.track_page import write_page
-
         print(f"{arguments.page} ({write_page(summary, Path(arguments.page)) / 1e6:.1f} MB)")
     return Exit.OK
 
 
 def correction_settings(arguments: argparse.Namespace):
     """Correction settings as the options say, checked."""
-    from lowcostnav_ros.base.settings import from_mapping
-    from lowcostnav_ros.gnss.correction import CorrectionSettings
-
     values = {"mask_deg": arguments.mask_deg, "ionosphere": not arguments.no_ionosphere, "troposphere": not arguments.no_troposphere}
     return from_mapping(CorrectionSettings, {**values, "integrity_sigmas": arguments.integrity_sigmas}, "locate")
 
@@ -98,10 +106,6 @@ def located_with_progress(observations, navigation, settings, label: str):
     GnssError
         When no epoch at all gives a position.
     """
-    from lowcostnav_ros.base.text import counted
-    from lowcostnav_ros.gnss import GnssError
-    from lowcostnav_ros.gnss.track import track
-
     with progress_bar(label) as advance:
         total = len(observations.epochs)
         located = track(observations.epochs, navigation, settings, advance=advance and (lambda done: advance(done / total)))
@@ -112,9 +116,6 @@ def located_with_progress(observations, navigation, settings, label: str):
 
 
 def _plan(arguments: argparse.Namespace) -> int:
-    from lowcostnav_ros.gnss.sky_plan import plan_sky
-    from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, print_plan
-
     lat_deg, lon_deg, height = arguments.place
     between("--place", lat_deg, -90.0, 90.0)
     between("--place", lon_deg, -180.0, 360.0)
@@ -131,8 +132,6 @@ def _plan(arguments: argparse.Namespace) -> int:
     plan = GnssPlan(sky, title, hidden, start, arguments.pdop, lowest, notes)
     print_plan(plan)
     if arguments.output:
-        from lowcostnav_ros.report.gnss.plan_figures import write_figures
-
         write_plan(plan, Path(arguments.output), as_mapping, write_figures)
     return Exit.OK if plan.good_enough() else Exit.WORSE
 
@@ -149,10 +148,6 @@ def _start(text: str | None) -> datetime.datetime:
 
 def _satellites(named: str, start: datetime.datetime) -> tuple[Any, float, list[str]]:
     """The satellites, the time of their constellation at the start, s, and what there is to say about them."""
-    from lowcostnav_ros.catalogue.equipment import load_almanac
-    from lowcostnav_ros.gnss.constellation import NAMES, TABLE_EPOCH_GPS_S, constellation_named
-    from lowcostnav_ros.gnss.gps_time import SECOND, gps_ns
-
     gps = gps_ns(round(start.timestamp()) * SECOND)
     if named in NAMES:
         note = f"Nominal orbits of '{named}': this is what such a constellation gives on a day, not what is up on this one."
@@ -165,10 +160,6 @@ def _satellites(named: str, start: datetime.datetime) -> tuple[Any, float, list[
 
 def _lowest(arguments: argparse.Namespace) -> tuple[Any, str]:
     """Lowest visible elevation by azimuth, rad, and what hides the sky, in words."""
-    import numpy as np
-
-    from lowcostnav_ros.base.settings import from_mapping
-    from lowcostnav_ros.gnss.canyon import CanyonSettings
 
     between("--mask-deg", arguments.mask_deg, 0.0, 89.0)
     mask = math.radians(arguments.mask_deg)

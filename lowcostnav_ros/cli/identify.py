@@ -3,6 +3,8 @@
 import argparse
 import math
 
+from lowcostnav_ros.calibration.identification import identify_static
+from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_rest as rest
 from lowcostnav_ros.cli.jobs import job
 
@@ -10,9 +12,6 @@ from lowcostnav_ros.cli.jobs import job
 @job("Error model of sensors at rest by mean, scatter and autocorrelation, as numbers of an IMU profile.", rest.add_arguments)
 def identify(arguments: argparse.Namespace) -> int:
     """Mean, scatter, correlation time of every column."""
-    from lowcostnav_ros.calibration.identification import identify_static
-    from lowcostnav_ros.cli import calibrate_charts as charts
-
     columns, rate_hz = rest.inertial(arguments)
     found = {name: identify_static(rest.named(values, rate_hz, name), rate_hz) for name, values in columns.values.items()}
     rows = [

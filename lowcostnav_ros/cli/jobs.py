@@ -1,11 +1,14 @@
 """Jobs of the command line: each is described in the module of its name, options and work together, and found through a registry.
 
-A module of a job imports what it works with when it works, so that ``lowcostnav --help`` answers at once.
+Only the module of the job that is asked for is imported; what the others do is read in their files, so that ``lowcostnav --help`` answers
+at once.
 """
 
 import argparse
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 from lowcostnav_ros.base.registry import Registry
 
@@ -26,6 +29,13 @@ class Job:
 JOBS: Registry[Job] = Registry("job", "lowcostnav_ros.cli", HELPERS)
 
 
+def summary(name: str) -> str:
+    """What a job does, in a sentence, without importing a module of this package for it."""
+    file = Path(__file__).with_name(f"{name}.py")
+    written = re.search(r'^@job\(\s*"([^"]+)"', file.read_text(encoding="utf-8"), re.MULTILINE) if file.is_file() else None
+    return written[1] if written else JOBS[name].text
+
+
 def job(
     text: str, add_arguments: Callable[[argparse.ArgumentParser], None] = lambda _: None, epilog: str = ""
 ) -> Callable[[Callable[[argparse.Namespace], int]], Callable[[argparse.Namespace], int]]:
@@ -36,7 +46,7 @@ def job(
     text : str
         What it does, in a sentence.
     add_arguments : callable
-        Adds its options to a parser; must import nothing heavy.
+        Adds its options to a parser.
     epilog : str
         Shown below the options.
     """

@@ -3,16 +3,22 @@
 import argparse
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from lowcostnav_ros.calibration import magnetometer_fit as fits
+from lowcostnav_ros.calibration.magnetometer_batch import batch_fit
+from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit, calibration_of
+from lowcostnav_ros.calibration.magnetometer_known_strength import known_strength_fit
+from lowcostnav_ros.calibration.magnetometer_two_step import level_turn_fit, two_step_fit
+from lowcostnav_ros.calibration.profile_text import calibration_text
+from lowcostnav_ros.calibration.record import CalibrationError
+from lowcostnav_ros.cli import calibrate_charts as charts
+from lowcostnav_ros.cli import calibrate_input as files
+from lowcostnav_ros.cli.calibrate_input import Columns
 from lowcostnav_ros.cli.calibrate_rest import split
 from lowcostnav_ros.cli.jobs import job
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit
-    from lowcostnav_ros.cli.calibrate_input import Columns
+from lowcostnav_ros.physics.geomagnetism import field_n
 
 METHODS = ("two-step", "batch", "known-strength", "level-turn")
 UNITS = ("T", "G", "mG", "uT", "nT")
@@ -35,10 +41,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 @job("Calibrate a magnetometer from a turn or a flight: hard iron, scale factors, and how far to trust them.", add_arguments)
 def magcal(arguments: argparse.Namespace) -> int:
     """Fit, print how far to trust it, write the calibration."""
-    import numpy as np
-
-    from lowcostnav_ros.calibration import magnetometer_fit as fits
-    from lowcostnav_ros.cli import calibrate_input as files
 
     table = files.is_table(arguments.source)
     wanted = split(arguments.column)
@@ -60,11 +62,7 @@ def magcal(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _strength_ut(arguments: argparse.Namespace, columns: "Columns") -> float:
-    import numpy as np
-
-    from lowcostnav_ros.calibration.record import CalibrationError
-    from lowcostnav_ros.physics.geomagnetism import field_n
+def _strength_ut(arguments: argparse.Namespace, columns: Columns) -> float:
 
     if arguments.strength is not None:
         return arguments.strength
@@ -80,8 +78,6 @@ def _strength_ut(arguments: argparse.Namespace, columns: "Columns") -> float:
 
 
 def _place(text: str | None) -> tuple[float, float, float] | None:
-    from lowcostnav_ros.calibration.record import CalibrationError
-
     if text is None:
         return None
     try:
@@ -91,11 +87,7 @@ def _place(text: str | None) -> tuple[float, float, float] | None:
         raise CalibrationError(f"'{text}' is not a place; write latitude and longitude in degrees, such as 37.4,-122.1.") from None
 
 
-def _fit(arguments: argparse.Namespace, measured_ut: "np.ndarray", strength_ut: float) -> "MagnetometerFit":
-    from lowcostnav_ros.calibration.magnetometer_batch import batch_fit
-    from lowcostnav_ros.calibration.magnetometer_known_strength import known_strength_fit
-    from lowcostnav_ros.calibration.magnetometer_two_step import level_turn_fit, two_step_fit
-
+def _fit(arguments: argparse.Namespace, measured_ut: np.ndarray, strength_ut: float) -> MagnetometerFit:
     if arguments.method == "known-strength":
         return known_strength_fit(measured_ut, strength_ut)
     if arguments.method == "level-turn":
@@ -105,7 +97,7 @@ def _fit(arguments: argparse.Namespace, measured_ut: "np.ndarray", strength_ut: 
     return two_step_fit(measured_ut, strength_ut, arguments.min_coverage)
 
 
-def _print_fit(fit: "MagnetometerFit", unit: str, told: bool) -> None:
+def _print_fit(fit: MagnetometerFit, unit: str, told: bool) -> None:
     print(f"{fit.method}: {fit.samples} samples in {unit}{'' if told else ' (told from the magnitude)'}, field {fit.strength:.2f} uT")
     print(f"coverage: {fit.coverage}")
     for axis, name in enumerate("xyz"):
@@ -116,11 +108,7 @@ def _print_fit(fit: "MagnetometerFit", unit: str, told: bool) -> None:
         print(f"note: {warning}")
 
 
-def _write_calibration(arguments: argparse.Namespace, fit: "MagnetometerFit", measured_ut: "np.ndarray") -> None:
-    from lowcostnav_ros.calibration.magnetometer_fit import calibration_of
-    from lowcostnav_ros.calibration.profile_text import calibration_text
-    from lowcostnav_ros.cli import calibrate_charts as charts
-
+def _write_calibration(arguments: argparse.Namespace, fit: MagnetometerFit, measured_ut: np.ndarray) -> None:
     path = Path(arguments.output)
     text = calibration_text(calibration_of(fit, "uT"), fit, Path(arguments.source).name)
     path.write_text(text, encoding="utf-8")

@@ -7,7 +7,7 @@ from typing import Any
 
 from lowcostnav_ros import __version__
 from lowcostnav_ros.base.exit_codes import Exit
-from lowcostnav_ros.cli.jobs import JOBS
+from lowcostnav_ros.cli.jobs import JOBS, summary
 
 _EPILOG = """\
 exit status: 0 pass, 1 worse than the baseline or a failed check, 2 cannot run (one sentence on stderr says what to do)
@@ -21,15 +21,19 @@ examples:
 """
 
 
-def parser() -> argparse.ArgumentParser:
-    """The command line as argparse knows it."""
+def parser(wanted: str = "") -> argparse.ArgumentParser:
+    """Build the command line; only the job that is ``wanted`` is imported and has its options, the others are listed."""
     shape = argparse.RawDescriptionHelpFormatter
     description = "Low-cost aircraft navigation, with GPS and without."
     top = argparse.ArgumentParser(prog="lowcostnav", description=description, epilog=_EPILOG, formatter_class=shape)
     top.add_argument("--version", action="version", version=f"lowcostnav_ros {__version__}")
     jobs = top.add_subparsers(dest="job", metavar="JOB", required=True)
-    for name, job in JOBS.items():
-        job.add_arguments(jobs.add_parser(name, help=job.text, description=job.text, epilog=job.epilog, formatter_class=shape))
+    for name in JOBS:
+        text = summary(name)
+        below = jobs.add_parser(name, help=text, description=text, formatter_class=shape)
+        if name == wanted:
+            below.epilog = JOBS[name].epilog
+            JOBS[name].add_arguments(below)
     return top
 
 
@@ -44,7 +48,8 @@ def main(argv: Sequence[str] | None = None, registry: Any = None) -> int:
         Navigators by name for ``replay`` and ``report``, the package's own where None.
     """
     try:
-        arguments = parser().parse_args(argv, argparse.Namespace(registry=registry))
+        given = list(sys.argv[1:] if argv is None else argv)
+        arguments = parser(given[0] if given else "").parse_args(given, argparse.Namespace(registry=registry))
         return JOBS[arguments.job].run(arguments)
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else Exit.CANNOT_RUN

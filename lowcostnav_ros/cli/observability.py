@@ -7,15 +7,21 @@ import argparse
 import json
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.base.tables import Table
+from lowcostnav_ros.catalogue.building import build_navigators
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import check_folders
-
-if TYPE_CHECKING:
-    from lowcostnav_ros.navigators.base import Navigator
-    from lowcostnav_ros.studies.observability import Observability
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.navigators.registry import NAVIGATORS
+from lowcostnav_ros.replay.links import output_topic
+from lowcostnav_ros.replay.selection import check_names
+from lowcostnav_ros.replay.session import Session
+from lowcostnav_ros.report.terminal import print_report
+from lowcostnav_ros.studies.observability import Observability, Watch
 
 WEAK = 0.5
 """A state counts as not told when less than this share of it lies in the observable space."""
@@ -45,7 +51,7 @@ def observability(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> "tuple[Navigator, list[Observability]]":
+def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> tuple[Navigator, list[Observability]]:
     """Run a navigator over a recording and look every ``period_s`` seconds.
 
     Raises
@@ -53,13 +59,6 @@ def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> "tup
     ValueError
         (BagError, SettingsError) when the recording lacks what the navigator needs.
     """
-    from lowcostnav_ros.catalogue.building import build_navigators
-    from lowcostnav_ros.messages.bag import BagReader
-    from lowcostnav_ros.navigators.registry import NAVIGATORS
-    from lowcostnav_ros.replay.selection import check_names
-    from lowcostnav_ros.replay.session import Session
-    from lowcostnav_ros.studies.observability import Watch
-
     check_names([name], list(NAVIGATORS))
     reason = NAVIGATORS[name].not_observable
     if reason:
@@ -80,16 +79,13 @@ def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> "tup
     return navigator, watch.finish()
 
 
-def _speakers(navigator: "Navigator", recorded: Collection[str]) -> dict[str, str]:
+def _speakers(navigator: Navigator, recorded: Collection[str]) -> dict[str, str]:
     """Navigators that must run beside, by name, each with the topic it says which the recording lacks and the navigator needs."""
-    from lowcostnav_ros.navigators.registry import NAVIGATORS
-    from lowcostnav_ros.replay.links import output_topic
-
     lacking = {source for source, required in navigator.inputs.items() if required and source not in recorded}
     return {name: output_topic(name) for name in NAVIGATORS if output_topic(name) in lacking}
 
 
-def as_plain(navigator: "Navigator", found: "list[Observability]") -> dict[str, Any]:
+def as_plain(navigator: Navigator, found: list[Observability]) -> dict[str, Any]:
     """Everything as plain numbers: states, and for each instant rank, singular values and the share of each state."""
     instants = [
         {
@@ -104,10 +100,7 @@ def as_plain(navigator: "Navigator", found: "list[Observability]") -> dict[str, 
     return {"navigator": navigator.name, "states": list(navigator.core.layout.labels), "instants": instants}
 
 
-def _print(navigator: "Navigator", found: "list[Observability]") -> None:
-    from lowcostnav_ros.base.tables import Table
-    from lowcostnav_ros.report.terminal import print_report
-
+def _print(navigator: Navigator, found: list[Observability]) -> None:
     size, labels = navigator.core.layout.size, navigator.core.layout.labels
     heads = ("t [s]", "rows", "rank", f"not told, of {size}", "largest and smallest counted singular value")
     rows, start_ns = [], found[0].stamp_ns

@@ -4,6 +4,7 @@ import argparse
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.graph.executables import parameter_file
 
 
 def add_arguments(parameters: argparse.ArgumentParser) -> None:
@@ -18,7 +19,5 @@ def add_arguments(parameters: argparse.ArgumentParser) -> None:
 )
 def parameters(arguments: argparse.Namespace) -> int:
     """Print the parameter file of an executable."""
-    from lowcostnav_ros.graph.executables import parameter_file
-
     print(parameter_file(arguments.node), end="")
     return Exit.OK

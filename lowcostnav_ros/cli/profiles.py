@@ -7,12 +7,17 @@ lowcostnav profiles result/profile.yaml
 
 import argparse
 import dataclasses
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from lowcostnav_ros.base.tables import Table
+from lowcostnav_ros.base.units import DEGREE, DEGREE_PER_HOUR, MILLI_G
+from lowcostnav_ros.catalogue.equipment import imu_profile_names, load_imu_profile
+from lowcostnav_ros.catalogue.imu_by_name import profile_settings
 from lowcostnav_ros.cli.jobs import job
-
-if TYPE_CHECKING:
-    from lowcostnav_ros.sensors.imu_profile import ImuProfile
+from lowcostnav_ros.report.terminal import print_report
+from lowcostnav_ros.sensors.imu_grade import grade_of
+from lowcostnav_ros.sensors.imu_profile import ImuProfile
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,8 +29,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 @job("IMU profiles with their grade, and the numbers a filter takes from one.", add_arguments)
 def profiles(arguments: argparse.Namespace) -> int:
     """List profiles; of one that was asked for also what a filter takes from it."""
-    from lowcostnav_ros.catalogue.equipment import imu_profile_names, load_imu_profile
-
     names = arguments.names or imu_profile_names()
     _print_table({name: load_imu_profile(name) for name in names})
     for name in arguments.names:
@@ -35,13 +38,7 @@ def profiles(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _print_table(found: "dict[str, ImuProfile]") -> None:
-    import numpy as np
-
-    from lowcostnav_ros.base.tables import Table
-    from lowcostnav_ros.base.units import DEGREE, DEGREE_PER_HOUR, MILLI_G
-    from lowcostnav_ros.report.terminal import print_report
-    from lowcostnav_ros.sensors.imu_grade import grade_of
+def _print_table(found: dict[str, ImuProfile]) -> None:
 
     gyros, accels = ("gyro turn-on\ndeg/h", "drift\ndeg/h", "white\ndeg/rt h"), ("accel turn-on\nmg", "drift\nmg", "white\nmg/rt Hz")
     rows = []
@@ -61,8 +58,6 @@ def _print_table(found: "dict[str, ImuProfile]") -> None:
 
 
 def _print_settings(name: str) -> None:
-    from lowcostnav_ros.catalogue.imu_by_name import profile_settings
-
     print(f"\n{name} in a filter's settings (imu.profile: {name}):")
     for key, value in dataclasses.asdict(profile_settings(name)).items():
         if key != "profile":

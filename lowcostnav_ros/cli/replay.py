@@ -5,16 +5,18 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import check_folders
 from lowcostnav_ros.cli.progress import progress_bar
-
-if TYPE_CHECKING:
-    from lowcostnav_ros.replay.baseline import Verdict
-    from lowcostnav_ros.replay.result import ReplayResult
+from lowcostnav_ros.replay import bag_replay, baseline
+from lowcostnav_ros.replay.baseline import BETTER, SAME, WORSE, Verdict, write_baseline
+from lowcostnav_ros.replay.result import ReplayResult
+from lowcostnav_ros.replay.tables import verdict_table
+from lowcostnav_ros.replay.withhold import parse_withhold
+from lowcostnav_ros.report.terminal import print_result, print_table, result_console
 
 NOTES = """\
 withholding: 'gps/fix,gps/vel@290-350' keeps these sources from the navigators from 290 s to 350 s, @290- to the end; without @ all flight.
@@ -44,10 +46,6 @@ def add_common(parser: argparse.ArgumentParser, note: str = "") -> None:
 @job("Run the navigators over a bag, offline and repeatable to the last bit, and judge them.", add_arguments, NOTES)
 def replay(arguments: argparse.Namespace) -> int:
     """Replay a bag; 0 when nothing is worse than the baseline, 1 when something is."""
-    from lowcostnav_ros.replay import baseline
-    from lowcostnav_ros.replay.tables import verdict_table
-    from lowcostnav_ros.report.terminal import print_result, print_table, result_console
-
     expected = baseline.load_baseline(Path(arguments.baseline)) if arguments.baseline else None
     check_folders(arguments.json, arguments.write_baseline)
     out = Path(arguments.out) if arguments.out else None
@@ -69,22 +67,17 @@ def replay(arguments: argparse.Namespace) -> int:
     return Exit.WORSE if any(v.verdict == baseline.WORSE for v in verdicts) else Exit.OK
 
 
-def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth: str | None = None) -> "ReplayResult":
+def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth: str | None = None) -> ReplayResult:
     """Replay as the common options of ``replay`` and ``report`` say, with a progress bar on a terminal."""
-    from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
-    from lowcostnav_ros.replay.withhold import parse_withhold
-
     names = tuple(n.strip() for n in arguments.navigators.split(",") if n.strip()) if arguments.navigators else None
     withhold = tuple(parse_withhold(text) for text in arguments.withhold)
     config = Path(arguments.config) if arguments.config else None
     with progress_bar("replay") as advance:
-        options = ReplayOptions(names, config, withhold, truth, out, arguments.registry, advance)
-        return replay_bag(arguments.bag if "bag" in arguments else arguments.source, options)
+        options = bag_replay.ReplayOptions(names, config, withhold, truth, out, arguments.registry, advance)
+        return bag_replay.replay_bag(arguments.bag if "bag" in arguments else arguments.source, options)
 
 
-def _verdict_sentence(verdicts: "Sequence[Verdict]") -> str:
-    from lowcostnav_ros.replay.baseline import BETTER, SAME, WORSE
-
+def _verdict_sentence(verdicts: Sequence[Verdict]) -> str:
     count = {v: sum(1 for x in verdicts if x.verdict == v) for v in (BETTER, SAME, WORSE)}
     return f"{'WORSE' if count[WORSE] else 'PASS'}: {', '.join(f'{n} {verdict}' for verdict, n in count.items())}"
 
@@ -99,8 +92,6 @@ def _write(arguments: argparse.Namespace, out: Path | None, mapping: dict[str, A
         (out / "summary.json").write_text(text, encoding="utf-8")
         said.append(f"results in {out}")
     if arguments.write_baseline:
-        from lowcostnav_ros.replay.baseline import write_baseline
-
         count = write_baseline(Path(arguments.write_baseline), mapping)
         said.append(f"baseline of {count} metrics in {arguments.write_baseline}")
     return said

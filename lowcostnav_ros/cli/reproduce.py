@@ -3,17 +3,20 @@
 import argparse
 import json
 import sys
+from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from rich.console import Console
+from rich.markup import escape
+
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import check_folders
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from lowcostnav_ros.reproduce.registry import Entry
-    from lowcostnav_ros.reproduce.run import Record
+from lowcostnav_ros.report.terminal import print_table
+from lowcostnav_ros.reproduce import cluster, page, registry, run
+from lowcostnav_ros.reproduce.registry import CRASHED, VERDICTS, Entry
+from lowcostnav_ros.reproduce.run import Record
 
 _STYLES = {"reproduced": "green", "differs": "yellow", "crashed": "bold red"}
 _EPILOG = """\
@@ -39,9 +42,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 @job("Compute the results of the theses again and set them beside the printed numbers, with a verdict each.", add_arguments, _EPILOG)
 def reproduce(arguments: argparse.Namespace) -> int:
     """Run, print, write; 1 when a result crashed."""
-    from lowcostnav_ros.base.settings import SettingsError
-    from lowcostnav_ros.reproduce import cluster, page, registry, run
-
     entries = registry.selected(arguments.results)
     if arguments.list:
         _list(entries)
@@ -63,23 +63,16 @@ def reproduce(arguments: argparse.Namespace) -> int:
     return _conclude(records, console)
 
 
-def _list(entries: "list[Entry]") -> None:
-    from lowcostnav_ros.base.tables import Table
-    from lowcostnav_ros.report.terminal import print_table
-
+def _list(entries: list[Entry]) -> None:
     rows = [(entry.id, entry.study, entry.title, entry.source) for entry in entries]
     print_table(Table.plain("", ("id", "study", "result", "source"), rows, left=4), _console())
 
 
-def _console() -> "Console":
-    from rich.console import Console
-
+def _console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 140, soft_wrap=True, highlight=False)
 
 
-def _print(record: "Record", console: "Console") -> None:
-    from rich.markup import escape
-
+def _print(record: Record, console: Console) -> None:
     entry, outcome = record.entry, record.outcome
     style = _STYLES.get(outcome.verdict, "cyan")
     console.print(f"{entry.id:<5} [{style}]{outcome.verdict}[/]  {escape(entry.title)}  [dim]{record.seconds:.1f} s[/]")
@@ -89,10 +82,7 @@ def _print(record: "Record", console: "Console") -> None:
         console.print(f"      why:    {escape(outcome.reason)}")
 
 
-def _conclude(records: "list[Record]", console: "Console") -> int:
-    from collections import Counter
-
-    from lowcostnav_ros.reproduce.registry import CRASHED, VERDICTS
+def _conclude(records: list[Record], console: Console) -> int:
 
     count = Counter(record.outcome.verdict for record in records)
     seconds = sum(record.seconds for record in records)

@@ -1,22 +1,27 @@
 """The simulate job: a scenario flown offline, recorded as the nodes would have published it."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import yaml
+
+from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.catalogue.equipment import load_imu_profile
+from lowcostnav_ros.catalogue.imu_by_name import profile_settings
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.progress import progress_bar
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from lowcostnav_ros.base.measurements import Measurement
-    from lowcostnav_ros.base.truth import TruthBlock
-    from lowcostnav_ros.simulation.scenario import Scenario
+from lowcostnav_ros.cores.imu_errors import ImuSettings
+from lowcostnav_ros.messages import encode
+from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
+from lowcostnav_ros.messages.store import to_cdr
+from lowcostnav_ros.navigators.registry import NAVIGATORS
+from lowcostnav_ros.simulation.scenario import Scenario, load_scenario
+from lowcostnav_ros.simulation.simulator import Simulation
+from lowcostnav_ros.simulation.truth_states import TruthStates
 
 Record = tuple[int, str, str, bytes]
 
@@ -33,9 +38,6 @@ def add_arguments(simulate: argparse.ArgumentParser) -> None:
 @job("Fly a scenario offline and record truth and sensors as the nodes would publish them.", add_arguments)
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly a scenario and write the bag, with the settings a navigator needs to know its IMU by."""
-    from lowcostnav_ros.messages.bag import SETTINGS_FOLDER
-    from lowcostnav_ros.simulation.scenario import load_scenario
-
     if arguments.duration is not None and not arguments.duration > 0.0:
         raise SettingsError(f"--duration must be positive, got {arguments.duration:g}.")
     scenario = load_scenario(arguments.scenario, arguments.seed)
@@ -63,9 +65,6 @@ def write_bag(scenario: Scenario, output: str, storage: str = "mcap", duration_s
     duration_s : float, optional
         Stop after this many seconds instead of flying the scenario to its end.
     """
-    from lowcostnav_ros.messages.bag import BagWriter
-    from lowcostnav_ros.simulation.simulator import Simulation
-
     simulation = Simulation(scenario)
     planned_s = duration_s or scenario.truth.duration_s
     with BagWriter(output, storage) as writer, progress_bar("simulate") as advance:
@@ -85,16 +84,9 @@ def navigator_settings(scenario: Scenario) -> dict[str, str]:
 
     Empty where there is no IMU aboard, or one without errors, which leaves a filter nothing to know.
     """
-    import yaml
-
-    from lowcostnav_ros.catalogue.equipment import load_imu_profile
-    from lowcostnav_ros.catalogue.imu_by_name import profile_settings
 
     if "imu" not in scenario.sensors or not load_imu_profile(scenario.imu.profile).has_noise:
         return {}
-    from lowcostnav_ros.cores.imu_errors import ImuSettings
-    from lowcostnav_ros.navigators.registry import NAVIGATORS
-
     numbers = dataclasses.asdict(profile_settings(scenario.imu.profile, scenario.imu.turn_on_bias))
     del numbers["profile"]
     head = f"# The IMU of scenario {scenario.name}: profile {scenario.imu.profile}. Every other parameter keeps its default.\n"
@@ -110,10 +102,6 @@ def _write_settings(files: dict[str, str], folder: Path) -> None:
 
 def _flown(blocks: Iterable[tuple[TruthBlock, list[Measurement]]], duration_s: float | None) -> Iterator[tuple[float, list[Record]]]:
     """Records of each block in order of stamps, with the seconds flown."""
-    from lowcostnav_ros.messages import encode
-    from lowcostnav_ros.messages.store import to_cdr
-    from lowcostnav_ros.simulation.truth_states import TruthStates
-
     states, first_ns = TruthStates(), None
     for truth, measurements in blocks:
         first_ns = int(truth.stamps_ns[0]) if first_ns is None else first_ns

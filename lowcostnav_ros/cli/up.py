@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.graph import up as graph_up
+from lowcostnav_ros.graph.description import load_graph
 
 
 def add_arguments(up: argparse.ArgumentParser) -> None:
@@ -20,9 +22,6 @@ EXAMPLE = "example: lowcostnav up livermore --until-finished --out runs/1"
 @job("Start a graph of nodes, watch it, stop it with Ctrl-C.", add_arguments, EXAMPLE)
 def up(arguments: argparse.Namespace) -> int:
     """Start a graph and keep it up."""
-    from lowcostnav_ros.graph import up as graph_up
-    from lowcostnav_ros.graph.description import load_graph
-
     out = Path(arguments.out) if arguments.out else None
     show = False if arguments.no_table else None
     return graph_up.up(load_graph(arguments.graph), out=out, show=show, until_finished=arguments.until_finished)
