@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.physics.rotation import eulers_to_quat, wrap
-from lowcostnav_ros.replay.columns import NavColumns, concatenate, interpolate, position_difference_n
-from lowcostnav_ros.replay.evaluation import blank_columns
+from lowcostnav_ros.replay.columns import NavColumns, blank_columns, concatenate, interpolate, position_difference_n
 from lowcostnav_ros.replay.metrics import AXES, ErrorStatistics, errors_between
 from lowcostnav_ros.replay.outages import GAP_NS, GpsGaps
 from lowcostnav_ros.replay.result import plain

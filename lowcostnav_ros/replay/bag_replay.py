@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -14,6 +15,7 @@ from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import BagError, BagReader
 from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.replay.links import output_topic
 from lowcostnav_ros.replay.result import Bag, Recording, ReplayResult, SourceCounts
 from lowcostnav_ros.replay.selection import Selection, check_names, select
@@ -76,20 +78,21 @@ def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> Replay
 class _Replay:
     """One replay of one bag: which topics play which part, and the pass itself.
 
-    The three readers are of the same bag: one is fed from, one gives what the aircraft recorded, one gives the truth.
+    The three readers are of the same bag: one is fed from, one gives what the aircraft recorded, one gives the truth, which must not cut
+    the inertial blocks, nor count as a navigator's work.
     """
 
     def __init__(self, reader: BagReader, recorded: BagReader, reference: BagReader, options: ReplayOptions) -> None:
-        self.reader = reader
-        self.options = options
+        self.reader, self.recorded, self.reference, self.options = reader, recorded, reference, options
         self.navigators, self.selection = _navigators(reader, options)
         self.truth = _truth_topic(reader, options.truth)
-        self.reference = _Reference(reference, self.truth)
-        outputs = {output_topic(name): name for name in self.navigators if output_topic(name) in reader.types}
-        self.recorded = _Recorded(recorded, outputs)
-        heard = {source for navigator in self.navigators.values() for source in navigator.inputs}
+        wind = [TRUE_WIND] if self.truth == DEFAULT_TRUTH and reader.types.get(TRUE_WIND) == topics.TWIST else []
+        self.true = [self.truth, *wind] if self.truth else []
+        self.true_sources = _with_origins(reader, self.true)
+        self.outputs = {output_topic(name): name for name in self.navigators if output_topic(name) in reader.types}
+        taken = {source for navigator in self.navigators.values() for source in navigator.inputs}
         replaced = {topic for name in self.navigators for topic in fused_topics(name)}
-        self.fed = sorted(s for s in heard - replaced if s in reader.types)
+        self.fed = sorted(s for s in taken - replaced if s in reader.types)
         check_sources(options.withhold, self.fed)
         self.sources = _with_origins(reader, self.fed)
         self.decode_s = 0.0
@@ -104,23 +107,22 @@ class _Replay:
         first_ns = first_stamp(head)
         windows = [resolve(w, first_ns) for w in self.options.withhold]
         rules = self.reader.decoder.rules
-        session = Session(self.navigators, windows, self.truth is not None, self.recorded.names, self.options.out, rules)
+        session = Session(self.navigators, windows, self.truth is not None, self.outputs, self.options.out, rules)
+        true = ((m.stamp_ns, (m,)) for m in self.reference.measurements(self.true_sources) if m.source in self.true)
+        alongside = _Alongside(session.feed_truth, true), _Alongside(session.feed_recorded, _recorded(self.recorded, self.outputs))
         for measurement in itertools.chain([head], stream):
             if measurement.source in self.fed:  # the rest are map origins, which the decoder has learned
                 session.feed(measurement)
-                self.reference.advance(session)
-                self.recorded.advance(session)
-                self._report_progress(session)
-        self.reference.advance(session, everything=True)
-        self.recorded.advance(session, everything=True)
+                for reader in alongside:
+                    reader.advance(session.newest_ns)
+                if self.options.on_progress is not None:
+                    span = max(1, self.reader.end_ns - self.reader.start_ns)
+                    self.options.on_progress(min(1.0, (session.newest_ns - first_ns) / span))
+        for reader in alongside:
+            reader.advance(math.inf)
         result = session.finish()
         wall_s = perf_counter() - began
         return timed(dataclasses.replace(result, recording=self._about()), wall_s, self.decode_s)
-
-    def _report_progress(self, session: Session) -> None:
-        if self.options.on_progress is not None:
-            span = max(1, self.reader.end_ns - self.reader.start_ns)
-            self.options.on_progress(min(1.0, (session.newest_ns - session.first_ns) / span))
 
     def _timed(self, stream: Iterator[Measurement]) -> Iterator[Measurement]:
         while True:
@@ -133,66 +135,48 @@ class _Replay:
 
     def _about(self) -> Recording:
         rejected: dict[str, dict[str, int]] = {}
-        for reader in (self.reader, self.reference.reader):
+        for reader in (self.reader, self.reference):
             for (source, reason), count in sorted(reader.decoder.rejected.items()):
                 rejected.setdefault(source, {})[reason] = count
         counts = self.reader.counts
-        inputs = {s: SourceCounts(counts[s], rejected.get(s, {})) for s in dict.fromkeys([*self.sources, *self.reference.sources])}
-        bag = Bag(self.reader.path.name, self.reference.reader.identity(), dict(sorted(counts.items())))
+        inputs = {s: SourceCounts(counts[s], rejected.get(s, {})) for s in dict.fromkeys([*self.sources, *self.true_sources])}
+        bag = Bag(self.reader.path.name, self.reference.identity(), dict(sorted(counts.items())))
         return Recording(bag, self.truth, self.selection.left_out, inputs, dict(sorted(self.reader.decoder.notes.items())))
 
 
-class _Reference:
-    """The truth, read alongside by a reader of its own: it must not cut the inertial blocks, nor count as a navigator's work."""
+class _Alongside:
+    """What another reader of the bag gives, handed to the session as far as the replay has come.
 
-    def __init__(self, reader: BagReader, truth: str | None) -> None:
-        self.reader = reader
-        wind = [TRUE_WIND] if truth == DEFAULT_TRUTH and reader.types.get(TRUE_WIND) == topics.TWIST else []
-        self._wanted = {truth, *wind} if truth else set()
-        self.sources = _with_origins(reader, [truth, *wind]) if truth else []
-        self._stream = reader.measurements(self.sources) if truth else iter(())
-        self._next: NavSolution | None = self._read()
+    Parameters
+    ----------
+    hand_over : callable
+        Method of the session.
+    items : iterator of (int, tuple)
+        Stamp, ns, and the arguments of the method.
+    """
 
-    def advance(self, session: Session, everything: bool = False) -> None:
-        """Hand over what is not newer than the replay's newest stamp, or all that is left."""
-        while self._next is not None and (everything or self._next.stamp_ns <= session.newest_ns):
-            session.feed_truth(self._next)
-            self._next = self._read()
+    def __init__(self, hand_over: Callable[..., None], items: Iterator[tuple[int, tuple[Any, ...]]]) -> None:
+        self._hand_over, self._items = hand_over, items
+        self._next = next(items, None)
 
-    def _read(self) -> NavSolution | None:
-        return next((m for m in self._stream if m.source in self._wanted), None)
+    def advance(self, newest_ns: float) -> None:
+        """Hand over what is not newer than ``newest_ns``."""
+        while self._next is not None and self._next[0] <= newest_ns:
+            self._hand_over(*self._next[1])
+            self._next = next(self._items, None)
 
 
-class _Recorded:
-    """The fused solutions the aircraft recorded, read alongside and handed to the session as far as the replay has come."""
-
-    def __init__(self, reader: BagReader, names: dict[str, str]) -> None:
-        self.names = names
-        self._reader = reader
-        self._stream = reader.stream(_with_origins(reader, names)) if names else iter(())
-        self._next: tuple[int, str, Any, NavSolution | None] | None = self._read()
-
-    def advance(self, session: Session, everything: bool = False) -> None:
-        """Hand over what is not newer than the replay's newest stamp, or all that is left."""
-        while self._next is not None and (everything or self._next[0] <= session.newest_ns):
-            _, name, message, solution = self._next
-            session.feed_recorded(name, message, solution)
-            self._next = self._read()
-
-    def _read(self) -> tuple[int, str, Any, NavSolution | None] | None:
-        for source, _, raw in self._stream:
-            msgtype = self._reader.types[source]
-            decoded = self._reader.decoder.decode(source, msgtype, raw)
-            if source in self.names and decoded.stamp_ns:
-                message = from_cdr(raw, msgtype)
-                return decoded.stamp_ns, self.names[source], message, decoded if isinstance(decoded, NavSolution) else None
-        return None
+def _recorded(reader: BagReader, names: dict[str, str]) -> Iterator[tuple[int, tuple[str, Any, NavSolution | None]]]:
+    """The fused solutions that were recorded: name, message, decoded solution."""
+    for source, _, raw in reader.stream(_with_origins(reader, names)) if names else ():
+        msgtype = reader.types[source]
+        decoded = reader.decoder.decode(source, msgtype, raw)
+        if source in names and decoded.stamp_ns:
+            yield decoded.stamp_ns, (names[source], from_cdr(raw, msgtype), decoded if isinstance(decoded, NavSolution) else None)
 
 
 def _navigators(reader: BagReader, options: ReplayOptions) -> tuple[dict[str, Navigator], Selection]:
-    registry = options.registry
-    if registry is None:
-        from lowcostnav_ros.navigators.registry import NAVIGATORS as registry
+    registry = NAVIGATORS if options.registry is None else options.registry
     check_names(options.navigators or (), list(registry))
     wanted = dict.fromkeys(options.navigators or registry)
     navigators = build_navigators(wanted, registry, options.config, reader.settings_folder)

@@ -13,11 +13,9 @@ from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, quats_to_euler, wrap
 
-_NO3 = np.full(3, np.nan)
-_NO4 = np.full(4, np.nan)
-_NO2 = np.full(2, np.nan)
-_NO33 = np.full((3, 3), np.nan)
-_NO22 = np.full((2, 2), np.nan)
+_SHAPES = {"position": (3,), "vel_n": (3,), "q_nb": (4,), "wind_n": (2,)}
+_SHAPES |= {"cov_pos": (3, 3), "cov_vel": (3, 3), "cov_att": (3, 3), "cov_wind": (2, 2)}
+"""Columns beside the stamps and the shape of one row."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -99,22 +97,19 @@ def position_difference_n(position: np.ndarray, reference: np.ndarray) -> np.nda
 def columns_of(solutions: Sequence[NavSolution]) -> NavColumns:
     """Turn solutions into columns; what a navigator does not estimate is NaN."""
 
-    def rows(name: str, absent: np.ndarray) -> np.ndarray:
-        values = (getattr(s, name) for s in solutions)
-        return np.array([absent if v is None else v for v in values], dtype=float).reshape(len(solutions), *absent.shape)
+    def rows(name: str, shape: tuple[int, ...]) -> np.ndarray:
+        absent = np.full(shape, np.nan)
+        values = ((s.lat, s.lon, s.height) if name == "position" and s.lat is not None else getattr(s, name, None) for s in solutions)
+        return np.array([absent if v is None else v for v in values], dtype=float).reshape(-1, *shape)
 
-    position = np.array([_NO3 if s.lat is None else (s.lat, s.lon, s.height) for s in solutions], dtype=float).reshape(-1, 3)
-    return NavColumns(
-        np.array([s.stamp_ns for s in solutions], dtype=np.int64),
-        position,
-        rows("vel_n", _NO3),
-        rows("q_nb", _NO4),
-        rows("wind_n", _NO2),
-        rows("cov_pos", _NO33),
-        rows("cov_vel", _NO33),
-        rows("cov_att", _NO33),
-        rows("cov_wind", _NO22),
-    )
+    stamps = np.array([s.stamp_ns for s in solutions], dtype=np.int64)
+    return NavColumns(stamps, **{name: rows(name, shape) for name, shape in _SHAPES.items()})
+
+
+def blank_columns(stamps_ns: np.ndarray, **known: np.ndarray) -> NavColumns:
+    """Columns at ``stamps_ns`` with the named ones given and all others NaN."""
+    rest = {name: np.full((len(stamps_ns), *shape), np.nan) for name, shape in _SHAPES.items() if name not in known}
+    return NavColumns(np.asarray(stamps_ns, dtype=np.int64), **known, **rest)
 
 
 def concatenate(parts: Sequence[NavColumns]) -> NavColumns:

@@ -7,7 +7,7 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity
 from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.replay.columns import NavColumns, columns_of, concatenate, interpolate
+from lowcostnav_ros.replay.columns import NavColumns, blank_columns, columns_of, concatenate, interpolate
 from lowcostnav_ros.replay.metrics import Errors, ErrorStatistics, error_row, errors_between
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.requirements import Coverage, monitors
@@ -26,7 +26,7 @@ class Track:
         self.newest_ns: int | None = None
 
     def add(self, columns: NavColumns) -> None:
-        """Append states; rows that are not newer than the newest are left out."""
+        """Append states; rows that are not newer than the newest are dropped."""
         if self.newest_ns is not None:
             columns = columns[columns.stamps_ns > self.newest_ns]
         if len(columns):
@@ -57,25 +57,15 @@ class Truth:
         """Newest stamp up to which errors can be formed."""
         return self.states.newest_ns
 
-    def at(self, stamps_ns: np.ndarray) -> NavColumns:
-        """True states at ``stamps_ns``; NaN where there are none."""
-        states = self.states.at(stamps_ns)
-        winds = self.winds.at(stamps_ns)
-        return states if winds is None else dataclasses.replace(states, wind_n=winds.wind_n)
+    def at(self, stamps_ns: np.ndarray) -> NavColumns | None:
+        """True states at ``stamps_ns``, NaN where there are none; None while empty."""
+        states, winds = self.states.at(stamps_ns), self.winds.at(stamps_ns)
+        return states if states is None or winds is None else dataclasses.replace(states, wind_n=winds.wind_n)
 
     def trim(self, before_ns: int) -> None:
-        """Forget what nobody will ask for again."""
+        """Forget what is older than ``before_ns`` and no longer needed."""
         self.states.trim(before_ns)
         self.winds.trim(before_ns)
-
-
-def blank_columns(stamps_ns: np.ndarray, **known: np.ndarray) -> NavColumns:
-    """Columns at ``stamps_ns`` with the named ones given and all others NaN."""
-    n = len(stamps_ns)
-    shapes = {"position": (3,), "vel_n": (3,), "q_nb": (4,), "wind_n": (2,), "cov_wind": (2, 2)}
-    shapes.update(dict.fromkeys(("cov_pos", "cov_vel", "cov_att"), (3, 3)))
-    rest = {name: np.full((n, *shape), np.nan) for name, shape in shapes.items() if name not in known}
-    return NavColumns(np.asarray(stamps_ns, dtype=np.int64), **known, **rest)
 
 
 def truth_columns(block: TruthBlock) -> NavColumns:
@@ -172,8 +162,8 @@ class Evaluation:
             self._pending.append(fix)
 
     def advance(self) -> None:
-        """Form all errors whose reference is there, and forget what is done with."""
-        newest = self._estimates.newest_ns if self.truth is None else self.truth.newest_ns
+        """Form all errors whose reference has come, and forget what they were formed from."""
+        newest = (self.truth or self._estimates).newest_ns
         if newest is None or not self._pending:
             return
         pending = concatenate(self._pending)
@@ -182,11 +172,10 @@ class Evaluation:
         done = pending[ready]
         if len(done) == 0:
             return
+        if (other := (self.truth or self._estimates).at(done.stamps_ns)) is not None:
+            self._file(errors_between(done, other) if self.truth else errors_between(other, done))
         if self.truth is None:
-            self._file(errors_between(self._estimates.at(done.stamps_ns), done))
             self._estimates.trim(int(done.stamps_ns[-1]))
-        else:
-            self._file(errors_between(done, self.truth.at(done.stamps_ns)))
 
     @property
     def oldest_pending_ns(self) -> int | None:

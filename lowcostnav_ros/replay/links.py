@@ -1,6 +1,6 @@
-"""How one navigator hears another in a replay: through the very messages that carry its solution in flight."""
+"""How one navigator receives another's solution in a replay: through the very messages that carry its solution in flight."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
@@ -31,7 +31,7 @@ class Link:
         Name of the navigator.
     navigator : Navigator
     rules : DecodeRules
-        Shared by all links, so that a map origin is known to who decodes an odometry.
+        Shared by all links, so that the map origin is known wherever an odometry is decoded.
     """
 
     def __init__(self, name: str, navigator: Navigator, rules: DecodeRules) -> None:
@@ -51,12 +51,12 @@ class Link:
         if origin is None:
             return None
         if origin is not self._origin:
-            self._origin = origin  # listeners learn it from the message, in degrees, which is not always the same last bit
+            self._origin = origin  # subscribers take it from the message, in degrees, which is not always the same last bit
             self._decoder.decode(f"{self._room}/origin", topics.NAV_SAT_FIX, to_cdr(encode.origin_fix(solution.stamp_ns, origin)))
         return encode.odometry_from_solution(solution, origin)
 
-    def heard(self, solution: NavSolution, message: Any, wanted: Collection[str]) -> Iterator[Measurement]:
-        """What listeners get, decoded from bytes as in flight.
+    def received(self, solution: NavSolution, message: Any, wanted: Collection[str]) -> Iterator[Measurement]:
+        """What subscribers receive, decoded from bytes as in flight.
 
         Parameters
         ----------
@@ -64,29 +64,25 @@ class Link:
         message : message object
             The fused message of the solution.
         wanted : collection of str
-            Topics somebody listens to.
+            Topics some navigator takes.
         """
-        said = [(self.topic, self.msgtype, message)]
+        published = [(self.topic, self.msgtype, message)]
         if not self.is_attitude:
-            said.append((f"{self._room}/wind_fused", topics.TWIST, encode.wind_from_solution(solution)))
-        for topic, msgtype, spoken in said:
-            if topic in wanted and spoken is not None:
-                measurement = self._decoder.decode(topic, msgtype, to_cdr(spoken))
+            published.append((f"{self._room}/wind_fused", topics.TWIST, encode.wind_from_solution(solution)))
+        for topic, msgtype, sent in published:
+            if topic in wanted and sent is not None:
+                measurement = self._decoder.decode(topic, msgtype, to_cdr(sent))
                 if not isinstance(measurement, Rejected):
                     yield measurement
 
 
 def in_order(navigators: Mapping[str, Navigator]) -> list[str]:
-    """Names so that everyone comes after those it listens to."""
-    waiting, done = dict(navigators), []
+    """Names so that each comes after those whose solutions it takes."""
+    waiting: list[str] = list(navigators)
+    done: list[str] = []
     while waiting:
-        free = [n for n, nav in waiting.items() if not _heard(nav, (w for w in waiting if w != n))]
-        chosen = free or list(waiting)[:1]  # a circle cannot be ordered; the horizon of each still sorts by stamp
-        for name in chosen:
-            done.append(name)
-            del waiting[name]
+        taken = {n: [w for w in waiting if w != n and any(t in navigators[n].inputs for t in fused_topics(w))] for n in waiting}
+        free = [n for n in waiting if not taken[n]] or waiting[:1]  # a circle cannot be ordered; the horizon of each still sorts by stamp
+        done += free
+        waiting = [n for n in waiting if n not in free]
     return done
-
-
-def _heard(navigator: Navigator, names: Iterable[str]) -> list[str]:
-    return [name for name in names if any(topic in navigator.inputs for topic in fused_topics(name))]

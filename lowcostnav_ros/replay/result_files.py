@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import NavSolution
+from lowcostnav_ros.base.measurements import Integrity, NavSolution
 from lowcostnav_ros.estimation.aiding import AidStatus
 from lowcostnav_ros.replay.columns import NavColumns
 from lowcostnav_ros.replay.metrics import AXES, Errors
@@ -21,6 +21,9 @@ ERRORS_HEADER = ",".join(["t_s", *AXES, *(f"sigma_{axis}" for axis in AXES)])
 AIDS_HEADER = "t_s,aid,label,observation,innovation,sigma,test_ratio,accepted,reason"
 STATES_HEADER = "t_s,state,value,sigma"
 INTEGRITY_HEADER = "t_s,verdict,hpl_m,vpl_m,lasting_hpl_m,lasting_vpl_m,excluded,alarm"
+NAVIGATOR_FILES = {"": SOLUTION_HEADER, "_errors": ERRORS_HEADER, "_aids": AIDS_HEADER, "_states": STATES_HEADER}
+NAVIGATOR_FILES |= {"_integrity": INTEGRITY_HEADER}
+"""Files of one navigator: what follows its name, and the header."""
 TRUTH_HEADER = "t_s,lat_deg,lon_deg,height_m,vn_mps,ve_mps,vd_mps,roll_deg,pitch_deg,heading_deg"
 TRUTH_WIND_HEADER = "t_s,wind_north_mps,wind_east_mps"
 GPS_HEADER = "t_s,lat_deg,lon_deg,height_m,withheld"
@@ -28,7 +31,8 @@ GPS_HEADER = "t_s,lat_deg,lon_deg,height_m,withheld"
 _SOLUTION_FORMATS = ("%.10f", "%.10f", "%.4f", *("%.5f",) * 3, *("%.6f",) * 3, *("%.4f",) * 3, "%.6f", *("%.4f",) * 3)
 _TRUTH_FORMATS = ("%.10f", "%.10f", "%.4f", *("%.5f",) * 3, *("%.6f",) * 3)
 _ERROR_FORMATS = ("%.5f",) * (2 * len(AXES))
-_STATES_PERIOD_NS = 1_000_000_000
+STATES_PERIOD_NS = 1_000_000_000
+"""States and integrity, which change slowly, are written this far apart."""
 
 
 def seconds_text(stamp_ns: int) -> str:
@@ -111,34 +115,17 @@ def gps_row(stamp_ns: int, lat: float, lon: float, height: float, withheld: bool
     return [seconds_text(stamp_ns), lat_deg, lon_deg, f"{height:.4f}", "yes" if withheld else "no"]
 
 
-class Sampler:
-    """Rows once a second of what changes slowly."""
-
-    def __init__(self) -> None:
-        self._last_ns: int | None = None
-
-    def due(self, solutions: Sequence[NavSolution]) -> list[NavSolution]:
-        """Those solutions that are a second apart."""
-        out = []
-        for solution in solutions:
-            if self._last_ns is None or solution.stamp_ns - self._last_ns >= _STATES_PERIOD_NS:
-                self._last_ns = solution.stamp_ns
-                out.append(solution)
-        return out
-
-
 def state_rows(solution: NavSolution) -> list[list[str]]:
     """Rows of :data:`STATES_HEADER`: biases, scale factors and what else a navigator reports by name."""
     stamp = seconds_text(solution.stamp_ns)
     return [[stamp, name, f"{value:.9g}", f"{sigma:.6g}"] for name, (value, sigma) in (solution.states or {}).items()]
 
 
-def integrity_row(solution: NavSolution) -> list[str]:
+def integrity_row(stamp_ns: int, integrity: Integrity) -> list[str]:
     """Row of :data:`INTEGRITY_HEADER`; blank where there is no protection level."""
-    integrity = solution.integrity
     levels = (integrity.hpl_m, integrity.vpl_m, integrity.lasting_hpl_m, integrity.lasting_vpl_m)
     cells = ["" if level is None else f"{level:.2f}" for level in levels]
-    return [seconds_text(solution.stamp_ns), integrity.verdict, *cells, " ".join(integrity.excluded), integrity.alarm]
+    return [seconds_text(stamp_ns), integrity.verdict, *cells, " ".join(integrity.excluded), integrity.alarm]
 
 
 def _degrees(position: np.ndarray) -> np.ndarray:

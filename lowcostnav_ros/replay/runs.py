@@ -24,15 +24,15 @@ from lowcostnav_ros.replay.result import AidSummary, InputSummary, NavigatorResu
 
 @dataclasses.dataclass(slots=True)
 class AidStatistics:
-    """Innovation statistics of one aid: NIS per degree of freedom is 1 on average when the filter's own prediction is honest."""
+    """Innovation statistics of one aid: NIS per degree of freedom is 1 on average when the filter's predicted sigmas fit."""
 
     components: int
     used: int = 0
     rejected: Counter = dataclasses.field(default_factory=Counter)
     tested: int = 0
     nis_sum: float = 0.0
-    innovation_sum: np.ndarray | None = None
-    innovation_squares: np.ndarray | None = None
+    innovation_sum: np.ndarray | float = 0.0
+    innovation_squares: np.ndarray | float = 0.0
 
     def add(self, status: AidStatus, computed: bool) -> None:
         """Count one use of the aid."""
@@ -40,14 +40,11 @@ class AidStatistics:
             self.used += 1
         if status.reason:
             self.rejected[status.reason] += 1
-        if not computed:
-            return
-        self.tested += 1
-        self.nis_sum += status.nis
-        if self.innovation_sum is None:
-            self.innovation_sum, self.innovation_squares = np.zeros(self.components), np.zeros(self.components)
-        self.innovation_sum += status.innovation
-        self.innovation_squares += status.innovation**2
+        if computed and status.innovation is not None:
+            self.tested += 1
+            self.nis_sum += status.nis
+            self.innovation_sum = self.innovation_sum + status.innovation
+            self.innovation_squares = self.innovation_squares + status.innovation**2
 
     def result(self, labels: tuple[str, ...]) -> AidSummary:
         """Counts, and the statistics of the innovations by their labels."""
@@ -55,7 +52,7 @@ class AidStatistics:
         if not self.tested:
             return AidSummary(*counts)
         moments = self.innovation_sum / self.tested, np.sqrt(self.innovation_squares / self.tested)
-        named = (dict(zip(labels, values.tolist(), strict=True)) for values in moments)
+        named = (dict(zip(labels, np.asarray(values).tolist(), strict=True)) for values in moments)
         return AidSummary(*counts, self.nis_sum / self.tested / self.components, *named)
 
 
@@ -63,20 +60,19 @@ class NavigatorFiles:
     """The result files of one navigator."""
 
     def __init__(self, folder: Path, name: str) -> None:
-        self.solutions = files.Table(folder / f"{name}.csv", files.SOLUTION_HEADER)
-        self.aids = files.Table(folder / f"{name}_aids.csv", files.AIDS_HEADER)
-        self.errors = files.Table(folder / f"{name}_errors.csv", files.ERRORS_HEADER)
-        self.states = files.Table(folder / f"{name}_states.csv", files.STATES_HEADER)
-        self.integrity = files.Table(folder / f"{name}_integrity.csv", files.INTEGRITY_HEADER)
-        self._sampler = files.Sampler()
+        tables = [files.Table(folder / f"{name}{ending}.csv", header) for ending, header in files.NAVIGATOR_FILES.items()]
+        self.solutions, self.errors, self.aids, self.states, self.integrity = self._tables = tables
+        self._sampled_ns: int | None = None
 
     def add(self, solutions: list[NavSolution]) -> None:
         """Write solutions and, once a second, their further states and integrity."""
         self.solutions.rows(files.solution_rows(columns_of(solutions), [s.mode for s in solutions]))
-        for solution in self._sampler.due(solutions):
-            self.states.rows(files.state_rows(solution))
-            if solution.integrity is not None:
-                self.integrity.rows([files.integrity_row(solution)])
+        for solution in solutions:
+            if self._sampled_ns is None or solution.stamp_ns - self._sampled_ns >= files.STATES_PERIOD_NS:
+                self._sampled_ns = solution.stamp_ns
+                self.states.rows(files.state_rows(solution))
+                if solution.integrity is not None:
+                    self.integrity.rows([files.integrity_row(solution.stamp_ns, solution.integrity)])
 
     def add_errors(self, errors: Errors) -> None:
         """Write errors."""
@@ -84,12 +80,12 @@ class NavigatorFiles:
 
     def close(self) -> None:
         """Close all files."""
-        for table in (self.solutions, self.aids, self.errors, self.states, self.integrity):
+        for table in self._tables:
             table.close()
 
 
-SILENT_S = 2.0
-"""Without a solution for longer than this, s, a navigator's mode counts as ``Mode.SILENT``."""
+TIMEOUT_S = 2.0
+"""Without a solution for longer than this, s, the last mode of a navigator no longer holds; it counts as ``Mode.SILENT``."""
 
 
 class NavigatorRun:
@@ -126,13 +122,13 @@ class NavigatorRun:
         self.navigator.on_aid = self._on_aid
 
     def feed(self, measurement: Measurement, wanted: Collection[str]) -> list[Measurement]:
-        """Feed the navigator; return what its solutions become for those who listen to it.
+        """Feed the navigator; return its solutions as the other navigators receive them.
 
         Parameters
         ----------
         measurement : Measurement
         wanted : collection of str
-            Topics that some navigator of the replay listens to.
+            Topics that some navigator of the replay takes.
         """
         start = perf_counter()
         solutions = self.navigator.feed(measurement)
@@ -143,7 +139,7 @@ class NavigatorRun:
         self.solutions += 1
         if self._last is not None:
             since_s = max(0.0, (solution.stamp_ns - self._last[0]) / 1e9)
-            longest_s = max(SILENT_S, 3e-9 * self.navigator.output_period_ns)
+            longest_s = max(TIMEOUT_S, 3e-9 * self.navigator.output_period_ns)
             self.mode_seconds[self._last[1] if since_s <= longest_s else Mode.SILENT] += since_s
         self._last = (solution.stamp_ns, solution.mode)
         self._pending.append(solution)
@@ -151,7 +147,7 @@ class NavigatorRun:
         if message is None:
             return []
         self.comparison.add_replayed(solution.stamp_ns, self._pack(message))
-        return list(self.link.heard(solution, message, wanted))
+        return list(self.link.received(solution, message, wanted))
 
     def flush(self) -> None:
         """Write and evaluate what has come since the last flush."""

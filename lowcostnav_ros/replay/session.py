@@ -19,8 +19,8 @@ from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.messages.decode import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
-from lowcostnav_ros.replay.columns import NavColumns, columns_of
-from lowcostnav_ros.replay.evaluation import Evaluation, Truth, blank_columns, fix_columns, truth_columns
+from lowcostnav_ros.replay.columns import NavColumns, blank_columns, columns_of
+from lowcostnav_ros.replay.evaluation import Evaluation, Truth, fix_columns, truth_columns
 from lowcostnav_ros.replay.links import Link, in_order, recorder_of
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.result import Place, ReplayResult, Times, WithoutGps
@@ -31,8 +31,8 @@ FLUSH_NS = 5_000_000_000
 """Results are written and evaluated whenever the stream has moved on this far."""
 
 LONGEST_BURST_NS = 50_000_000
-"""Where navigators hear each other, inertial blocks are fed in pieces no longer than this: a second of samples at once would make one
-navigator speak for a whole second before another has said anything, which is late by the listener's horizon and never happens in flight."""
+"""Where one navigator takes another's solution, inertial blocks are fed in pieces no longer than this: of a second of samples at once the
+first would publish a whole second before the other publishes anything, which is late by the horizon and never happens in flight."""
 
 Item = Measurement | TruthBlock
 
@@ -87,7 +87,7 @@ class Session:
     Parameters
     ----------
     navigators : mapping of name to Navigator
-        Fresh ones; they are fed in the order in which they listen to each other.
+        Fresh ones; they are fed in order, each after those whose solutions it takes.
     windows : sequence of Window
         What is withheld when.
     has_truth : bool
@@ -130,7 +130,7 @@ class Session:
         self._wanted = {source for run in self.runs.values() for source in run.navigator.inputs}
 
     def feed(self, measurement: Measurement) -> None:
-        """Feed one measurement, less what is withheld, to every navigator that listens to its source."""
+        """Feed one measurement, less what is withheld, to every navigator that takes its source."""
         first = first_stamp(measurement)
         self.first_ns = first if self.first_ns is None else min(first, self.first_ns)
         self.newest_ns = max(self.newest_ns, measurement.stamp_ns)
@@ -159,17 +159,15 @@ class Session:
         else:
             (self._true_winds if truth.lat is None else self._true_states).append(truth)
 
-    def _take_truth(self) -> None:
+    def _take_truth(self, truth: Truth) -> None:
         """Turn the true states that came as messages into columns, many at a time."""
-        if self._true_states:
-            columns = columns_of(self._true_states)
-            self.truth.states.add(columns)
-            self.files.add_truth(columns)
-        if self._true_winds:
-            stamps = np.array([t.stamp_ns for t in self._true_winds], dtype=np.int64)
-            columns = blank_columns(stamps, wind_n=np.array([t.wind_n[:2] for t in self._true_winds], dtype=float))
-            self.truth.winds.add(columns)
-            self.files.add_truth(columns)
+        states = columns_of(self._true_states)
+        stamps = np.array([t.stamp_ns for t in self._true_winds], dtype=np.int64)
+        winds = blank_columns(stamps, wind_n=columns_of(self._true_winds).wind_n)
+        for track, columns in ((truth.states, states), (truth.winds, winds)):
+            if len(columns):
+                track.add(columns)
+                self.files.add_truth(columns)
         self._true_states, self._true_winds = [], []
 
     def feed_recorded(self, name: str, message: Any, solution: NavSolution | None) -> None:
@@ -196,13 +194,14 @@ class Session:
     def _distribute(self, measurement: Measurement) -> None:
         for run in self.runs.values():
             if measurement.source in run.navigator.inputs:
-                for spoken in run.feed(measurement, self._wanted):
-                    self._distribute(spoken)
+                for published in run.feed(measurement, self._wanted):
+                    self._distribute(published)
 
     def flush(self) -> None:
-        """Write and evaluate what has come; forget what is done with."""
+        """Write and evaluate what has come; forget what is no longer needed."""
         self._flushed_ns = self.newest_ns
-        self._take_truth()
+        if self.truth is not None:
+            self._take_truth(self.truth)
         for run in self.runs.values():
             run.flush()
         if self.truth is not None and self.truth.newest_ns is not None:
@@ -237,7 +236,7 @@ class Session:
         )
 
     def _check_withheld(self, first_ns: int) -> None:
-        """Refuse a window in which nothing was withheld: it lies elsewhere than its author thought."""
+        """Refuse a window in which nothing was withheld: its times are wrong."""
         idle = [w.text for w in self.windows if not any(self.withheld[source] for source in w.sources)]
         if idle and self.first_ns is not None:
             span = f"{first_ns / 1e9:.1f} to {self.newest_ns / 1e9:.1f} s (0 to {(self.newest_ns - first_ns) / 1e9:.1f} s from the start)"
@@ -301,7 +300,7 @@ def simulated(blocks: Iterable[tuple[TruthBlock, list[Measurement]]]) -> Iterato
     """Bring what a simulation yields into the order of arrival that :func:`replay_stream` takes.
 
     Inertial blocks are cut at the stamps of the other measurements: fed whole, a second of samples would come after aids that it precedes,
-    and what one navigator hears from another would be late.
+    and what one navigator receives from another would be late.
     """
     for truth, measurements in blocks:
         yield truth
