@@ -21,7 +21,7 @@ class Column:
     left : bool
         Aligned left, as words are; numbers are aligned right.
     page_only : bool
-        Left out where space is short.
+        Not drawn where space is short.
     """
 
     head: str

@@ -21,7 +21,7 @@ from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import between
 from lowcostnav_ros.radionav.coverage import altitudes_above
 from lowcostnav_ros.radionav.navaid_import import lost_longitude_signs, navaids_from_text, select_near, table_as_text
-from lowcostnav_ros.report.dme.figures import write_figures
+from lowcostnav_ros.report.dme.figures import FIGURES
 from lowcostnav_ros.report.dme.plan import make_plan
 from lowcostnav_ros.report.dme.tables import as_mapping, print_plan
 from lowcostnav_ros.report.plan_folder import write_plan
@@ -69,7 +69,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     plan = make_plan(navaids, waypoints, altitudes, arguments.speed_mps, arguments.stations)
     print_plan(plan)
     if arguments.output:
-        write_plan(plan, Path(arguments.output), as_mapping, write_figures)
+        write_plan(plan, Path(arguments.output), as_mapping(plan), FIGURES)
     return Exit.OK if plan.good_enough() else Exit.WORSE
 
 

@@ -29,7 +29,7 @@ from lowcostnav_ros.gnss.gps_time import SECOND, gps_ns
 from lowcostnav_ros.gnss.sky_plan import plan_sky
 from lowcostnav_ros.gnss.track import track
 from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, print_plan
-from lowcostnav_ros.report.gnss.plan_figures import write_figures
+from lowcostnav_ros.report.gnss.plan_figures import FIGURES
 from lowcostnav_ros.report.gnss.track import print_track, summarise, write_csv
 from lowcostnav_ros.report.gnss.track_page import write_page
 from lowcostnav_ros.report.plan_folder import write_plan
@@ -132,7 +132,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     plan = GnssPlan(sky, title, hidden, start, arguments.pdop, lowest, notes)
     print_plan(plan)
     if arguments.output:
-        write_plan(plan, Path(arguments.output), as_mapping, write_figures)
+        write_plan(plan, Path(arguments.output), as_mapping(plan), FIGURES)
     return Exit.OK if plan.good_enough() else Exit.WORSE
 
 

@@ -29,7 +29,7 @@ BETTER, SAME, WORSE = "better", "same", "worse"
 _KEYS = ("value", "tolerance", "limit", "best")
 _WRITTEN_SIZES = ("horizontal_m", "vertical_m", "velocity_mps", "roll_deg", "pitch_deg", "heading_deg", "wind_mps")
 _RESOLUTION = 0.005
-"""Below this, in the metric's unit, a difference is of no interest to anyone who flies."""
+"""Below this, in the metric's unit, a difference does not matter in flight."""
 _WRITTEN_RATIOS = ("north_m", "east_m", "down_m", "vn_mps", "ve_mps", "roll_deg", "pitch_deg", "heading_deg")
 
 
@@ -94,11 +94,11 @@ def _expectation(path: Path, navigator: str, metric: str, entry: Any) -> Expecta
     value, tolerance = entry.get("value"), entry.get("tolerance", 0.0)
     try:
         if isinstance(tolerance, str) and tolerance.rstrip().endswith("%"):
-            tolerance = abs(float(value)) * float(tolerance.rstrip().rstrip("%")) / 100.0
+            tolerance = abs(float(entry["value"])) * float(tolerance.rstrip().rstrip("%")) / 100.0
         limit = None if entry.get("limit") is None else float(entry["limit"])
         value = value if value is None or isinstance(value, bool) else float(value)
         return Expectation(navigator, metric, value, float(tolerance), limit, float(entry.get("best", 0.0)))
-    except (TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise BaselineError(f"{where}: value, tolerance, limit and best must be numbers (a tolerance may be a percentage).") from error
 
 
@@ -116,20 +116,19 @@ def lookup(summary: Mapping[str, Any], navigator: str, metric: str) -> float | b
 
 
 def _judge(e: Expectation, found: float | bool | None) -> Verdict:
+    number = None if found is None or isinstance(found, bool) else found
     if isinstance(e.value, bool):
-        return Verdict(e.navigator, e.metric, found, str(e.value).lower(), SAME if found is e.value else WORSE)
-    expected = f"within {e.limit:.4g}" if e.limit is not None else f"{e.value:.4g} ± {e.tolerance:.2g}"
-    if e.limit is not None and e.best != 0.0:
-        expected += f" of {e.best:g}"
-    if found is None or isinstance(found, bool):
-        return Verdict(e.navigator, e.metric, found, expected, WORSE)
-    distance = abs(found - e.best)
-    if e.limit is not None:
-        verdict = WORSE if distance > e.limit else SAME
-    elif abs(found - e.value) <= e.tolerance:
-        verdict = SAME
+        expected, verdict = str(e.value).lower(), SAME if found is e.value else WORSE
+    elif e.value is None or e.limit is not None:
+        limit = e.limit or 0.0
+        expected = f"within {limit:.4g}" + (f" of {e.best:g}" if e.best != 0.0 else "")
+        verdict = SAME if number is not None and abs(number - e.best) <= limit else WORSE
     else:
-        verdict = WORSE if distance > abs(e.value - e.best) else BETTER
+        expected, verdict = f"{e.value:.4g} ± {e.tolerance:.2g}", WORSE
+        if number is not None and abs(number - e.value) <= e.tolerance:
+            verdict = SAME
+        elif number is not None and abs(number - e.best) <= abs(e.value - e.best):
+            verdict = BETTER
     return Verdict(e.navigator, e.metric, found, expected, verdict)
 
 

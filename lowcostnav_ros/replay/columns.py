@@ -13,7 +13,7 @@ from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, quats_to_euler, wrap
 
-_SHAPES = {"position": (3,), "vel_n": (3,), "q_nb": (4,), "wind_n": (2,)}
+_SHAPES: dict[str, tuple[int, ...]] = {"position": (3,), "vel_n": (3,), "q_nb": (4,), "wind_n": (2,)}
 _SHAPES |= {"cov_pos": (3, 3), "cov_vel": (3, 3), "cov_att": (3, 3), "cov_wind": (2, 2)}
 """Columns beside the stamps and the shape of one row."""
 

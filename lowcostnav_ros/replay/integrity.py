@@ -1,22 +1,22 @@
-"""Integrity over a replay: how long each verdict stood, what was left out when, and whether an error passed its protection level."""
+"""Integrity over a replay: how long each verdict held, what was excluded when, and whether an error passed its protection level."""
 
 from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import NavSolution
+from lowcostnav_ros.base.measurements import Integrity, NavSolution
 from lowcostnav_ros.replay.metrics import Errors
 from lowcostnav_ros.replay.result import Alarm, Exclusion, IntegritySummary
 
 MAX_LISTED = 50
 """Exclusions listed one by one; more are counted."""
 GAP_S = 2.0
-"""A verdict stands for no longer than this without a further solution."""
+"""A verdict holds for no longer than this without a further solution."""
 
 
 class IntegrityRecord:
-    """What one navigator's integrity tests said; empty for a navigator that has none."""
+    """What one navigator's integrity tests found; empty for a navigator that has none."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = defaultdict(float)
@@ -26,7 +26,7 @@ class IntegrityRecord:
         self.compared = self.beyond = 0
         self.largest_share = 0.0
         self._levels: dict[int, float] = {}
-        self._last: NavSolution | None = None
+        self._last: tuple[int, Integrity] | None = None
 
     def add(self, solutions: Sequence[NavSolution]) -> None:
         """Take fused solutions in, in order of stamps."""
@@ -34,21 +34,17 @@ class IntegrityRecord:
             integrity = solution.integrity
             if integrity is None:
                 continue
-            last = self._last.integrity if self._last is not None else None
-            if self._last is not None:
-                self.seconds[last.verdict] += min(GAP_S, 1e-9 * (solution.stamp_ns - self._last.stamp_ns))
-            for satellite in integrity.excluded.keys() - (last.excluded.keys() if last else ()):
-                self._exclude(solution.stamp_ns, satellite, integrity.excluded[satellite])
+            last_ns, last = self._last or (solution.stamp_ns, integrity)
+            self.seconds[last.verdict] += min(GAP_S, 1e-9 * (solution.stamp_ns - last_ns))
+            new = integrity.excluded.keys() - (last.excluded.keys() if self._last else ())
+            self.exclusion_count += len(new)
+            listed = [Exclusion(1e-9 * solution.stamp_ns, satellite, integrity.excluded[satellite]) for satellite in new]
+            self.exclusions += listed[: MAX_LISTED - len(self.exclusions)]
             if integrity.alarm and self.alarm is None:
-                self.alarm = Alarm(1e-9 * integrity.alarm_ns, integrity.alarm)
+                self.alarm = Alarm(1e-9 * (integrity.alarm_ns or 0), integrity.alarm)
             if integrity.hpl_m is not None:
                 self._levels[solution.stamp_ns] = integrity.hpl_m
-            self._last = solution
-
-    def _exclude(self, stamp_ns: int, satellite: str, why: str) -> None:
-        self.exclusion_count += 1
-        if len(self.exclusions) < MAX_LISTED:
-            self.exclusions.append(Exclusion(1e-9 * stamp_ns, satellite, why))
+            self._last = solution.stamp_ns, integrity
 
     def add_errors(self, errors: Errors) -> None:
         """Compare horizontal errors with the protection level of their stamp."""

@@ -5,6 +5,7 @@ An error here is what an engineer reads off a plot: **estimate minus reference**
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class Errors:
     values, sigmas : ndarray, shape (n, 11)
         Error and the navigator's own one-sigma, columns as in :data:`AXES`; NaN where there is none.
     nees_horizontal : ndarray, shape (n,)
-        Squared horizontal error weighed by the inverse of its covariance; 2 on average when the sigmas are honest.
+        Squared horizontal error weighed by the inverse of its covariance; 2 on average when the sigmas fit.
     sigma_horizontal : ndarray, shape (n,)
         The navigator's own sigma along the longer half-axis of its horizontal error ellipse, m.
     """
@@ -69,7 +70,7 @@ class Errors:
 def errors_between(estimate: NavColumns, reference: NavColumns) -> Errors:
     """Estimate minus reference at common stamps; the covariances are the estimate's.
 
-    Rows in which nothing can be compared are left out.
+    Rows in which nothing can be compared are dropped.
     """
     position = position_difference_n(estimate.position, reference.position)
     angles = np.degrees(wrap(estimate.euler - reference.euler))
@@ -144,7 +145,7 @@ class ErrorStatistics:
         return PositionErrors(**axes, rms_2d_m=float(np.hypot(rms[0], rms[1])), rms_3d_m=float(np.linalg.norm(rms)))
 
     def error_over_sigma(self) -> dict[str, float]:
-        """RMS of error over sigma per axis; 1 when the sigmas are honest, above 1 when they are too small."""
+        """RMS of error over sigma per axis; 1 when the sigmas fit, above 1 when they are too small."""
         pairs = zip(AXES, self._ratio_sum, self._ratio_count, strict=True)
         return {axis: math.sqrt(total / count) for axis, total, count in pairs if count}
 
@@ -157,14 +158,15 @@ class ErrorStatistics:
         """The statistics, None without samples."""
         if self.samples == 0:
             return None
-        sizes = {name: s.result() for name, s in self.sizes.items()}
-        approach = self._categories.result(sizes["horizontal_m"].p95, sizes["vertical_m"].p95) if self._places else None
-        ratios = {"error_over_sigma": self.error_over_sigma(), "nees_horizontal": self.nees_horizontal}
-        return ErrorSummary(self.samples, **sizes, **ratios, position=self.position, approach=approach)
+        sizes: dict[str, Any] = {name: s.result() for name, s in self.sizes.items()}
+        within = (self.sizes[name].quantile(0.95) for name in ("horizontal_m", "vertical_m"))
+        approach = self._categories.result(*within) if self._places else None
+        sizes |= {"error_over_sigma": self.error_over_sigma(), "nees_horizontal": self.nees_horizontal}
+        return ErrorSummary(self.samples, **sizes, position=self.position, approach=approach)
 
 
 def error_row(errors: Errors, row: int) -> dict[str, float]:
-    """One row of errors as named numbers, with the horizontal size; what is absent is left out."""
+    """One row of errors as named numbers, with the horizontal size; what is absent is not in it."""
     named = {axis: float(v) for axis, v in zip(AXES, errors.values[row], strict=True) if math.isfinite(v)}
     if "north_m" in named:
         named["horizontal_m"] = math.hypot(named["north_m"], named["east_m"])

@@ -21,7 +21,7 @@ class GpsGaps:
     intervals : list of (int, int)
         Outages that are over, stamps in ns.
     satellites : dict of int to int
-        Start of an outage to the largest number of satellites that was seen in it; only where raw observations tell.
+        Start of an outage to the largest number of satellites that was seen in it; only where there are raw observations.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class GpsGaps:
         self._has_fixes = False
 
     def add_epoch(self, stamp_ns: int, satellites: int) -> None:
-        """Take an epoch of raw observations in; without effect where a receiver gives fixes, which say it better."""
+        """Take an epoch of raw observations in; without effect where a receiver gives fixes, which are better evidence."""
         if self._has_fixes:
             return
         if satellites >= FIX_SATELLITES:
@@ -48,7 +48,7 @@ class GpsGaps:
     def _fixed(self, stamp_ns: int) -> None:
         if self.last_ns is not None and stamp_ns - self.last_ns <= GAP_NS:
             self.satellites.pop(self.last_ns + GAP_NS, None)  # a dip too short for an outage
-        if self.last_ns is not None and stamp_ns - self.last_ns > GAP_NS:
+        elif self.last_ns is not None:
             self.intervals.append((self.last_ns + GAP_NS, stamp_ns))
         if self.last_ns is None or stamp_ns > self.last_ns:
             self.last_ns = stamp_ns

@@ -4,10 +4,15 @@ The errors are those against the reference; whether a user was *warned* is judge
 its own sigmas.  So an alert here is one a pilot would have had, not one that takes the truth to raise.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, SERVICES, Service, category
 from lowcostnav_ros.replay.result import Approach, Exceedance, ServiceErrors
+
+if TYPE_CHECKING:  # which counts the categories of this module
+    from lowcostnav_ros.replay.metrics import Errors
 
 HOLE_NS = 3_000_000_000
 """Errors farther apart than this do not belong to one exceedance."""
@@ -24,8 +29,8 @@ class Coverage:
         self.seconds = 0.0
         self._last_ns: int | None = None
 
-    def add(self, errors) -> None:
-        """Take errors (:class:`.metrics.Errors`) in, in order of stamps."""
+    def add(self, errors: "Errors") -> None:
+        """Take errors in, in order of stamps."""
         stamps = errors.stamps_ns[np.isfinite(errors.values[:, :3]).all(axis=1)]
         if len(stamps) == 0:
             return
@@ -79,8 +84,8 @@ class IntegrityMonitor:
         self._alert_since_ns: int | None = None
         self._last: tuple[int, bool, bool] | None = None
 
-    def add(self, errors) -> None:
-        """Take errors (:class:`.metrics.Errors`) in, in order of stamps; rows without a position are left out."""
+    def add(self, errors: "Errors") -> None:
+        """Take errors in, in order of stamps; rows without a position are skipped."""
         position = errors.values[:, :3]
         known = np.isfinite(position).all(axis=1)
         horizontal, vertical = np.hypot(position[:, 0], position[:, 1]), np.abs(position[:, 2])

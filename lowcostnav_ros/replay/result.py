@@ -1,7 +1,7 @@
 """What a replay found, typed; :meth:`ReplayResult.to_mapping` is the layout of ``summary.json`` and of ``--json``.
 
 Every class here is a level of that file and its attributes are the keys, in order.  Numbers end in their unit; stamps and times are s.
-An attribute that is None stands in the file as null, but for those declared :func:`_omitted`, which are left out.
+An attribute that is None stands in the file as null, but for those declared :func:`_omitted`, which are not written.
 """
 
 import dataclasses
@@ -175,7 +175,7 @@ class Fused:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Exclusion:
-    """One satellite left out."""
+    """One excluded satellite."""
 
     stamp_s: float
     satellite: str
@@ -260,7 +260,7 @@ class SourceCounts:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Recording:
-    """What a replay of a bag adds: its identity, the topic of the truth, navigators left out and why, sources, assumptions made."""
+    """What a replay of a bag adds: its identity, topic of the truth, navigators not run and why, sources, assumptions made."""
 
     bag: Bag
     truth: str | None = None
@@ -351,7 +351,7 @@ class ReplayResult:
 
 def plain(value: Any) -> Any:
     """Turn a result, or a part of one, into plain values."""
-    if not dataclasses.is_dataclass(value):
+    if not hasattr(value, "__dataclass_fields__"):
         if isinstance(value, Mapping):
             return {key: plain(item) for key, item in value.items()}
         return [plain(item) for item in value] if isinstance(value, tuple | list) else value
@@ -373,7 +373,7 @@ def typed(kind: Any, value: Any) -> Any:
     ValueError
         When a level is no mapping or lacks a key.
     """
-    if dataclasses.is_dataclass(kind):
+    if hasattr(kind, "__dataclass_fields__"):
         if not isinstance(value, Mapping):
             raise ValueError(f"{kind.__name__} must be names and values.")
         hints, given = get_type_hints(kind), {}

@@ -103,9 +103,10 @@ def aid_rows(status: AidStatus, computed: bool) -> list[list[str]]:
     """
     head = [seconds_text(status.stamp_ns), status.name]
     tail = ["yes" if status.accepted else "no", status.reason]
-    if not computed:
+    vectors = status.observation, status.innovation, status.innovation_variance
+    if not computed or any(vector is None for vector in vectors):
         return [[*head, "", "", "", "", "", *tail]]
-    columns = zip(status.labels, status.observation, status.innovation, status.innovation_variance, strict=True)
+    columns = zip(status.labels, *(np.asarray(vector) for vector in vectors), strict=True)
     return [[*head, label, f"{z:.9g}", f"{y:.6g}", f"{v**0.5:.6g}", f"{status.test_ratio:.5g}", *tail] for label, z, y, v in columns]
 
 

@@ -1,4 +1,4 @@
-"""Which navigators a recording can feed, which are left out and why."""
+"""Which navigators a recording can feed, which are not run and why."""
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
@@ -16,7 +16,7 @@ class SelectionError(ValueError):
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Selection:
-    """Names to run, and a reason for each that was left out."""
+    """Names to run, and a reason for each that is not run."""
 
     chosen: tuple[str, ...]
     left_out: dict[str, str]
@@ -59,7 +59,7 @@ def select(inputs: Mapping[str, Inputs], sources: Collection[str], insist: bool)
     sources : collection of str
         What the recording holds.
     insist : bool
-        True when each of them was asked for, so that leaving one out is a refusal.
+        True when each of them was asked for, so that one that cannot run is a refusal.
 
     Raises
     ------

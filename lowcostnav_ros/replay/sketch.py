@@ -26,7 +26,7 @@ class MagnitudeStatistics:
         self._bins = np.zeros(_BINS, dtype=np.int64)
 
     def add(self, values: np.ndarray, stamps_ns: np.ndarray) -> None:
-        """Add values of one chunk, shape (n,), with their stamps; values that are not finite are left out.
+        """Add values of one chunk, shape (n,), with their stamps; values that are not finite are skipped.
 
         Parameters
         ----------
@@ -46,27 +46,23 @@ class MagnitudeStatistics:
         self._bins += np.bincount(np.minimum(index.astype(np.int64), _BINS - 1), minlength=_BINS)
 
     @property
-    def rms(self) -> float | None:
-        """Root mean square, None without samples."""
-        return math.sqrt(self._sum_of_squares / self.count) if self.count else None
+    def rms(self) -> float:
+        """Root mean square, NaN without samples."""
+        return math.sqrt(self._sum_of_squares / self.count) if self.count else math.nan
 
-    def quantile(self, probability: float) -> float | None:
-        """Quantile to half a per cent of its value, None without samples.
+    def quantile(self, probability: float) -> float:
+        """Quantile to half a per cent of its value, NaN without samples.
 
         Parameters
         ----------
         probability : float
             Between 0 and 1.
         """
-        if self.count == 0:
-            return None
         rank = max(1, math.ceil(probability * self.count))
         index = int(np.searchsorted(np.cumsum(self._bins), rank))
-        middle = _LOWEST * _RATIO ** (index + 0.5)
-        return min(middle, self.maximum)
+        return min(_LOWEST * _RATIO ** (index + 0.5), self.maximum) if self.count else math.nan
 
     def result(self) -> Size | None:
         """The statistics, None without samples."""
-        if self.count == 0:
-            return None
-        return Size(self.rms, self.quantile(0.5), self.quantile(0.95), self.maximum, self.maximum_stamp_ns / 1e9)
+        values = self.rms, self.quantile(0.5), self.quantile(0.95), self.maximum, self.maximum_stamp_ns / 1e9
+        return Size(*values) if self.count else None

@@ -1,6 +1,6 @@
 """A replay's result as tables; a terminal of 100 columns shows all but the columns that are for a page only."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any
 
@@ -9,7 +9,16 @@ from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.replay.baseline import WORSE, Verdict
 from lowcostnav_ros.replay.metrics import MAGNITUDES
-from lowcostnav_ros.replay.result import ErrorSummary, Fused, InputSummary, IntervalErrors, NavigatorResult, ReplayResult, SourceCounts
+from lowcostnav_ros.replay.result import (
+    ErrorSummary,
+    Fused,
+    InputSummary,
+    IntervalErrors,
+    NavigatorResult,
+    ReplayResult,
+    ServiceErrors,
+    SourceCounts,
+)
 from lowcostnav_ros.replay.words import error_over_sigma
 
 _PARTS = {"flight": "flight", "withheld_gps": "withheld", "without_gps": "no GPS"}
@@ -91,7 +100,7 @@ def accuracy_table(result: ReplayResult) -> Table:
         for axis, letter in _AXES.items():
             short = f"{head} {letter}\n" if letter == "N" else f"\n{letter}"
             unit = "m" if letter == "N" else ""
-            columns.append(Column(f"{head} {letter}", lambda row, k=kind, a=axis: number(getattr(row[2].position, k)[a]), unit, short))
+            columns.append(Column(f"{head} {letter}", _moment(kind, axis), unit, short))
     columns += [
         Column("2D RMS", lambda row: number(row[2].position.rms_2d_m), "m", "2D\nRMS"),
         Column("3D RMS", lambda row: number(row[2].position.rms_3d_m), "m", "3D\nRMS"),
@@ -102,6 +111,10 @@ def accuracy_table(result: ReplayResult) -> Table:
     return Table.of("Position accuracy", columns, _positions(result))
 
 
+def _moment(kind: str, axis: str) -> Callable[[Any], str]:
+    return lambda row: number(getattr(row[2].position, kind)[axis])
+
+
 def _positions(result: ReplayResult) -> Iterator[tuple[str, str, ErrorSummary]]:
     return (row for row in _parts(result) if row[2].position)
 
@@ -109,13 +122,13 @@ def _positions(result: ReplayResult) -> Iterator[tuple[str, str, ErrorSummary]]:
 def approach_table(result: ReplayResult) -> Table:
     """Precision-approach categories: share of the errors within each, and which one the 95 % errors meet."""
 
-    def present(row: tuple[str, str, ErrorSummary]) -> str:
+    def present(row: Sequence[Any]) -> str:
         """Per cent of the flight through which the navigator gave a position."""
         seconds = result.navigators[row[0]].errors.position_present_s
         return percent(min(1.0, seconds / max(result.duration_s, 1e-9))) if row[1] == _PARTS["flight"] else "-"
 
     def share(category: str, h: float, v: float) -> Column:
-        def cell(row: tuple[str, str, ErrorSummary]) -> str:
+        def cell(row: Sequence[Any]) -> str:
             return "/".join(percent(share) for share in row[2].approach.share_within[category].values())
 
         return Column(f"category {category}: {h:g} m, {v:g} m", cell, "", f"cat {category}\n{h:g} m, {v:g} m")
@@ -150,18 +163,22 @@ def alarm_table(result: ReplayResult) -> Table:
         Column(_VERDICTS["missed"], lambda row: str(row[2].missed), "", "not\nwarned"),
         Column("alert on", lambda row: number(row[2].alert_s), "s", "alert on\n"),
     )
-    rows = [(name, service, found) for name, navigator in result.navigators.items() for service, found in navigator.errors.services.items()]
-    return Table.of("Alert limits (alert: by the navigator's own sigmas)", columns, rows)
+    return Table.of("Alert limits (alert: by the navigator's own sigmas)", columns, _services(result))
+
+
+def _services(result: ReplayResult) -> Iterator[tuple[str, str, ServiceErrors]]:
+    """Navigator, service, errors against its limits."""
+    for name, navigator in result.navigators.items():
+        yield from ((name, service, found) for service, found in navigator.errors.services.items())
 
 
 def exceedance_table(result: ReplayResult) -> Table:
     """Every stretch beyond an alert limit with the time its alarm was due and the time it came."""
     rows = []
-    for name, navigator in result.navigators.items():
-        for service, found in navigator.errors.services.items():
-            for e in found.listed:
-                times = ("never" if t is None else f"{t:.1f}" for t in (e.start_s, e.end_s, e.alarm_due_s, e.alarm_s))
-                rows.append((name, service, *times, _VERDICTS[e.verdict]))
+    for name, service, found in _services(result):
+        for e in found.listed:
+            times = ("never" if t is None else f"{t:.1f}" for t in (e.start_s, e.end_s, e.alarm_due_s, e.alarm_s))
+            rows.append((name, service, *times, _VERDICTS[e.verdict]))
     heads = ("navigator", "service", "from t [s]", "to t [s]", "alarm due by t [s]", "alert since t [s]", "")
     return Table.plain("Times beyond an alert limit", heads, rows, left=2)
 
@@ -221,7 +238,7 @@ def aid_table(result: ReplayResult) -> Table:
 
 
 def integrity_table(result: ReplayResult) -> Table:
-    """Integrity of those who test their satellites: share of time per verdict, satellites left out, largest error over protection level."""
+    """Integrity where satellites are tested: share of time per verdict, exclusions, largest error over protection level."""
 
     def share(verdict: str) -> Column:
         def cell(row: Sequence[Any]) -> str:
@@ -233,7 +250,7 @@ def integrity_table(result: ReplayResult) -> Table:
     columns = (
         _NAVIGATOR,
         *(share(verdict) for verdict in ("healthy", "excluded", "faulty", "not possible")),
-        Column("left out", lambda row: str(row[1].exclusion_count)),
+        Column("exclusions", lambda row: str(row[1].exclusion_count), "", "exclu-\nsions"),
         Column("epochs with HPL", lambda row: str(row[1].epochs_with_protection_level), "", "epochs\nwith HPL"),
         Column("beyond HPL", lambda row: str(row[1].epochs_beyond_protection_level), "", "beyond\nHPL"),
         Column("largest error/HPL", lambda row: number(row[1].largest_error_over_protection_level), "", "error/HPL\nmax"),
@@ -246,7 +263,7 @@ def _integrity_notes(result: ReplayResult) -> Iterator[str]:
     """Every exclusion and alarm, with the seconds from the start."""
     for name, found in ((name, navigator.integrity) for name, navigator in result.navigators.items() if navigator.integrity):
         for entry in found.exclusions:
-            yield f"{name}: {entry.satellite} left out at {entry.stamp_s - result.first_stamp_s:.1f} s: {entry.why}"
+            yield f"{name}: {entry.satellite} excluded at {entry.stamp_s - result.first_stamp_s:.1f} s: {entry.why}"
         if found.alarm:
             yield f"{name}: ALARM at {found.alarm.stamp_s - result.first_stamp_s:.1f} s: {found.alarm.text}"
 

@@ -1,6 +1,6 @@
 """Withholding: sources taken away from the navigators for a while, written ``gps/fix,gps/vel@290-350`` or, for good, ``...@290-``.
 
-The numbers are seconds.  One rule tells which: a window that starts before the recording's first stamp is counted from the
+The numbers are seconds.  A window that starts before the recording's first stamp is counted from the
 recording's start, any other is read as stamps.  So ``@290-350`` means the same on a bag that starts at zero and on one that carries
 wall-clock stamps, and a window copied from a result file (``t_s``) fits as it is.
 """
@@ -47,7 +47,7 @@ class Window:
     text: str
 
     def holds(self, source: str, stamp_ns: int) -> bool:
-        """Tell whether a measurement of ``source`` valid at ``stamp_ns`` is withheld."""
+        """Whether a measurement of ``source`` valid at ``stamp_ns`` is withheld."""
         return source in self.sources and self.start_ns <= stamp_ns < self.end_ns
 
 

@@ -1,4 +1,4 @@
-"""One sentence per navigator, in plain words: what it had, how far off it was, whether its sigmas are honest."""
+"""One sentence per navigator: what it had, how far off it was, whether its errors fit its sigmas (which are then called honest)."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ HONEST = (0.5, 1.5)
 
 
 def distance(metres: float) -> str:
-    """A distance as a pilot would say it: metres, from 2000 m on kilometres and nautical miles."""
+    """A distance as a pilot reads it: metres, from 2000 m on kilometres and nautical miles."""
     if metres >= 2000.0:
         return f"{metres / 1000.0:.1f} km ({metres / NAUTICAL_MILE:.1f} NM)"
     return f"{metres:.0f} m" if metres >= 10.0 else f"{metres:.1f} m"
@@ -37,7 +37,7 @@ def sentence(name: str, navigator: NavigatorResult, without_gps_s: float) -> str
     if errors.without_gps:
         when = f"{without_gps_s:.0f} s without GPS"
     elif without_gps_s > 0.0 and errors.against_truth:
-        when = f"silent through {without_gps_s:.0f} s without GPS"
+        when = f"no solution through {without_gps_s:.0f} s without GPS"
     else:
         when = _availability(navigator) if errors.against_truth else "against withheld fixes"
     return f"{name}: {when}, {_sizes(part)}, {_honesty(part.error_over_sigma)}{_refused(navigator)}."
@@ -45,7 +45,7 @@ def sentence(name: str, navigator: NavigatorResult, without_gps_s: float) -> str
 
 def _availability(navigator: NavigatorResult) -> str:
     seconds = navigator.mode_seconds
-    parts = [f"{seconds[mode]:.0f} s {said}" for mode, (_, said) in known_modes().items() if said and seconds.get(mode, 0.0) >= 1.0]
+    parts = [f"{seconds[mode]:.0f} s {text}" for mode, (_, text) in known_modes().items() if text and seconds.get(mode, 0.0) >= 1.0]
     return " and ".join(parts) or "GPS all flight"
 
 

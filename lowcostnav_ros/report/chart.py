@@ -1,7 +1,8 @@
 """Time charts: curves, sigma bands and dots over the flight, with GPS outages shaded."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -56,6 +57,22 @@ class TimeAxis:
         """Seconds per unit of the axis, and its name."""
         return (60.0, "min") if self.end_s - self.start_s > 600.0 else (1.0, "s")
 
+    def x(self, t_s: np.ndarray | float, left: int, right: int) -> Any:
+        """Pixels of stamps on an axis from ``left`` to ``right``."""
+        return left + (np.asarray(t_s) - self.start_s) / max(self.end_s - self.start_s, 1e-9) * (right - left)
+
+    def ticks(self, count: int) -> Iterator[tuple[float, str]]:
+        """Stamps of the ticks and their labels, the last with the unit."""
+        unit, name = self.unit
+        ticks = svg.nice_ticks(0.0, (self.end_s - self.start_s) / unit, count)
+        for value in ticks:
+            yield self.start_s + value * unit, svg.tick_label(value, ticks) + (f" {name}" if value == ticks[-1] else "")
+
+    def drawing(self, label: str, left: int, right: int, size: tuple[int, int], content: str) -> str:
+        """A drawing along the axis, in which the common cursor is shown."""
+        cursor = {"data_start": f"{self.start_s:.3f}", "data_end": f"{self.end_s:.3f}", "data_left": left, "data_right": right}
+        return svg.drawing("chart", label, *size, content, **cursor)
+
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
@@ -67,12 +84,11 @@ class Frame:
     width: int
     height: int
 
-    def x(self, t_s: np.ndarray | float) -> np.ndarray | float:
+    def x(self, t_s: np.ndarray | float) -> Any:
         """Pixels of stamps."""
-        span = max(self.axis.end_s - self.axis.start_s, 1e-9)
-        return LEFT + (np.asarray(t_s) - self.axis.start_s) / span * (self.width - LEFT - RIGHT)
+        return self.axis.x(t_s, LEFT, self.width - RIGHT)
 
-    def y(self, value: np.ndarray | float) -> np.ndarray | float:
+    def y(self, value: np.ndarray | float) -> Any:
         """Pixels of values, kept within a little of the frame."""
         share = (np.asarray(value) - self.low) / (self.high - self.low)
         return TOP + (1.0 - np.clip(share, -0.02, 1.02)) * (self.height - TOP - BOTTOM)
@@ -108,10 +124,7 @@ def time_chart(
     parts = [_shading(frame), *(_band(frame, b) for b in bands), _grid(frame)]
     parts += [_curve(frame, i) if isinstance(i, Curve) else _dots(frame, i) for i in items if not isinstance(i, Band)]
     parts += [svg.text(LEFT, 13, title, class_="title"), _legend(items, width)]
-    data = {"data-start": f"{axis.start_s:.3f}", "data-end": f"{axis.end_s:.3f}", "data-left": LEFT, "data-right": width - RIGHT}
-    attributes = " ".join(f'{k}="{v}"' for k, v in data.items())
-    box = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
-    return f'<svg class="chart" role="img" aria-label="{svg.escape(title)}" {box} {attributes}>{"".join(parts)}</svg>'
+    return axis.drawing(title, LEFT, width - RIGHT, (width, height), "".join(parts))
 
 
 def _values(item: Curve | Band | Dots) -> np.ndarray:
@@ -147,13 +160,10 @@ def _grid(frame: Frame) -> str:
         kind = "zero" if value == 0.0 else "grid"
         parts.append(svg.element("line", x1=LEFT, x2=frame.width - RIGHT, y1=f"{y:.1f}", y2=f"{y:.1f}", class_=kind))
         parts.append(svg.text(LEFT - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick", text_anchor="end"))
-    unit, name = frame.axis.unit
-    ticks = svg.nice_ticks(0.0, (frame.axis.end_s - frame.axis.start_s) / unit, 10 if frame.width > 600 else 5)
     base = frame.height - BOTTOM
-    for value in ticks:
-        x = float(frame.x(frame.axis.start_s + value * unit))
+    for t_s, label in frame.axis.ticks(10 if frame.width > 600 else 5):
+        x = float(frame.x(t_s))
         parts.append(svg.element("line", x1=f"{x:.1f}", x2=f"{x:.1f}", y1=TOP, y2=base, class_="grid"))
-        label = svg.tick_label(value, ticks) + (f" {name}" if value == ticks[-1] else "")
         parts.append(svg.text(x, base + 13, label, class_="tick", text_anchor="middle"))
     parts.append(svg.element("rect", x=LEFT, y=TOP, width=frame.width - LEFT - RIGHT, height=base - TOP, class_="frame"))
     return "".join(parts)

@@ -26,6 +26,12 @@ def text(x: float, y: float, content: str, **attributes: object) -> str:
     return element("text", escape(content), x=f"{x:.1f}", y=f"{y:.1f}", **attributes)
 
 
+def drawing(kind: str, label: str, width: int, height: int, content: str, **attributes: object) -> str:
+    """A whole drawing of ``width`` by ``height`` pixels, with a label for those who do not see it."""
+    box = {"viewBox": f"0 0 {width} {height}", "width": width, "height": height}
+    return element("svg", content, class_=kind, role="img", aria_label=label, **box, **attributes)
+
+
 def path_data(x: np.ndarray, y: np.ndarray, closed: bool = False) -> str:
     """Path of a curve in tenths of a pixel, broken at NaN, in relative steps."""
     px, py = np.round(np.asarray(x) * TENTHS), np.round(np.asarray(y) * TENTHS)

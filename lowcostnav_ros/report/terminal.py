@@ -22,7 +22,7 @@ def result_console() -> Console:
 
 
 def rich_table(table: Table) -> RichTable:
-    """A table without its title as rich draws it; the last column of words wraps, and columns for a page only are left out."""
+    """A table without its title as rich draws it; the last column of words wraps, and columns for a page only are not drawn."""
     drawn = RichTable(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     shown = [k for k, column in enumerate(table.columns) if not column.page_only]
     wrapping = max((k for k in shown if table.columns[k].left), default=None)
@@ -67,7 +67,7 @@ def _print_head(result: ReplayResult, console: Console) -> None:
         lines.append(f"without GPS for {lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)")
     lines += result.withheld
     if recording:
-        lines += [f"{name} left out: {reason}" for name, reason in recording.left_out.items()]
+        lines += [f"{name} not run: {reason}" for name, reason in recording.left_out.items()]
         rejecting = ((s, entry) for s, entry in recording.inputs.items() if entry.rejected)
         lines += [f"[yellow]{s}: of {e.count} messages rejected: {counted(e.rejected)}[/yellow]" for s, e in rejecting]
         lines += [f"{phrase} ({count} times)" for phrase, count in recording.assumed.items()]

@@ -1,7 +1,7 @@
 """Figures of a DME plan: stations in view, HDOP of the best pair, expected error along the way, interrogation schedule."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.radionav.benchmarks_vor import REQUIREMENT_M
 from lowcostnav_ros.radionav.interrogation import REPLY_S, SEARCH_S
 from lowcostnav_ros.radionav.plan import pair_changes
-from lowcostnav_ros.report.dme.plan import Level, Plan
+from lowcostnav_ros.report.dme.plan import Leg, Level, Plan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,60 +24,40 @@ LABEL = {"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.5}
 DASHES = ("-", "--", ":", "-.")
 
 
-def write_figures(plan: Plan, folder: Path) -> list[str]:
-    """Write coverage.png, hdop.png, error.png and schedule.png; return their names."""
-    from matplotlib.figure import Figure
-
-    drawn = {"coverage.png": draw_coverage, "hdop.png": draw_hdop, "error.png": draw_error, "schedule.png": draw_schedule}
-    for name, draw in drawn.items():
-        figure = Figure(layout="constrained")
-        draw(figure, plan)
-        figure.savefig(folder / name, dpi=110)
-    return list(drawn)
-
-
 def draw_coverage(figure: "Figure", plan: Plan) -> None:
     """Number of usable stations on a map, one panel per altitude."""
-    from matplotlib import colormaps
-    from matplotlib.colors import BoundaryNorm
-
-    colours = colormaps["YlGnBu"]
-    norm = BoundaryNorm(COUNT_LEVELS, colours.N)
-    image = None
-    panels = _panels(figure, plan, "stations in line of sight and service volume")
-    for ax, level in panels:
-        image = ax.pcolormesh(plan.offsets_m / NM, plan.offsets_m / NM, level.coverage.audible, cmap=colours, norm=norm, shading="nearest")
-        _map(ax, plan, level)
-    bar = figure.colorbar(image, ax=[ax for ax, _ in panels], shrink=0.7, label="stations")
-    bar.set_ticks([0.5 * (a + b) for a, b in zip(COUNT_LEVELS[:-1], COUNT_LEVELS[1:], strict=True)], labels=COUNT_NAMES)
+    values = [level.coverage.audible for level in plan.levels]
+    bar = _maps(figure, plan, values, "stations in line of sight and service volume", "YlGnBu", COUNT_LEVELS, "stations")
+    bar.set_ticks([0.5 * (a + b) for a, b in pairwise(COUNT_LEVELS)], labels=COUNT_NAMES)
 
 
 def draw_hdop(figure: "Figure", plan: Plan) -> None:
-    """HDOP of the best pair on a map, one panel per altitude; hatched where no pair gives a position."""
+    """HDOP of the best pair on a map, one panel per altitude; grey where no pair gives a position."""
+    values = [np.ma.masked_invalid(level.coverage.hdop_pair) for level in plan.levels]
+    title = "HDOP of the best pair (1.41 is the best there is; grey: no pair)"
+    _maps(figure, plan, values, title, "RdYlGn_r", HDOP_LEVELS, "HDOP", extend="max")
+
+
+def _maps(figure: "Figure", plan: Plan, values: list[np.ndarray], title: str, colours: str, bounds: tuple, label: str, **norm: Any) -> Any:
+    """Colours on a map, one panel per altitude; return the colour bar."""
     from matplotlib import colormaps
     from matplotlib.colors import BoundaryNorm
 
-    colours = colormaps["RdYlGn_r"].with_extremes(over="#7f2704")
-    norm = BoundaryNorm(HDOP_LEVELS, colours.N, extend="max")
-    image = None
-    panels = _panels(figure, plan, "HDOP of the best pair (1.41 is the best there is; grey: no pair)")
-    for ax, level in panels:
-        hdop = np.ma.masked_invalid(level.coverage.hdop_pair)
-        image = ax.pcolormesh(plan.offsets_m / NM, plan.offsets_m / NM, hdop, cmap=colours, norm=norm, shading="nearest")
-        ax.set_facecolor("#dddddd")
-        _map(ax, plan, level)
-    figure.colorbar(image, ax=[ax for ax, _ in panels], shrink=0.7, label="HDOP")
-
-
-def _panels(figure: "Figure", plan: Plan, title: str) -> list[tuple["Axes", Level]]:
+    colour_map = colormaps[colours].with_extremes(over="#7f2704")
     columns = min(2, len(plan.levels))
     rows = -(-len(plan.levels) // columns)
     figure.set_size_inches(5.2 * columns + 1.2, 4.9 * rows + 0.5)
     axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
     figure.suptitle(title)
+    drawn = {"cmap": colour_map, "norm": BoundaryNorm(bounds, colour_map.N, **norm), "shading": "nearest"}
+    images = []
+    for ax, level, value in zip(axes, plan.levels, values, strict=False):
+        images.append(ax.pcolormesh(plan.offsets_m / NM, plan.offsets_m / NM, value, **drawn))
+        ax.set_facecolor("#dddddd")
+        _map(ax, plan, level)
     for ax in axes[len(plan.levels) :]:
         ax.set_visible(False)
-    return list(zip(axes, plan.levels, strict=False))
+    return figure.colorbar(images[-1], ax=list(axes[: len(plan.levels)]), shrink=0.7, label=label)
 
 
 def _map(ax: "Axes", plan: Plan, level: Level) -> None:
@@ -120,7 +100,7 @@ def draw_error(figure: "Figure", plan: Plan) -> None:
     below.set_title(f"stations asked at {plan.levels[-1].altitude_m:.0f} m (red: fewer than two; red line: poor geometry)", fontsize=9)
 
 
-def _asked(ax: "Axes", row: int, leg) -> None:
+def _asked(ax: "Axes", row: int, leg: Leg) -> None:
     for k, (begin, end, pair) in enumerate(pair_changes(leg.points)):
         colour = "#c0392b" if len(pair) < 2 else ("#9ecae1", "#c7e9c0")[k % 2]
         ax.barh(row, (end - begin) / NM, left=begin / NM, height=0.7, color=colour, ec="white")
@@ -142,3 +122,6 @@ def draw_schedule(figure: "Figure", plan: Plan) -> None:
         ax.barh(row, REPLY_S, left=r.time_s - REPLY_S, height=0.5, color="#08519c")
     ax.set(yticks=range(len(names)), yticklabels=names, xlim=(0.0, SCHEDULE_S), xlabel="time [s]")
     ax.set_title("interrogations: 4 s search (grey), 1 s measurement (blue)", fontsize=10)
+
+
+FIGURES = {"coverage.png": draw_coverage, "hdop.png": draw_hdop, "error.png": draw_error, "schedule.png": draw_schedule}

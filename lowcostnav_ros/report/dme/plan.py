@@ -21,14 +21,14 @@ from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.studies.reduced_covariance import AidedSigma, aided_sigma
 
 OUTAGE_S = 1800.0
-"""Flight time without GPS the requirement speaks of."""
+"""Flight time without GPS that the requirement is for."""
 MARGIN_M = 20.0 * NAUTICAL_MILE
 APPROACHES = (("from north", 180.0), ("from east", 270.0), ("from south", 0.0), ("from west", 90.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leg:
-    """One way to fly at one altitude: what is heard, the ranges of the schedule, both covariances, and what is wrong in sentences."""
+    """One way to fly at one altitude: what is received, the ranges of the schedule, both covariances, and what is wrong in sentences."""
 
     name: str
     route: Route
@@ -80,7 +80,7 @@ class Plan:
     notes: list[str]
 
     def good_enough(self) -> bool:
-        """Tell whether at some altitude the expected error stays within 0.5 NM all the way."""
+        """Whether at some altitude the expected error stays within 0.5 NM all the way."""
         return any(level.worst_m <= REQUIREMENT_M for level in self.levels)
 
 

@@ -30,15 +30,15 @@ def print_plan(plan: Plan) -> None:
             rows.append((*first, leg.name, f"{100.0 * leg.paired:.0f} %", _metres(leg.worst_m), f"{leg.arrival_m:.0f} m"))
     heads = ("altitude", "area % with 1/2/3", "way flown", "with a pair", "worst 1-sigma", "on arrival")
     table = Table.plain("Expected error without GPS, one receiver, a range every 15 s", heads, rows, left=3)
-    said = (*_said(plan), _schedule_line(plan), *plan.notes, *_closing(plan))
-    print_report(f"{len(plan.table)} stations in the area", [table], said)
+    lines = (*_asked(plan), _schedule_line(plan), *plan.notes, *_closing(plan))
+    print_report(f"{len(plan.table)} stations in the area", [table], lines)
 
 
 def _metres(value: float) -> str:
     return f"{value:.0f} m" + ("" if value <= REQUIREMENT_M else " > 0.5 NM")
 
 
-def _said(plan: Plan) -> list[str]:
+def _asked(plan: Plan) -> list[str]:
     """Stations asked and what is wrong, one paragraph per way; altitudes with the same answer share it."""
     answers: dict[tuple[str, ...], list[str]] = {}
     for level in plan.levels:
@@ -93,7 +93,7 @@ def _level(plan: Plan, level: Level) -> dict[str, Any]:
 
 
 def _at_airport(plan: Plan, level: Level) -> dict[str, Any]:
-    """What is heard over the airport: the stations with range and bearing, and the accuracy of a fix by the best pair."""
+    """What is received over the airport: the stations with range and bearing, and the accuracy of a fix by the best pair."""
     place = (*plan.waypoints[0], level.altitude_m)
     seen = usable(plan.table, *place)
     pair = best_pair(plan.table, *place) or ()
@@ -115,8 +115,8 @@ def _at_airport(plan: Plan, level: Level) -> dict[str, Any]:
 
 
 def _leg(leg: Leg) -> dict[str, Any]:
-    believed = np.sqrt(np.trace(leg.sigma.believed, axis1=1, axis2=2))
-    every = slice(None, None, max(1, len(believed) // 400))
+    stated = np.sqrt(np.trace(leg.sigma.believed, axis1=1, axis2=2))
+    every = slice(None, None, max(1, len(stated) // 400))
     return {
         "name": leg.name,
         "length_m": round(float(leg.route.time_s[-1] * leg.route.speed), 1),
@@ -130,7 +130,7 @@ def _leg(leg: Leg) -> dict[str, Any]:
         "expected": {
             "time_s": np.round(leg.sigma.time_s[every], 2).tolist(),
             "horizontal_1_sigma_m": np.round(leg.sigma.horizontal()[every], 1).tolist(),
-            "believed_by_navigator_m": np.round(believed[every], 1).tolist(),
+            "believed_by_navigator_m": np.round(stated[every], 1).tolist(),
         },
     }
 

@@ -1,11 +1,13 @@
 """The figures of a report: which columns go into which chart."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.navigators.registry import label_of
 from lowcostnav_ros.report.chart import Band, Curve, Dots, TimeAxis, time_chart
-from lowcostnav_ros.report.flight.map_chart import Ellipse, Station, Track, map_chart
+from lowcostnav_ros.report.flight.map_chart import Ellipse, Track, map_chart
 from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
 
 TRUTH_COLOUR = "#222222"
@@ -55,11 +57,10 @@ def ground_map(result: Result) -> str:
             place = navigator.solutions["lat_deg"], navigator.solutions["lon_deg"]
             tracks.append(Track(*place, colour_of(name, names), name, dash=label_of(name).dash or None))
             ellipses += _ellipses(navigator, colour_of(name, names), result.summary.without_gps.intervals_s)
-    stations = [Station(s.ident, s.lat_deg, s.lon_deg) for s in result.summary.stations]
-    return map_chart(tracks, stations, ellipses)
+    return map_chart(tracks, result.summary.stations, ellipses)
 
 
-def _ellipses(navigator: NavigatorResult, colour: str, outages: list[list[float]]) -> list[Ellipse]:
+def _ellipses(navigator: NavigatorResult, colour: str, outages: Sequence[tuple[float, float]]) -> list[Ellipse]:
     columns, out = navigator.solutions, []
     for start, end in outages:
         for t in np.arange(start, end + 0.5, ELLIPSE_EVERY_S):
@@ -153,7 +154,7 @@ def state_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> li
 
 
 def aid_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list[str]:
-    """Innovations inside two sigma and test ratios, accepted and refused told apart, per aid and component."""
+    """Innovations inside two sigma and test ratios, accepted and refused apart, per aid and component."""
     aids = navigator.aids
     if not aids or len(aids["t_s"]) == 0:
         return []

@@ -8,12 +8,13 @@ import numpy as np
 
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.replay.columns import position_difference_n
+from lowcostnav_ros.replay.result import Place
 from lowcostnav_ros.report import svg
 
 WIDTH, MARGIN = 960, 46
 MAX_POINTS = 1800
 FARTHEST_NM = 200.0
-"""A station farther away than any receiver hears is not worth naming."""
+"""A station farther away than any receiver receives is not named."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,15 +39,6 @@ class Ellipse:
     sigma_north_m: float
     sigma_east_m: float
     colour: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Station:
-    """A radio station with its ident."""
-
-    ident: str
-    lat_deg: float
-    lon_deg: float
 
 
 class _Ground:
@@ -84,14 +76,14 @@ class _Ground:
         return MARGIN + (east - self.west) * self.scale, MARGIN + (self.north - north) * self.scale
 
 
-def map_chart(tracks: Sequence[Track], stations: Sequence[Station] = (), ellipses: Sequence[Ellipse] = ()) -> str:
+def map_chart(tracks: Sequence[Track], stations: Sequence[Place] = (), ellipses: Sequence[Ellipse] = ()) -> str:
     """Draw the map; an empty string without positions.
 
     Parameters
     ----------
     tracks : sequence of Track
         Drawn in this order; together they decide the extent.
-    stations : sequence of Station
+    stations : sequence of Place
         Those inside the extent are drawn, the rest is named below with distance and bearing.
     ellipses : sequence of Ellipse
     """
@@ -102,11 +94,10 @@ def map_chart(tracks: Sequence[Track], stations: Sequence[Station] = (), ellipse
     parts = [_graticule(ground), *(_ellipse(ground, e) for e in ellipses), *(_track(ground, t) for t in tracks)]
     shown, outside = _stations(ground, stations)
     parts += [shown, _ends(ground, tracks[0]), _scale_bar(ground), _north(), _legend(tracks, bool(ellipses))]
-    box = f'viewBox="0 0 {WIDTH} {ground.height}" width="{WIDTH}" height="{ground.height}"'
     note = f'<p class="note">Stations outside the map: {svg.escape(", ".join(outside))}.</p>' if outside else ""
     inner = svg.element("rect", x=MARGIN, y=MARGIN, width=WIDTH - 2 * MARGIN, height=ground.height - 2 * MARGIN)
     clip = svg.element("clipPath", inner, id="map")
-    return f'<svg class="map" role="img" aria-label="map" {box}>{clip}{"".join(parts)}</svg>{note}'
+    return svg.drawing("map", "map", WIDTH, ground.height, "".join([clip, *parts])) + note
 
 
 def _track(ground: _Ground, track: Track) -> str:
@@ -125,7 +116,7 @@ def _ellipse(ground: _Ground, e: Ellipse) -> str:
     return svg.element("ellipse", cx=f"{x:.1f}", cy=f"{y:.1f}", rx=f"{rx:.1f}", ry=f"{ry:.1f}", clip_path="url(#map)", **colours)
 
 
-def _stations(ground: _Ground, stations: Sequence[Station]) -> tuple[str, list[str]]:
+def _stations(ground: _Ground, stations: Sequence[Place]) -> tuple[str, list[str]]:
     parts, outside = [], []
     for s in stations:
         (north,), (east,) = ground.metres(np.array([s.lat_deg]), np.array([s.lon_deg]))

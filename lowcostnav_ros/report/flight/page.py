@@ -89,7 +89,7 @@ def _header(summary: ReplayResult, name: str) -> str:
     cells = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts.items())
     withheld = "".join(f'<p class="note">{escape(text)}</p>' for text in summary.withheld)
     missing = recording.left_out.items() if recording else ()
-    left_out = "".join(f'<p class="note">{escape(n)} left out: {escape(r)}</p>' for n, r in missing)
+    left_out = "".join(f'<p class="note">{escape(n)} not run: {escape(r)}</p>' for n, r in missing)
     return f"<header><h1>{escape(name)}</h1><dl>{cells}</dl>{withheld}{left_out}</header>"
 
 

@@ -5,19 +5,18 @@ from collections import Counter
 import numpy as np
 
 from lowcostnav_ros.navigators.registry import known_modes
+from lowcostnav_ros.replay.runs import TIMEOUT_S
 from lowcostnav_ros.report import svg
 from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.flight.result_folder import NavigatorResult
 
 WIDTH, LEFT, RIGHT, LANE = 960, 236, 12, 22
 MAX_REFUSALS = 14
-SILENT_S = 2.0
-"""A navigator that says nothing for longer holds its solution back; its last mode does not last through that."""
 _OTHER = ("#7f8fa6", "#9b8579", "#6c8e8e", "#a17fa6")
 
 
 def mode_spans(t_s: np.ndarray, modes: np.ndarray) -> list[tuple[float, float, str]]:
-    """Runs of equal mode as (start, end, mode); a run lasts until the next begins, or until the last solution before a silence.
+    """Runs of equal mode as (start, end, mode); a run lasts until the next begins, or until the last solution before a timeout.
 
     Parameters
     ----------
@@ -27,9 +26,9 @@ def mode_spans(t_s: np.ndarray, modes: np.ndarray) -> list[tuple[float, float, s
     if len(t_s) == 0:
         return []
     steps = np.diff(t_s)
-    silent = steps > max(SILENT_S, 3.0 * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
-    starts = np.concatenate([[0], np.flatnonzero((modes[1:] != modes[:-1]) | silent) + 1])
-    ends = np.concatenate([np.where(silent[starts[1:] - 1], t_s[starts[1:] - 1], t_s[starts[1:]]), t_s[-1:]])
+    timed_out = steps > max(TIMEOUT_S, 3.0 * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
+    starts = np.concatenate([[0], np.flatnonzero((modes[1:] != modes[:-1]) | timed_out) + 1])
+    ends = np.concatenate([np.where(timed_out[starts[1:] - 1], t_s[starts[1:] - 1], t_s[starts[1:]]), t_s[-1:]])
     return [(float(t_s[s]), float(e), str(modes[s])) for s, e in zip(starts, ends, strict=True)]
 
 
@@ -67,13 +66,11 @@ def timeline(navigators: list[NavigatorResult], axis: TimeAxis) -> str:
         svg.element("rect", x=f"{_x(a, axis):.1f}", y=2, width=f"{_x(b, axis) - _x(a, axis):.1f}", height=y - 2, class_="outage")
         for a, b in axis.outages
     )
-    data = f'data-start="{axis.start_s:.3f}" data-end="{axis.end_s:.3f}" data-left="{LEFT}" data-right="{WIDTH - RIGHT}"'
-    box = f'viewBox="0 0 {WIDTH} {height}" width="{WIDTH}" height="{height}"'
-    return f'<svg class="chart" role="img" aria-label="modes and refusals" {box} {data}>{shading}{"".join(lanes)}{_ticks(axis, y)}</svg>'
+    return axis.drawing("modes and refusals", LEFT, WIDTH - RIGHT, (WIDTH, height), "".join([shading, *lanes, _ticks(axis, y)]))
 
 
 def _x(t_s: float, axis: TimeAxis) -> float:
-    return LEFT + (t_s - axis.start_s) / max(axis.end_s - axis.start_s, 1e-9) * (WIDTH - LEFT - RIGHT)
+    return float(axis.x(t_s, LEFT, WIDTH - RIGHT))
 
 
 def _mode_lane(name: str, spans: list[tuple[float, float, str]], axis: TimeAxis, y: int) -> str:
@@ -100,10 +97,6 @@ def _refusal_lane(label: str, stamps: np.ndarray, axis: TimeAxis, y: int) -> str
 
 
 def _ticks(axis: TimeAxis, y: int) -> str:
-    unit, name = axis.unit
-    ticks = svg.nice_ticks(0.0, (axis.end_s - axis.start_s) / unit, 10)
     parts = [svg.element("line", x1=LEFT, x2=WIDTH - RIGHT, y1=y, y2=y, class_="zero")]
-    for value in ticks:
-        label = svg.tick_label(value, ticks) + (f" {name}" if value == ticks[-1] else "")
-        parts.append(svg.text(_x(axis.start_s + value * unit, axis), y + 14, label, class_="tick", text_anchor="middle"))
+    parts += [svg.text(_x(t_s, axis), y + 14, label, class_="tick", text_anchor="middle") for t_s, label in axis.ticks(10)]
     return "".join(parts)

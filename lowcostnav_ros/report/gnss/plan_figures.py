@@ -1,6 +1,5 @@
-"""Figures of a plan of satellites in view: the sky with its tracks, satellites and dilutions over time, who is in view when."""
+"""Figures of a plan of satellites in view: the sky with its tracks, satellites and dilutions over time, times in view."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,18 +10,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HOUR_S = 3600.0
-
-
-def write_figures(plan: GnssPlan, folder: Path) -> list[str]:
-    """Write sky.png, geometry.png and satellites.png; return their names."""
-    from matplotlib.figure import Figure
-
-    drawn = {"sky.png": draw_sky, "geometry.png": draw_geometry, "satellites.png": draw_satellites}
-    for name, draw in drawn.items():
-        figure = Figure(layout="constrained")
-        draw(figure, plan)
-        figure.savefig(folder / name, dpi=110)
-    return list(drawn)
 
 
 def draw_sky(figure: "Figure", plan: GnssPlan) -> None:
@@ -40,7 +27,7 @@ def draw_sky(figure: "Figure", plan: GnssPlan) -> None:
             continue
         radius = np.where(up, 90.0 - np.degrees(sky.elevation[:, j]), np.nan)
         colour = "#1f77b4" if name[0] == "G" else "#d95f02"
-        azimuth = _unbroken(sky.azimuth[:, j])
+        azimuth = np.unwrap(sky.azimuth[:, j])  # without jumps, so that a track through north does not go round
         ax.plot(azimuth, radius, color="#8a8f94", lw=0.5)
         ax.plot(azimuth, np.where(sky.visible[:, j], radius, np.nan), color=colour, lw=1.1)
         first = int(np.flatnonzero(up)[0])
@@ -49,11 +36,6 @@ def draw_sky(figure: "Figure", plan: GnssPlan) -> None:
     ax.set_rticks([0, 30, 60, 90], labels=["90", "60", "30", ""], fontsize=7)
     ax.set_thetagrids([0, 90, 180, 270], ["N", "E", "S", "W"])
     ax.set_title(f"{plan.title}\n{plan.view}", fontsize=9)
-
-
-def _unbroken(azimuth: np.ndarray) -> np.ndarray:
-    """Azimuths without jumps, so that a track through north does not go round."""
-    return np.unwrap(azimuth)
 
 
 def draw_geometry(figure: "Figure", plan: GnssPlan) -> None:
@@ -79,7 +61,7 @@ def draw_geometry(figure: "Figure", plan: GnssPlan) -> None:
 
 
 def draw_satellites(figure: "Figure", plan: GnssPlan) -> None:
-    """When each satellite is in view, those that never are left out."""
+    """When each satellite is in view, without those that never are."""
     sky = plan.sky
     rows = np.flatnonzero(sky.visible.any(axis=0))
     figure.set_size_inches(9.0, 1.2 + 0.17 * len(rows))
@@ -92,3 +74,6 @@ def draw_satellites(figure: "Figure", plan: GnssPlan) -> None:
     ax.set_yticks(range(len(rows)), [sky.names[j] for j in rows], fontsize=7)
     ax.set(xlim=(0.0, sky.time_s[-1] / HOUR_S), ylim=(len(rows) - 0.4, -0.6), xlabel=f"hours from {plan.start:%Y-%m-%d %H:%M} UTC")
     ax.set_title(f"in view: {plan.title}\n{plan.view}", fontsize=9)
+
+
+FIGURES = {"sky.png": draw_sky, "geometry.png": draw_geometry, "satellites.png": draw_satellites}
