@@ -51,8 +51,8 @@ GNSS thinned to 1 Hz; outages of 15 s from every 10 s of the drive, RTK the refe
 
 ![Error at the end of each outage against its start](images/validation_drive.png)
 
-The first outages come before turns have shown the heading: without the wheels they end far off, and are believed to. Outages from
-about 150 s are the outlier: two to three times the believed sigma, not explained.
+The first outages come before turns have shown the heading: without the wheels their errors are large, and so are their sigmas. Outages from
+about 150 s are the outlier: two to three times the estimated sigma, not explained.
 """
 
 
@@ -89,7 +89,7 @@ def drive_page(result: dict, images: Path) -> str:
 
 def consistency_page(result: dict) -> str:
     """Tables of the Monte Carlo flights."""
-    lines = ["", "## Monte Carlo flights: are the sigmas honest?", ""]
+    lines = ["", "## Monte Carlo flights: do the errors fit the sigmas?", ""]
     ins = result["ins_gps"]
     nees = ", ".join(f"{k} {v:.2f}" for k, v in ins["nees"].items())
     nis = ", ".join(f"{k} {v:.2f}" for k, v in ins["nis"].items())
@@ -130,7 +130,7 @@ def dead_reckoning_lines(dr: dict) -> list[str]:
 
 
 def plot(path: Path, series: dict[str, dict], title: str) -> None:
-    """Error and believed sigma at the end of each outage against its start."""
+    """Error and estimated sigma at the end of each outage against its start."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -139,7 +139,7 @@ def plot(path: Path, series: dict[str, dict], title: str) -> None:
     figure, axes = pyplot.subplots(figsize=(8.0, 3.6), layout="constrained")
     for colour, (label, data) in zip(("tab:blue", "tab:orange"), series.items(), strict=False):
         axes.plot(data["start_s"], data["end_m"], "o", ms=4, color=colour, label=f"{label}: error")
-        axes.plot(data["start_s"], data["end_sigma_m"], "-", lw=1, color=colour, alpha=0.7, label=f"{label}: believed 1 sigma")
+        axes.plot(data["start_s"], data["end_sigma_m"], "-", lw=1, color=colour, alpha=0.7, label=f"{label}: estimated 1 sigma")
     axes.set(xlabel="start of the outage [s from the start of the recording]", ylabel="horizontal error at its end [m]", title=title)
     axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.3)

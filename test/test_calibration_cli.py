@@ -113,7 +113,7 @@ def test_magcal_of_a_table_in_any_unit(unit, per_ut, tmp_path, capsys):
     table, out = write_table(tmp_path / "turns.csv", ["x", "y", "z"], turns() * per_ut), tmp_path / "mag.yaml"
     assert cli.main(["magcal", table, "--place", "37.4,-122.1,100", "--date", "2026.0", "-o", str(out)]) == 0
     text = capsys.readouterr().out
-    assert f"samples in {unit} (told from the magnitude)" in text
+    assert f"samples in {unit} (found from the magnitude)" in text
     loaded = load_settings(MagnetometerInput, out).magnetometer
     np.testing.assert_allclose(loaded.hard_iron_ut, IRON_UT, atol=0.3)
     np.testing.assert_allclose(np.diag(np.reshape(loaded.matrix, (3, 3))), 1.0 / SCALE, rtol=0.01)

@@ -2,9 +2,11 @@
 
 import gzip
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +19,8 @@ from lowcostnav_ros.physics.geomagnetism import decimal_year
 _SECONDS = dict.fromkeys(("t", "t_s", "time", "time_s", "stamp_s"), 1.0)
 TIME_NAMES = _SECONDS | {"stamp_ns": 1e-9, "t_ns": 1e-9, "t_ms": 1e-3, "time_ms": 1e-3}
 """Names of a time column and what one unit of it is in seconds."""
-_TRIADS = (("gyro", "rad/s", "angular_rate_b"), ("accelerometer", "m/s^2", "specific_force_b"))
+INERTIAL = {"gyro_": ("rad/s", "angular_rate_b"), "accelerometer_": ("m/s^2", "specific_force_b")}
+MAGNETIC = {"": ("T", "field_b")}
 _EARLIEST = 1.26e18  # ns: 2009-12; an earlier stamp is not a date but a time since power-up
 
 
@@ -28,7 +31,7 @@ class Columns:
     Attributes
     ----------
     source : str
-        File name, for people.
+        File name, for display.
     values : dict of str to ndarray (n,)
     units : dict of str to str
         Unit of each column, empty where unknown.
@@ -51,34 +54,28 @@ def is_table(path: str) -> bool:
     return path.lower().removesuffix(".gz").endswith((".csv", ".txt", ".dat"))
 
 
-def read_imu(path: str, topic: str) -> Columns:
-    """Read the six axes of an inertial topic of a bag."""
-    with BagReader(path) as reader:
-        blocks = list(reader.measurements([topic]))
-    if not blocks:
-        raise CalibrationError(f"{path}: no usable sample on '{topic}'; check what the recorder heard.")
-    stamps_ns = np.concatenate([b.stamps_ns for b in blocks])
-    values, units = {}, {}
-    for triad, unit, name in _TRIADS:
-        rows = np.vstack([getattr(b, name) for b in blocks])
-        for axis, letter in enumerate("xyz"):
-            values[f"{triad}_{letter}"], units[f"{triad}_{letter}"] = rows[:, axis], unit
-    return Columns(Path(path).name, values, units, (stamps_ns - stamps_ns[0]) * 1e-9)
+def read_topic(path: str, topic: str, triads: Mapping[str, tuple[str, str]]) -> Columns:
+    """Read the axes of a sensor's topic of a bag, with the place of its first position fix, where it has one, and the date.
 
-
-def read_field(path: str, topic: str) -> Columns:
-    """Read a magnetometer topic of a bag, with the place and date of its first position fix where it has one."""
+    Parameters
+    ----------
+    path, topic : str
+    triads : mapping of str to (str, str)
+        What the names of three columns begin with, to their unit and the attribute of the samples.
+    """
     with BagReader(path) as reader:
-        samples = list(reader.measurements([topic]))
-        fixes = reader.measurements(["gps/fix"]) if "gps/fix" in reader.decodable() else iter(())
-        fix = next(fixes, None)
+        samples: list[Any] = list(reader.measurements([topic]))
+        fix: Any = next(reader.measurements(["gps/fix"]), None) if "gps/fix" in reader.decodable() else None
     if not samples:
-        raise CalibrationError(f"{path}: no usable sample on '{topic}'; check what the recorder heard.")
-    rows = np.array([s.field_b for s in samples])
-    stamps_ns = np.array([s.stamp_ns for s in samples])
-    values = {letter: rows[:, axis] for axis, letter in enumerate("xyz")}
+        raise CalibrationError(f"{path}: no usable sample on '{topic}'; check what was recorded.")
+    stamps_ns = np.hstack([getattr(s, "stamps_ns", s.stamp_ns) for s in samples])
+    values, units = {}, {}
+    for triad, (unit, name) in triads.items():
+        rows = np.vstack([getattr(s, name) for s in samples])
+        for axis, letter in enumerate("xyz"):
+            values[triad + letter], units[triad + letter] = rows[:, axis], unit
     place = (fix.lat, fix.lon, fix.height) if fix is not None else None
-    return Columns(Path(path).name, values, dict.fromkeys("xyz", "T"), (stamps_ns - stamps_ns[0]) * 1e-9, place, _year(int(stamps_ns[0])))
+    return Columns(Path(path).name, values, units, (stamps_ns - stamps_ns[0]) * 1e-9, place, _year(int(stamps_ns[0])))
 
 
 def read_table(path: str, wanted: list[str] | None, unit: str = "") -> Columns:

@@ -33,13 +33,13 @@ def inertial(arguments: argparse.Namespace) -> tuple["Columns", float]:
     """Columns of a recording and their sampling rate, Hz."""
     wanted = split(arguments.column) if arguments.column else None
     if not files.is_table(arguments.source):
-        columns = files.read_imu(arguments.source, arguments.topic)
+        columns = files.read_topic(arguments.source, arguments.topic, files.INERTIAL)
         if wanted:
             columns = _chosen(columns, wanted)
-        return columns, regular_rate(columns.stamps_s, arguments.topic)
-    columns = files.read_table(arguments.source, wanted, arguments.unit or "")
+    else:
+        columns = files.read_table(arguments.source, wanted, arguments.unit or "")
     if columns.stamps_s is not None:
-        return columns, regular_rate(columns.stamps_s, arguments.source)
+        return columns, regular_rate(columns.stamps_s, arguments.source if files.is_table(arguments.source) else arguments.topic)
     if arguments.rate is None:
         raise CalibrationError(f"{arguments.source} has no time column such as t or time_s; give the sampling rate with --rate.")
     return columns, arguments.rate
@@ -74,15 +74,15 @@ def out_dir(arguments: argparse.Namespace) -> Path | None:
 
 def print_columns(heads: tuple[str, ...], rows: list[tuple], columns: Columns) -> None:
     """Print a row for each column, and what the unit is."""
-    units = ", ".join(sorted({unit for unit in columns.units.values() if unit})) or "the unit of the columns (say which with --unit)"
+    units = ", ".join(sorted({unit for unit in columns.units.values() if unit})) or "the unit of the columns (give it with --unit)"
     table = Table.plain("", heads, [(row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows])
     print_report("", [table], [f"u is {units}; {columns.source}"])
 
 
 def print_grade(drifts: dict[str, float], columns: Columns) -> None:
-    """Say of what grade the gyros are by their drift; a recording at rest does not show the turn-on bias."""
+    """Print of what grade the gyros are by their drift; a recording at rest does not show the turn-on bias."""
     gyros = {n: sigma * GYRO_UNITS[columns.units[n]] / DEGREE_PER_HOUR for n, sigma in drifts.items() if columns.units[n] in GYRO_UNITS}
-    worst = max(gyros, key=gyros.get, default=None)
+    worst = max(gyros, key=lambda name: gyros[name], default=None)
     if worst is not None and gyros[worst] > 0.0:
         print(f"gyro drift of {gyros[worst]:.3g} deg/h ({worst}): {grade(gyros[worst])} grade at best; the turn-on bias may be larger.")
 

@@ -34,7 +34,7 @@ def add_arguments(demo: argparse.ArgumentParser) -> None:
     demo.add_argument("--real-time-factor", type=float, metavar="X", help="simulated seconds per second (default: the graph's)")
 
 
-@job("Fly a whole simulated mission with a GPS outage and make its report.", add_arguments)
+@job("Fly a simulated mission with a GPS outage and write its report.", add_arguments)
 def demo(arguments: argparse.Namespace) -> int:
     """Fly, replay, report; 0 when nothing was lost and the replay equals the flight to the bit, else 1."""
     graph = load_graph(arguments.graph)
@@ -65,7 +65,7 @@ def _demonstrate(graph: Graph, out: Path, console: Console) -> int:
     text = json.dumps(result.to_mapping(), indent=1, allow_nan=False)
     (out / "replay" / "summary.json").write_text(text + "\n", encoding="utf-8")
     print_result(result, console)
-    console.rule("3  What came of it")
+    console.rule("3  Results")
     write_page(out / "replay", out / "report.html", f"Demonstration: {graph.scenario}")
     equal = _print_equality(result, console)
     console.print(f"Report: {out / 'report.html'}   recording: {out / 'recording'}", highlight=False)
@@ -77,19 +77,19 @@ def _fly(graph: Graph, out: Path, console: Console) -> tuple[dict[str, dict[str,
     began = time.monotonic()
     with GraphRunner(graph, out=out, log_dir=out / "logs", on_event=lambda event: console.print(f"[yellow]{event}[/]")) as runner:
         finished = runner.wait_until_finished(LONGEST_S, each=_Narrator(runner, console))
-    counts, events = runner.counts(), list(runner.events)  # after the end: every node says its last counts as it goes
+    counts, events = runner.counts(), list(runner.events)  # after the end: every node publishes its last counts when it shuts down
     if not finished:
         raise GraphError(f"The flight did not end within {LONGEST_S:.0f} s; the logs are in {out / 'logs'}.")
-    console.print(f"Flown and landed in the recording after {time.monotonic() - began:.0f} s.", highlight=False)
+    console.print(f"Flight recorded after {time.monotonic() - began:.0f} s.", highlight=False)
     return counts, events
 
 
 class _Narrator:
-    """Say what the supervisor does while the mission flies."""
+    """Print what the supervisor does while the mission flies."""
 
     def __init__(self, runner: GraphRunner, console: Console) -> None:
         self._runner, self._console = runner, console
-        self._said, self._next = ("", ""), 0.0
+        self._printed, self._next = ("", ""), 0.0
 
     def __call__(self) -> None:
         if time.monotonic() < self._next:
@@ -99,8 +99,8 @@ class _Narrator:
         flown = float(source.get("values", {}).get("flown_s", 0.0))
         row = self._runner.navigator("supervisor")
         chosen = tuple(row.get("values", {}).get(key, "") for key in ("mode", "flying_on"))
-        if row and chosen != self._said:
-            self._said = chosen
+        if row and chosen != self._printed:
+            self._printed = chosen
             self._console.print(f"  {flown / 60.0:4.1f} min  {row['message']}", highlight=False)
 
 
@@ -108,24 +108,24 @@ def _print_counts(counts: Mapping[str, Mapping[str, int]], console: Console) -> 
     """Print messages published against received per topic; return how many were lost."""
     rows, total = [], 0
     for topic, entry in sorted(counts.items()):
-        listeners = {node: count for node, count in entry.items() if node != "sent"}
-        if topic in ("clock", "diagnostics") or not listeners or not entry["sent"]:
+        subscribers = {node: count for node, count in entry.items() if node != "sent"}
+        if topic in ("clock", "diagnostics") or not subscribers or not entry["sent"]:
             continue
-        missing = sum(max(entry["sent"] - count, 0) for count in listeners.values())
+        missing = sum(max(entry["sent"] - count, 0) for count in subscribers.values())
         total += missing
-        heard = ", ".join(node if count >= entry["sent"] else f"{node} {count}" for node, count in listeners.items())
-        rows.append((topic, heard, str(entry["sent"]), str(missing) if missing else "-"))
+        received = ", ".join(node if count >= entry["sent"] else f"{node} {count}" for node, count in subscribers.items())
+        rows.append((topic, received, str(entry["sent"]), str(missing) if missing else "-"))
     print_table(Table.plain("Messages", ("topic", "received by", "published", "lost"), rows, left=2), console)
     console.print("Nothing was lost." if not total else f"[red]{total} messages were lost.[/]")
     return total
 
 
 def _print_equality(result: ReplayResult, console: Console) -> bool:
-    """Say, per navigator, whether the replayed fused solution is the one flown; return whether all are."""
+    """Print, per navigator, whether the replayed fused solution is the one flown; return whether all are."""
     for name, navigator in result.navigators.items():
         fused, at = navigator.fused, navigator.fused.first_differing_stamp_s
         if fused.equals_recorded:
-            verdict = f"[green]replay equals flight, bit for bit[/] ({fused.count_equal} solutions, sha256 {fused.sha256[:16]})"
+            verdict = f"[green]replay equals flight, bit for bit[/] ({fused.count_equal} solutions, sha256 {(fused.sha256 or '')[:16]})"
         else:
             where = f", first at {at - result.first_stamp_s:.1f} s" if at else ""
             verdict = f"[red]replay differs from flight[/]: {fused.count_differing} differ, {fused.count_missing} missing{where}"

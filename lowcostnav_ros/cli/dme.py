@@ -20,7 +20,7 @@ from lowcostnav_ros.catalogue.config_files import find_config
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import between
 from lowcostnav_ros.radionav.coverage import altitudes_above
-from lowcostnav_ros.radionav.navaid_import import lost_longitude_signs, navaids_from_text, select_near, table_as_text
+from lowcostnav_ros.radionav.navaid_import import NavaidList, lost_longitude_signs, navaids_from_text, select_near, table_as_text
 from lowcostnav_ros.report.dme.figures import FIGURES
 from lowcostnav_ros.report.dme.plan import make_plan
 from lowcostnav_ros.report.dme.tables import as_mapping, print_plan
@@ -58,7 +58,7 @@ def _let_places_begin_with_minus(parser: argparse.ArgumentParser) -> None:
 
 @job("Plan how DME stations carry a flight without GPS; turn navaid lists into station tables.", add_arguments)
 def dme(arguments: argparse.Namespace) -> int:
-    """Do what the verb says; returns the exit status."""
+    """Run the verb; returns the exit status."""
     return {"plan": _plan, "import": _import}[arguments.verb](arguments)
 
 
@@ -79,17 +79,17 @@ def _import(arguments: argparse.Namespace) -> int:
     if not arguments.within_nm > 0.0:
         raise SettingsError(f"--within-nm must be positive, got {arguments.within_nm:g}.")
     navaids = _read(arguments.source, arguments.undulation_m)
-    table, notes = select_near(navaids, lat, lon, arguments.within_nm * NAUTICAL_MILE, arguments.source)
+    table, notes = select_near(navaids, np.array([lat]), np.array([lon]), arguments.within_nm * NAUTICAL_MILE, arguments.source)
     Path(arguments.output).write_text(table_as_text(table), encoding="utf-8")
     for reason, count in sorted(navaids.left_out.items()):
-        notes.append(f"{count} rows of the list left out: {reason}.")
+        notes.append(f"{count} rows of the list not used: {reason}.")
     for station in lost_longitude_signs(navaids):
         notes.append(f"{station.ident} at longitude {np.degrees(station.lon):.4f} stands alone; the sign of its longitude looks lost.")
     print("\n".join([*notes, f"{len(table)} stations in {arguments.output}"]))
     return Exit.OK
 
 
-def _read(name: str, undulation_m: float):
+def _read(name: str, undulation_m: float) -> NavaidList:
     path = find_config(name)
     return navaids_from_text(path.read_text(encoding="utf-8", errors="replace"), str(name), undulation_m)
 

@@ -1,4 +1,4 @@
-"""Look at the machine: what a graph of nodes needs, each line ok or what to do about it."""
+"""The doctor job: check the installation, everything that a graph of nodes needs; each line is ok or what to do."""
 
 import argparse
 import importlib.metadata
@@ -9,7 +9,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,9 +38,8 @@ else:
 
 
 class Finding(NamedTuple):
-    """One line: what was looked at, whether it is well, and what was found or what to do."""
+    """One line: whether it is well, and what was found or what to do."""
 
-    subject: str
     ok: bool
     text: str
 
@@ -50,86 +48,76 @@ def check_python() -> Finding:
     """Python 3.11 to 3.13: what the ROS wheels exist for and this package is written in."""
     version = ".".join(map(str, sys.version_info[:3]))
     good = (3, 11) <= sys.version_info[:2] <= (3, 13)
-    return Finding("python", good, version if good else f"{version}: make the environment with Python 3.11, 3.12 or 3.13.")
+    return Finding(good, version if good else f"{version}: make the environment with Python 3.11, 3.12 or 3.13.")
 
 
 def check_rclpy() -> Finding:
     """Rclpy, from wheels of the pinned versions or from a system ROS."""
     if importlib.util.find_spec("rclpy") is None:
-        return Finding("rclpy", False, "not installed: pip install '.[ros]', or source /opt/ros/jazzy/setup.bash.")
+        return Finding(False, "not installed: pip install '.[ros]', or source /opt/ros/jazzy/setup.bash.")
     other = []
     for name, wanted in PINNED.items():
         try:
             found = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
-            return Finding("rclpy", True, f"of the system ROS ({os.environ.get('ROS_DISTRO', 'distribution unknown')})")
+            return Finding(True, f"of the system ROS ({os.environ.get('ROS_DISTRO', 'distribution unknown')})")
         if found != wanted:
             other.append(f"{name} {found} instead of {wanted}")
-    return Finding(
-        "rclpy", not other, f"install the tried versions, pip install '.[ros]': {', '.join(other)}." if other else "pinned wheels"
-    )
+    return Finding(not other, f"install the tried versions, pip install '.[ros]': {', '.join(other)}." if other else "pinned wheels")
 
 
 def check_rmw() -> Finding:
     """Fast DDS, the one middleware this package is tried with."""
     chosen = os.environ.get("RMW_IMPLEMENTATION", "")
     if chosen not in ("", "rmw_fastrtps_cpp"):
-        return Finding("rmw", False, f"RMW_IMPLEMENTATION is {chosen}: unset it, or set it to rmw_fastrtps_cpp.")
-    return Finding("rmw", True, "rmw_fastrtps_cpp")
+        return Finding(False, f"RMW_IMPLEMENTATION is {chosen}: unset it, or set it to rmw_fastrtps_cpp.")
+    return Finding(True, "rmw_fastrtps_cpp")
 
 
 def check_environment() -> Finding:
     """Variables that break discovery or the wheels' libraries."""
     if os.environ.get("ROS_LOCALHOST_ONLY"):
-        return Finding("environment", False, "unset ROS_LOCALHOST_ONLY and set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST instead.")
+        return Finding(False, "unset ROS_LOCALHOST_ONLY and set ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST instead.")
     if os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "OFF":
-        return Finding("environment", False, "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF stops local discovery, too: set it to LOCALHOST.")
+        return Finding(False, "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF stops local discovery, too: set it to LOCALHOST.")
     if os.environ.get("_ROS_WHEELS_BOOTSTRAP_COMPLETE") and not os.environ.get("LD_LIBRARY_PATH"):
-        return Finding("environment", False, "unset _ROS_WHEELS_BOOTSTRAP_COMPLETE: without LD_LIBRARY_PATH beside it ROS is not found.")
-    return Finding("environment", True, f"ROS_DOMAIN_ID={os.environ.get('ROS_DOMAIN_ID', 'unset, the runner chooses a free one')}")
+        return Finding(False, "unset _ROS_WHEELS_BOOTSTRAP_COMPLETE: without LD_LIBRARY_PATH beside it ROS is not found.")
+    return Finding(True, f"ROS_DOMAIN_ID={os.environ.get('ROS_DOMAIN_ID', 'unset, the runner chooses a free one')}")
 
 
-def check_share() -> Finding:
+def check_ament_index() -> Finding:
     """AMENT_PREFIX_PATH, which `ros2 run` and `ros2 launch` look packages up in."""
     marker = Path("share/ament_index/resource_index/packages/lowcostnav_ros")
     prefixes = [Path(p) for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
     if any((prefix / marker).exists() for prefix in prefixes):
-        return Finding("ament index", True, "ros2 run finds lowcostnav_ros")
+        return Finding(True, "ros2 run finds lowcostnav_ros")
     if shutil.which("ros2") is None:
-        return Finding("ament index", True, "no ros2 command here, so not needed: use 'lowcostnav up' and 'lowcostnav run'")
-    return Finding(
-        "ament index", False, f"ros2 run will not find this package: export AMENT_PREFIX_PATH={sys.prefix}, or source install/setup.bash."
-    )
+        return Finding(True, "no ros2 command here, so not needed: use 'lowcostnav up' and 'lowcostnav run'")
+    return Finding(False, f"ros2 run will not find this package: export AMENT_PREFIX_PATH={sys.prefix}, or source install/setup.bash.")
 
 
 def check_shared_memory(folder: Path = SHM) -> Finding:
     """Fast DDS's shared memory: usable, and not full of what killed processes left."""
     if not folder.is_dir() or not os.access(folder, os.W_OK):
-        return Finding(
-            "shared memory", False, f"{folder} is not writable: mount it (docker: --shm-size=512m), or DDS falls back to the network."
-        )
+        return Finding(False, f"{folder} is not writable: mount it (docker: --shm-size=512m), or DDS falls back to the network.")
     segments = [p for p in folder.glob("fastrtps_*") if not p.name.endswith("_el")]
     foreign = [p for p in segments if not os.access(p, os.W_OK)]
     if foreign:
-        return Finding(
-            "shared memory", False, f"{len(foreign)} segments in {folder} belong to another user: run all nodes as one user, or reboot."
-        )
+        return Finding(False, f"{len(foreign)} segments in {folder} belong to another user: run all nodes as one user, or reboot.")
     free_mb = shutil.disk_usage(folder).free / 2**20
     if free_mb < 64:
-        return Finding("shared memory", False, f"only {free_mb:.0f} MB free in {folder}: end old nodes and run 'fastdds shm clean'.")
+        return Finding(False, f"only {free_mb:.0f} MB free in {folder}: end old nodes and run 'fastdds shm clean'.")
     old = [p for p in segments if time.time() - p.stat().st_mtime > 86_400]
     if old:
-        return Finding(
-            "shared memory", False, f"{len(old)} segments in {folder} are older than a day: end old nodes and run 'fastdds shm clean'."
-        )
-    return Finding("shared memory", True, f"{free_mb:.0f} MB free, {len(segments)} segments in use")
+        return Finding(False, f"{len(old)} segments in {folder} are older than a day: end old nodes and run 'fastdds shm clean'.")
+    return Finding(True, f"{free_mb:.0f} MB free, {len(segments)} segments in use")
 
 
 def check_clock() -> Finding:
     """A wall clock that is not lost (a computer without battery starts in 1970): the magnetic model and logs need the date."""
     year = time.gmtime().tm_year
     good = 2024 <= year <= 2040
-    return Finding("clock", good, time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()) if good else f"the year is {year}: set the clock.")
+    return Finding(good, time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()) if good else f"the year is {year}: set the clock.")
 
 
 def check_kernel_cache() -> Finding:
@@ -138,14 +126,14 @@ def check_kernel_cache() -> Finding:
 
     folder = Path(kernels.cache_root())
     if folder.parent == Path(tempfile.gettempdir()):
-        return Finding("kernel cache", False, f"kept in {folder} only until the next reboot: set NUMBA_CACHE_DIR to a folder that stays.")
-    return Finding("kernel cache", os.access(folder, os.W_OK), f"{folder}")
+        return Finding(False, f"kept in {folder} only until the next reboot: set NUMBA_CACHE_DIR to a folder that stays.")
+    return Finding(os.access(folder, os.W_OK), f"{folder}")
 
 
 def check_discovery() -> Finding:
     """Two processes that find and answer each other over DDS."""
     if importlib.util.find_spec("rclpy") is None:
-        return Finding("discovery", False, "not tried without rclpy.")
+        return Finding(False, "not tried without rclpy.")
     from lowcostnav_ros.graph.domain import free_domain, node_environment
 
     with free_domain() as domain, tempfile.TemporaryDirectory() as folder:
@@ -162,30 +150,19 @@ def check_discovery() -> Finding:
             server.terminate()
             server.wait(5.0)
     if answered:
-        return Finding("discovery", True, f"two processes found each other, {time.monotonic() - began:.1f} s")
-    return Finding(
-        "discovery", False, "two processes did not find each other: check that the loopback interface is up and /dev/shm usable."
-    )
+        return Finding(True, f"two processes found each other, {time.monotonic() - began:.1f} s")
+    return Finding(False, "two processes did not find each other: check that the loopback interface is up and /dev/shm usable.")
 
 
-CHECKS: tuple[Callable[[], Finding], ...] = (
-    check_python,
-    check_rclpy,
-    check_rmw,
-    check_environment,
-    check_share,
-    check_shared_memory,
-    check_clock,
-    check_kernel_cache,
-    check_discovery,
-)
+CHECKS = {name.removeprefix("check_").replace("_", " "): check for name, check in globals().items() if name.startswith("check_")}
 
 
-@job("Check that this machine can run the nodes; every line says ok or what to do.")
+@job("Check the installation: everything that the nodes need, each line ok or what to do.")
 def doctor(_: argparse.Namespace | None = None) -> int:
     """Print every finding; return 0 when all is well, 1 when something is to be done."""
-    findings = []
-    for check in CHECKS:
-        findings.append(check())
-        print(f"{'ok  ' if findings[-1].ok else 'TO DO'} {findings[-1].subject}: {findings[-1].text}", flush=True)
-    return Exit.OK if all(finding.ok for finding in findings) else Exit.WORSE
+    well = True
+    for subject, check in CHECKS.items():
+        ok, text = check()
+        print(f"{'ok  ' if ok else 'TO DO'} {subject}: {text}", flush=True)
+        well &= ok
+    return Exit.OK if well else Exit.WORSE

@@ -26,8 +26,10 @@ from lowcostnav_ros.gnss.canyon import CanyonSettings
 from lowcostnav_ros.gnss.constellation import NAMES, TABLE_EPOCH_GPS_S, constellation_named
 from lowcostnav_ros.gnss.correction import CorrectionSettings
 from lowcostnav_ros.gnss.gps_time import SECOND, gps_ns
+from lowcostnav_ros.gnss.rinex_nav import Navigation
+from lowcostnav_ros.gnss.rinex_obs import Observations
 from lowcostnav_ros.gnss.sky_plan import plan_sky
-from lowcostnav_ros.gnss.track import track
+from lowcostnav_ros.gnss.track import Track, track
 from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, print_plan
 from lowcostnav_ros.report.gnss.plan_figures import FIGURES
 from lowcostnav_ros.report.gnss.track import print_track, summarise, write_csv
@@ -43,7 +45,7 @@ def add_arguments(gnss: argparse.ArgumentParser) -> None:
 
 
 def _add_locate(verbs: argparse._SubParsersAction) -> None:
-    text = "Position of every epoch of a RINEX 2 or 3 file from code alone, with an integrity verdict and what was left out by reason."
+    text = "Position of every epoch of a RINEX 2 or 3 file from code alone, with an integrity verdict and what was not used by reason."
     locate = verbs.add_parser("locate", help="positions with integrity verdicts out of RINEX files", description=text)
     locate.add_argument("observations", metavar="OBS", help="observation file, plain or gzip")
     locate.add_argument("navigation", metavar="NAV", nargs="+", help="navigation file; several are joined, such as one for each system")
@@ -73,7 +75,7 @@ def _add_plan(verbs: argparse._SubParsersAction) -> None:
 
 @job("Positions out of RINEX files; satellites in view and their geometry over a day.", add_arguments)
 def gnss(arguments: argparse.Namespace) -> int:
-    """Do what the verb says; returns the exit status."""
+    """Run the verb; returns the exit status."""
     return {"locate": _locate, "plan": _plan}[arguments.verb](arguments)
 
 
@@ -92,13 +94,13 @@ def _locate(arguments: argparse.Namespace) -> int:
     return Exit.OK
 
 
-def correction_settings(arguments: argparse.Namespace):
-    """Correction settings as the options say, checked."""
+def correction_settings(arguments: argparse.Namespace) -> CorrectionSettings:
+    """Correction settings of the options, checked."""
     values = {"mask_deg": arguments.mask_deg, "ionosphere": not arguments.no_ionosphere, "troposphere": not arguments.no_troposphere}
     return from_mapping(CorrectionSettings, {**values, "integrity_sigmas": arguments.integrity_sigmas}, "locate")
 
 
-def located_with_progress(observations, navigation, settings, label: str):
+def located_with_progress(observations: Observations, navigation: Navigation, settings: CorrectionSettings, label: str) -> Track:
     """Locate a recording with a bar on a terminal.
 
     Raises
@@ -110,7 +112,7 @@ def located_with_progress(observations, navigation, settings, label: str):
         total = len(observations.epochs)
         located = track(observations.epochs, navigation, settings, advance=advance and (lambda done: advance(done / total)))
     if not any(one.result for one in located.located):
-        reasons = f"; satellites left out: {counted(located.rejected)}" if located.rejected else ""
+        reasons = f"; satellites not used: {counted(located.rejected)}" if located.rejected else ""
         raise GnssError(f"None of {total} epochs gives a position ({located.located[0].refusal[:-1]}{reasons}).")
     return located
 
@@ -147,7 +149,7 @@ def _start(text: str | None) -> datetime.datetime:
 
 
 def _satellites(named: str, start: datetime.datetime) -> tuple[Any, float, list[str]]:
-    """The satellites, the time of their constellation at the start, s, and what there is to say about them."""
+    """The satellites, the time of their constellation at the start, s, and notes on them."""
     gps = gps_ns(round(start.timestamp()) * SECOND)
     if named in NAMES:
         note = f"Nominal orbits of '{named}': this is what such a constellation gives on a day, not what is up on this one."
@@ -169,6 +171,6 @@ def _lowest(arguments: argparse.Namespace) -> tuple[Any, str]:
     cliff, width, heading = arguments.canyon
     canyon = from_mapping(CanyonSettings, {"cliff_m": cliff, "width_m": width, "heading_deg": heading}, "--canyon").canyon()
     if canyon is None:
-        raise SettingsError("--canyon: cliffs have a height above zero; leave the option out under an open sky.")
+        raise SettingsError("--canyon: cliffs have a height above zero; drop the option under an open sky.")
     words = f"mask {arguments.mask_deg:g} deg, {arguments.above_floor:g} m above the floor of a canyon {cliff:g} m deep, {width:g} m wide"
     return lambda azimuth: np.maximum(mask, canyon.lowest(arguments.above_floor, azimuth)), f"{words}, axis {heading:g} deg"

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="BAG|CSV", help="recording with the attitudes to calibrate from")
     parser.add_argument("--topic", default="imu/mag", help="magnetometer topic of a bag (default: imu/mag)")
     parser.add_argument("--column", metavar="X,Y,Z", default="x,y,z", help="columns forward, right, down of a table (default: x,y,z)")
-    parser.add_argument("--unit", choices=UNITS, help="unit of a table (default: told from the magnitude)")
+    parser.add_argument("--unit", choices=UNITS, help="unit of a table (default: found from the magnitude)")
     parser.add_argument("--strength", type=float, metavar="UT", help="earth field strength, microtesla (level-turn: the horizontal one)")
     parser.add_argument("--place", metavar="LAT,LON[,M]", help="degrees and metres, for the magnetic model (default: the bag's first fix)")
     parser.add_argument("--date", type=float, metavar="YEAR", help="decimal year for the magnetic model (default: of the bag)")
@@ -47,16 +47,16 @@ def magcal(arguments: argparse.Namespace) -> int:
     if table:
         columns = files.read_table(arguments.source, wanted, arguments.unit or "")
     else:
-        columns = files.read_field(arguments.source, arguments.topic)
+        columns = files.read_topic(arguments.source, arguments.topic, files.MAGNETIC)
     if len(columns.values) != 3:
-        raise fits.CalibrationError("A calibration needs three columns, forward, right, down; name them with --column.")
+        raise CalibrationError("A calibration needs three columns, forward, right, down; name them with --column.")
     raw = np.column_stack(list(columns.values.values()))
     finite = raw[np.all(np.isfinite(raw), axis=1)]
-    told = next(iter(columns.units.values()))
-    unit = told or fits.unit_by_magnitude(finite if len(finite) else raw)
+    given = next(iter(columns.units.values()))
+    unit = given or fits.unit_by_magnitude(finite if len(finite) else raw)
     measured_ut = raw * fits.TESLA_PER[unit] * 1e6
     fit = _fit(arguments, measured_ut, _strength_ut(arguments, columns))
-    _print_fit(fit, unit, bool(told))
+    _print_fit(fit, unit, bool(given))
     if arguments.output:
         _write_calibration(arguments, fit, measured_ut)
     return 0
@@ -82,7 +82,7 @@ def _place(text: str | None) -> tuple[float, float, float] | None:
         return None
     try:
         lat_deg, lon_deg, *height = (float(part) for part in text.split(","))
-        return math.radians(lat_deg), math.radians(lon_deg), *(height or [0.0])[:1]
+        return math.radians(lat_deg), math.radians(lon_deg), height[0] if height else 0.0
     except ValueError:
         raise CalibrationError(f"'{text}' is not a place; write latitude and longitude in degrees, such as 37.4,-122.1.") from None
 
@@ -97,8 +97,8 @@ def _fit(arguments: argparse.Namespace, measured_ut: np.ndarray, strength_ut: fl
     return two_step_fit(measured_ut, strength_ut, arguments.min_coverage)
 
 
-def _print_fit(fit: MagnetometerFit, unit: str, told: bool) -> None:
-    print(f"{fit.method}: {fit.samples} samples in {unit}{'' if told else ' (told from the magnitude)'}, field {fit.strength:.2f} uT")
+def _print_fit(fit: MagnetometerFit, unit: str, given: bool) -> None:
+    print(f"{fit.method}: {fit.samples} samples in {unit}{'' if given else ' (found from the magnitude)'}, field {fit.strength:.2f} uT")
     print(f"coverage: {fit.coverage}")
     for axis, name in enumerate("xyz"):
         scale, sigma = fit.scale[axis], 100.0 * fit.scale_sigma[axis]

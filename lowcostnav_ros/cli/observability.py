@@ -9,6 +9,8 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.catalogue.building import build_navigators
@@ -24,7 +26,7 @@ from lowcostnav_ros.report.terminal import print_report
 from lowcostnav_ros.studies.observability import Observability, Watch
 
 WEAK = 0.5
-"""A state counts as not told when less than this share of it lies in the observable space."""
+"""A state counts as weakly observable when less than this share of it lies in the observable space."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,9 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", metavar="FILE", help="write rank, singular values and shares of the states over time as JSON")
 
 
-@job("Which states of a navigator its measurements can tell, along a recording.", add_arguments)
+@job("Which states of a navigator are observable, along a recording.", add_arguments)
 def observability(arguments: argparse.Namespace) -> int:
-    """Replay the bag through one navigator and print what its measurements could tell."""
+    """Replay the bag through one navigator and print which of its states were observable."""
     if not 0.0 < arguments.period <= 3600.0:
         raise SettingsError(f"--period must be above 0 and at most 3600 s, got {arguments.period:g}.")
     check_folders(arguments.json)
@@ -60,27 +62,27 @@ def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> tupl
         (BagError, SettingsError) when the recording lacks what the navigator needs.
     """
     check_names([name], list(NAVIGATORS))
-    reason = NAVIGATORS[name].not_observable
-    if reason:
+    kind: Any = NAVIGATORS[name]
+    if reason := kind.not_observable:
         raise SettingsError(f"Observability of {name} is not offered: {reason}.")
 
     with BagReader(bag) as reader:
         folders = Path(config) if config else None, reader.settings_folder
         navigator = build_navigators([name], NAVIGATORS, *folders)[name]
-        speakers = _speakers(navigator, reader.types)
-        reader.require(s for s, required in navigator.inputs.items() if required and s not in speakers.values())
-        flown = {**build_navigators(speakers, NAVIGATORS, *folders), name: navigator}
+        others = _sources(navigator, reader.types)
+        reader.require(s for s, required in navigator.inputs.items() if required and s not in others.values())
+        flown = {**build_navigators(others, NAVIGATORS, *folders), name: navigator}
         session = Session(flown, rules=reader.decoder.rules)
         watch = Watch(navigator, period_s)
-        heard = {source for one in flown.values() for source in one.inputs}
-        for measurement in reader.measurements(s for s in heard if s in reader.types):
+        taken = {source for one in flown.values() for source in one.inputs}
+        for measurement in reader.measurements(s for s in taken if s in reader.types):
             session.feed(measurement)
         session.finish()
     return navigator, watch.finish()
 
 
-def _speakers(navigator: Navigator, recorded: Collection[str]) -> dict[str, str]:
-    """Navigators that must run beside, by name, each with the topic it says which the recording lacks and the navigator needs."""
+def _sources(navigator: Navigator, recorded: Collection[str]) -> dict[str, str]:
+    """Navigators that must run beside, by name, each with the topic it publishes, which the recording lacks and the navigator needs."""
     lacking = {source for source, required in navigator.inputs.items() if required and source not in recorded}
     return {name: output_topic(name) for name in NAVIGATORS if output_topic(name) in lacking}
 
@@ -102,13 +104,13 @@ def as_plain(navigator: Navigator, found: list[Observability]) -> dict[str, Any]
 
 def _print(navigator: Navigator, found: list[Observability]) -> None:
     size, labels = navigator.core.layout.size, navigator.core.layout.labels
-    heads = ("t [s]", "rows", "rank", f"not told, of {size}", "largest and smallest counted singular value")
+    heads = ("t [s]", "rows", "rank", f"unobservable, of {size}", "largest and smallest counted singular value")
     rows, start_ns = [], found[0].stamp_ns
     for o in found[:: max(1, len(found) // 20)]:
         values = f"{o.singular_values[0]:.2g}, {o.singular_values[o.rank - 1]:.2g}"
         rows.append((f"{(o.stamp_ns - start_ns) / 1e9:.1f}", str(o.rows), str(o.rank), str(size - o.rank), values))
-    share = sum(o.share for o in found) / len(found)
+    share = np.mean([o.share for o in found], axis=0)
     weak = [label for label, part in zip(labels, share, strict=True) if part < WEAK]
     ranks = [o.rank for o in found]
     ranked = f"{navigator.name}: rank {min(ranks)} to {max(ranks)} of {size} at single instants, mean {sum(ranks) / len(ranks):.1f}."
-    print_report("", [Table.plain("", heads, rows, left=0)], [ranked, f"hardly told within an instant: {', '.join(weak) or 'none'}"])
+    print_report("", [Table.plain("", heads, rows, left=0)], [ranked, f"weakly observable within an instant: {', '.join(weak) or 'none'}"])

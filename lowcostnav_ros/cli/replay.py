@@ -50,10 +50,11 @@ def replay(arguments: argparse.Namespace) -> int:
     check_folders(arguments.json, arguments.write_baseline)
     out = Path(arguments.out) if arguments.out else None
     result = replay_with_progress(arguments, out, arguments.truth)
-    if expected is not None and expected[0] not in (None, found := result.recording.bag.sha256):
+    found = result.recording.bag.sha256 if result.recording else ""
+    if expected is not None and expected[0] not in (None, found):
         text = f"Baseline {arguments.baseline} belongs to another bag (sha256 {expected[0][:16]}, this one is {found[:16]})."
         raise baseline.BaselineError(text)
-    console, verdicts = result_console(), []
+    console, verdicts = result_console(), list[Verdict]()
     print_result(result, console)
     if expected is not None:
         judged = [e for e in expected[1] if not arguments.navigators or e.navigator in result.navigators]
@@ -83,15 +84,15 @@ def _verdict_sentence(verdicts: Sequence[Verdict]) -> str:
 
 
 def _write(arguments: argparse.Namespace, out: Path | None, mapping: dict[str, Any]) -> list[str]:
-    """Write the files that were asked for; return what to say of them."""
-    said = []
+    """Write the files that were asked for; return a line about each."""
+    lines = []
     text = json.dumps(mapping, indent=1, allow_nan=False) + "\n"
     if arguments.json:
         Path(arguments.json).write_text(text, encoding="utf-8")
     if out is not None:
         (out / "summary.json").write_text(text, encoding="utf-8")
-        said.append(f"results in {out}")
+        lines.append(f"results in {out}")
     if arguments.write_baseline:
         count = write_baseline(Path(arguments.write_baseline), mapping)
-        said.append(f"baseline of {count} metrics in {arguments.write_baseline}")
-    return said
+        lines.append(f"baseline of {count} metrics in {arguments.write_baseline}")
+    return lines

@@ -2,8 +2,9 @@
 
 import argparse
 import dataclasses
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -14,6 +15,7 @@ from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.catalogue.imu_by_name import profile_settings
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.progress import progress_bar
+from lowcostnav_ros.convert.convert import Record
 from lowcostnav_ros.cores.imu_errors import ImuSettings
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
@@ -22,8 +24,6 @@ from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.simulation.scenario import Scenario, load_scenario
 from lowcostnav_ros.simulation.simulator import Simulation
 from lowcostnav_ros.simulation.truth_states import TruthStates
-
-Record = tuple[int, str, str, bytes]
 
 
 def add_arguments(simulate: argparse.ArgumentParser) -> None:
@@ -85,13 +85,15 @@ def navigator_settings(scenario: Scenario) -> dict[str, str]:
     Empty where there is no IMU aboard, or one without errors, which leaves a filter nothing to know.
     """
 
-    if "imu" not in scenario.sensors or not load_imu_profile(scenario.imu.profile).has_noise:
+    imu = getattr(scenario, "imu", None)
+    if imu is None or "imu" not in scenario.sensors or not load_imu_profile(imu.profile).has_noise:
         return {}
-    numbers = dataclasses.asdict(profile_settings(scenario.imu.profile, scenario.imu.turn_on_bias))
+    numbers = dataclasses.asdict(profile_settings(imu.profile, imu.turn_on_bias))
     del numbers["profile"]
-    head = f"# The IMU of scenario {scenario.name}: profile {scenario.imu.profile}. Every other parameter keeps its default.\n"
+    head = f"# The IMU of scenario {scenario.name}: profile {imu.profile}. Every other parameter keeps its default.\n"
     text = head + yaml.safe_dump({"/**": {"ros__parameters": {"imu": numbers}}}, sort_keys=False)
-    return {name: text for name, kind in NAVIGATORS.items() if isinstance(getattr(kind.Settings(), "imu", None), ImuSettings)}
+    navigators: Mapping[str, Any] = NAVIGATORS
+    return {name: text for name, kind in navigators.items() if isinstance(getattr(kind.Settings(), "imu", None), ImuSettings)}
 
 
 def _write_settings(files: dict[str, str], folder: Path) -> None:
@@ -106,8 +108,8 @@ def _flown(blocks: Iterable[tuple[TruthBlock, list[Measurement]]], duration_s: f
     for truth, measurements in blocks:
         first_ns = int(truth.stamps_ns[0]) if first_ns is None else first_ns
         stamps = [first_ns, *truth.stamps_ns.tolist()]
-        said = [states.begin(truth), *(states.at(truth, row) for row in range(len(truth)))]
-        records = [(t, topic, m.__msgtype__, to_cdr(m)) for t, messages in zip(stamps, said, strict=True) for topic, m in messages]
+        sent = [states.begin(truth), *(states.at(truth, row) for row in range(len(truth)))]
+        records = [(t, topic, m.__msgtype__, to_cdr(m)) for t, messages in zip(stamps, sent, strict=True) for topic, m in messages]
         records += [record for m in measurements for record in encode.encode_cdr(m)]
         end_ns = first_ns + round(1e9 * duration_s) if duration_s else None
         kept = [r for r in records if end_ns is None or r[0] <= end_ns]

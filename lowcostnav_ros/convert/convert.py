@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,8 +31,8 @@ class ConversionReport:
     ----------
     messages : dict of topic to number written
     malformed : dict of file to list of (line number, reason)
-    skipped : dict of file to rows left out by ``keep`` and ``every``
-    not_increasing : dict of file to rows left out because their time did not increase
+    skipped : dict of file to rows skipped by ``keep`` and ``every``
+    not_increasing : dict of file to rows skipped because their time did not increase
     vehicle : name of the vehicle whose settings the recording carries, empty for none
     """
 
@@ -42,13 +43,13 @@ class ConversionReport:
     vehicle: str = ""
 
     def __str__(self) -> str:
-        """Say it in lines for a terminal."""
+        """Return lines for a terminal."""
         lines = [f"{count:8d}  {topic}" for topic, count in self.messages.items()]
         for file, rows in self.malformed.items():
             shown = "; ".join(f"line {number}: {reason}" for number, reason in rows[:_SHOWN])
-            lines.append(f"{file}: {len(rows)} malformed rows left out ({shown}{'; ...' if len(rows) > _SHOWN else ''})")
-        lines += [f"{file}: {n} rows left out by the profile" for file, n in self.skipped.items() if n]
-        lines += [f"{file}: {n} rows left out, their time does not increase" for file, n in self.not_increasing.items() if n]
+            lines.append(f"{file}: {len(rows)} malformed rows skipped ({shown}{'; ...' if len(rows) > _SHOWN else ''})")
+        lines += [f"{file}: {n} rows skipped by the profile" for file, n in self.skipped.items() if n]
+        lines += [f"{file}: {n} rows skipped, their time does not increase" for file, n in self.not_increasing.items() if n]
         if self.vehicle:
             lines.append(f"the recording carries the settings of vehicle '{self.vehicle}' for its replay")
         return "\n".join(lines)
@@ -126,12 +127,13 @@ def _records(path: Path, profile: TableProfile, report: ConversionReport) -> lis
 
 def _topic_records(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Record]:
     kind = spec(topic.topic)
+    build: Any = kind.from_row  # the profile refuses a topic that has none
     rows = TableRow((stamps, topic.topic), columns, topic.mounting_deg, topic.station)
     if kind.encode_many is not None:
-        yield from encode_cdr(kind.from_row(rows))
+        yield from encode_cdr(build(rows))
         return
     for k, stamp_ns in enumerate(stamps.tolist()):
-        built = kind.from_row(replace(rows, head=(stamp_ns, topic.topic), values={name: column[k] for name, column in columns.items()}))
+        built = build(replace(rows, head=(stamp_ns, topic.topic), values={name: column[k] for name, column in columns.items()}))
         if isinstance(built, Measurement):
             yield from encode_cdr(built)
         else:

@@ -8,8 +8,8 @@ from typing import Any
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.catalogue.config_files import config_dir, find_config, read_yaml
 from lowcostnav_ros.convert.units_by_name import UNITS
-from lowcostnav_ros.messages.kind import Quantity
-from lowcostnav_ros.messages.topics import TOPICS, kind_of
+from lowcostnav_ros.messages.kind import TOPICS, Quantity
+from lowcostnav_ros.messages.topics import kind_of
 
 
 class ConvertError(ValueError):

@@ -4,7 +4,7 @@ The integrity test decides at which position an epoch is corrected, not which sa
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,6 +14,7 @@ import yaml
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.convert.convert import Record
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
 from lowcostnav_ros.gnss.correction import CorrectionSettings
@@ -31,9 +32,6 @@ _HELD_EPOCHS = 10
 LONGEST_INTERVAL_S = 300.0
 """Interval beyond which nothing is done for the navigators: epochs so far apart are fixes, not a flight."""
 
-Record = tuple[int, str, str, bytes]
-
-
 @dataclass(slots=True)
 class RinexReport:
     """What a conversion did.
@@ -46,11 +44,11 @@ class RinexReport:
     verdicts : Counter
         Epochs by integrity verdict.
     left_out : Counter
-        Satellites left out, by reason.
+        Satellites not used, by reason.
     unplaced : int
-        Epochs left out because no position near them is known to correct them at.
+        Epochs not written because no position near them is known to correct them at.
     repeated : int
-        Epochs left out because their stamp is not after the one before.
+        Epochs not written because their stamp is not after the one before.
     settings : dict
         Settings by navigator that the recording carries for this receiver.
     remarks : list of str
@@ -66,18 +64,18 @@ class RinexReport:
     remarks: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        """Say it in lines for a terminal."""
+        """Return lines for a terminal."""
         lines = [f"{count:8d}  {topic}" for topic, count in self.messages.items()]
         lines.append(f"{self.epochs} epochs: {counted(self.verdicts)}")
         if self.left_out:
-            lines.append(f"satellites left out: {counted(self.left_out)}")
+            lines.append(f"satellites not used: {counted(self.left_out)}")
         if self.unplaced:
-            lines.append(f"{self.unplaced} epochs left out, no position within {HOLD_S:.0f} s before them to correct them at")
+            lines.append(f"{self.unplaced} epochs not written, no position within {HOLD_S:.0f} s before them to correct them at")
         if self.repeated:
-            lines.append(f"{self.repeated} epochs left out, their time does not increase")
+            lines.append(f"{self.repeated} epochs not written, their time does not increase")
         for name, values in self.settings.items():
-            said = ", ".join(f"{key} {str(value).lower()}" for key, value in values.items())
-            lines.append(f"the recording carries settings of {name} for this receiver: {said}")
+            listed = ", ".join(f"{key} {str(value).lower()}" for key, value in values.items())
+            lines.append(f"the recording carries settings of {name} for this receiver: {listed}")
         return "\n".join([*lines, *self.remarks])
 
 
@@ -106,7 +104,7 @@ def convert_rinex(
     storage : str
         ``mcap`` or ``sqlite3``.
     on_progress : callable, optional
-        Told the share done.
+        Called with the share done.
 
     Raises
     ------
@@ -115,7 +113,7 @@ def convert_rinex(
     """
     read, ephemerides = read_observations(observations), read_navigation(navigation)
     if at_rest and read.approx_position_e is None:
-        raise ConvertError(f"{observations} has no coordinates in its header to take for the truth; leave out --at-rest.")
+        raise ConvertError(f"{observations} has no coordinates in its header to take for the truth; drop --at-rest.")
     total = len(read.epochs)
     followed = track(read.epochs, ephemerides, settings, advance=on_progress and (lambda done: on_progress(done / total)))
     report = RinexReport(epochs=total, verdicts=followed.verdicts(), left_out=followed.rejected + read.rejected)
@@ -146,11 +144,11 @@ def _kept(followed: Track, report: RinexReport) -> list[GnssEpoch]:
     return kept
 
 
-def _records(epochs: list[GnssEpoch], reference_e: np.ndarray | None) -> Iterator[Record]:
+def _records(epochs: list[GnssEpoch], reference_e: np.ndarray | None) -> list[Record]:
     records = [record for epoch in epochs for record in encode.encode_cdr(epoch)]
     if reference_e is not None:
         records += _truth([epoch.stamp_ns for epoch in epochs], reference_e)
-    return iter(sorted(records, key=lambda record: record[0]))  # stable: the origin stays before what is placed by it
+    return sorted(records, key=lambda record: record[0])  # stable: the origin stays before what is placed by it
 
 
 def _truth(stamps_ns: list[int], reference_e: np.ndarray) -> list[Record]:
@@ -184,4 +182,4 @@ def _write_settings(needed: dict[str, dict[str, float | bool]], folder: Path) ->
     folder.mkdir()
     for name, values in needed.items():
         text = yaml.safe_dump({name: {"ros__parameters": values}}, sort_keys=True)
-        (folder / f"{name}.yaml").write_text(f"# What this receiver asks for; everything else keeps its default.\n{text}", encoding="utf-8")
+        (folder / f"{name}.yaml").write_text(f"# What this receiver needs; everything else keeps its default.\n{text}", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""RINEX files on disk, plain or gzip, as observations and ephemerides; what is wrong with a file is said with its name."""
+"""RINEX files on disk, plain or gzip, as observations and ephemerides; a refusal begins with the name of the file."""
 
 import gzip
 import zlib

@@ -1,4 +1,4 @@
-"""Reading one recorded table: named columns as arrays, malformed rows counted by line and left out."""
+"""Reading one recorded table: named columns as arrays, malformed rows counted by line and skipped."""
 
 import gzip
 import math

@@ -44,6 +44,9 @@ class Dots:
     size: float = 2.4
 
 
+Item = Curve | Band | Dots
+
+
 @dataclasses.dataclass(frozen=True)
 class TimeAxis:
     """The common time axis: stamps of start and end, and what is shaded, in stamps (s)."""
@@ -70,8 +73,8 @@ class TimeAxis:
 
     def drawing(self, label: str, left: int, right: int, size: tuple[int, int], content: str) -> str:
         """A drawing along the axis, in which the common cursor is shown."""
-        cursor = {"data_start": f"{self.start_s:.3f}", "data_end": f"{self.end_s:.3f}", "data_left": left, "data_right": right}
-        return svg.drawing("chart", label, *size, content, **cursor)
+        cursor: dict[str, Any] = {"data_start": f"{self.start_s:.3f}", "data_end": f"{self.end_s:.3f}"}
+        return svg.drawing("chart", label, *size, content, **cursor, data_left=left, data_right=right)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,7 +100,7 @@ class Frame:
 def time_chart(
     title: str,
     axis: TimeAxis,
-    items: Sequence[Curve | Band | Dots],
+    items: Sequence[Item],
     width: int = 960,
     height: int = 150,
     limits: tuple[float, float] | None = None,
@@ -127,11 +130,11 @@ def time_chart(
     return axis.drawing(title, LEFT, width - RIGHT, (width, height), "".join(parts))
 
 
-def _values(item: Curve | Band | Dots) -> np.ndarray:
+def _values(item: Item) -> np.ndarray:
     return item.sigma if isinstance(item, Band) else item.values
 
 
-def _limits(items: Sequence[Curve | Band | Dots]) -> tuple[float, float]:
+def _limits(items: Sequence[Item]) -> tuple[float, float]:
     """Range of all curves, and of the bands as far as they are not far beyond the curves."""
     drawn = [_values(i)[np.isfinite(_values(i))] for i in items if not isinstance(i, Band)]
     drawn = [d for d in drawn if len(d)]
@@ -192,7 +195,7 @@ def _dots(frame: Frame, dots: Dots) -> str:
     return svg.path(data, fill="none", stroke=dots.colour, stroke_width=dots.size, stroke_linecap="round")
 
 
-def _legend(items: Sequence[Curve | Band | Dots], width: int) -> str:
+def _legend(items: Sequence[Item], width: int) -> str:
     parts, x = [], float(width - RIGHT)
     entries = {i.label: i for i in items if not isinstance(i, Band) and i.label}
     for label, item in reversed(entries.items()):

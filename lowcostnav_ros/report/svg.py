@@ -3,6 +3,7 @@
 import html
 import math
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -15,20 +16,20 @@ def escape(text: object) -> str:
     return html.escape(str(text), quote=True)
 
 
-def element(name: str, content: str = "", **attributes: object) -> str:
+def element(name: str, content: str = "", **attributes: Any) -> str:
     """One element; an underscore in an attribute's name stands for a hyphen, a trailing one is dropped."""
     pairs = "".join(f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items() if value is not None)
     return f"<{name}{pairs}>{content}</{name}>" if content else f"<{name}{pairs}/>"
 
 
-def text(x: float, y: float, content: str, **attributes: object) -> str:
+def text(x: float, y: float, content: str, **attributes: Any) -> str:
     """A text element."""
     return element("text", escape(content), x=f"{x:.1f}", y=f"{y:.1f}", **attributes)
 
 
-def drawing(kind: str, label: str, width: int, height: int, content: str, **attributes: object) -> str:
-    """A whole drawing of ``width`` by ``height`` pixels, with a label for those who do not see it."""
-    box = {"viewBox": f"0 0 {width} {height}", "width": width, "height": height}
+def drawing(kind: str, label: str, width: int, height: int, content: str, **attributes: Any) -> str:
+    """A whole drawing of ``width`` by ``height`` pixels, with a label for screen readers."""
+    box: dict[str, Any] = {"viewBox": f"0 0 {width} {height}", "width": width, "height": height}
     return element("svg", content, class_=kind, role="img", aria_label=label, **box, **attributes)
 
 
@@ -56,7 +57,7 @@ def _pair(dx: int, dy: int) -> str:
 
 
 def _joined(parts: list[str]) -> str:
-    out = []
+    out: list[str] = []
     for part in parts:
         if out and not out[-1].endswith("l") and part[0] not in "M-":
             out.append(" ")
@@ -71,7 +72,7 @@ def dots_data(x: np.ndarray, y: np.ndarray) -> str:
     return "".join(f"M{a} {b}h0" for a, b in pairs)
 
 
-def path(data: str, **attributes: object) -> str:
+def path(data: str, **attributes: Any) -> str:
     """A path given in tenths of a pixel."""
     return element("path", d=data, transform="scale(.1)", vector_effect="non-scaling-stroke", **attributes) if data else ""
 

@@ -1,5 +1,6 @@
 """Figures of a DME plan: stations in view, HDOP of the best pair, expected error along the way, interrogation schedule."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +39,7 @@ def draw_hdop(figure: "Figure", plan: Plan) -> None:
     _maps(figure, plan, values, title, "RdYlGn_r", HDOP_LEVELS, "HDOP", extend="max")
 
 
-def _maps(figure: "Figure", plan: Plan, values: list[np.ndarray], title: str, colours: str, bounds: tuple, label: str, **norm: Any) -> Any:
+def _maps(figure: "Figure", plan: Plan, values: Sequence[Any], title: str, colours: str, bounds: tuple, label: str, **norm: Any) -> Any:
     """Colours on a map, one panel per altitude; return the colour bar."""
     from matplotlib import colormaps
     from matplotlib.colors import BoundaryNorm

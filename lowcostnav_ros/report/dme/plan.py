@@ -108,10 +108,10 @@ def make_plan(
     """
     routes = _routes(waypoints, speed)
     lat, lon = (np.concatenate([getattr(r, name)[::20] for _, r in routes]) for name in ("lat", "lon"))
-    area = (np.append(waypoints[0][k], column) for k, column in enumerate((lat, lon)))  # a refusal names the first place
-    table, notes = select_near(navaids, *area, MOST_DISTANT_M, where)
+    area = np.column_stack([waypoints[0], (lat, lon)])  # a refusal names the first place
+    table, notes = select_near(navaids, area[0], area[1], MOST_DISTANT_M, where)
     table = StationTable(replace(s, height=s.elevation) for s in table)  # everything above sea level
-    notes += [f"{count} rows of the list left out: {reason}." for reason, count in sorted(navaids.left_out.items())]
+    notes += [f"{count} rows of the list not used: {reason}." for reason, count in sorted(navaids.left_out.items())]
     centre, half_width = _frame(waypoints, lat, lon)
     offsets, grid_lat, grid_lon = grid_about(*centre, half_width)
     schedule = InterrogationSchedule()
@@ -144,7 +144,7 @@ def _leg(name: str, table: StationTable, route: Route, height: float, schedule: 
 def _frame(waypoints: Sequence[tuple[float, float]], lat: np.ndarray, lon: np.ndarray) -> tuple[tuple[float, float], float]:
     """Centre (rad) and half width (m) of the maps: an airport with 40 NM around it, a route with a margin."""
     if len(waypoints) == 1:
-        return tuple(waypoints[0]), 2.0 * MARGIN_M
+        return waypoints[0], 2.0 * MARGIN_M
     frame = LocalFrame(float(lat[0]), float(lon[0]))
     ned = frame.to_ned(lat, lon, 0.0)
     middle = 0.5 * (ned.min(axis=0) + ned.max(axis=0))

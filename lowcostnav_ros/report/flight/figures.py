@@ -6,7 +6,7 @@ import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.navigators.registry import label_of
-from lowcostnav_ros.report.chart import Band, Curve, Dots, TimeAxis, time_chart
+from lowcostnav_ros.report.chart import Band, Curve, Dots, Item, TimeAxis, time_chart
 from lowcostnav_ros.report.flight.map_chart import Ellipse, Track, map_chart
 from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
 
@@ -66,9 +66,10 @@ def _ellipses(navigator: NavigatorResult, colour: str, outages: Sequence[tuple[f
         for t in np.arange(start, end + 0.5, ELLIPSE_EVERY_S):
             row = int(np.searchsorted(columns["t_s"], t))
             names = ("lat_deg", "lon_deg", "sigma_north_m", "sigma_east_m")
-            values = [float(columns[n][row]) for n in names] if row < len(columns["t_s"]) else [np.nan]
-            if np.isfinite(values).all():
-                out.append(Ellipse(*values, colour))
+            values = [float(columns[n][row]) for n in names] if row < len(columns["t_s"]) else []
+            if values and np.isfinite(values).all():
+                lat_deg, lon_deg, *sigmas = values
+                out.append(Ellipse(lat_deg, lon_deg, sigmas[0], sigmas[1], colour))
     return out
 
 
@@ -80,7 +81,7 @@ def error_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> li
         if _known(errors, name):
             rows = np.isfinite(errors[name])  # withheld fixes give position and velocity in turns
             t, values, sigma = _broken(errors["t_s"][rows], errors[name][rows], errors[f"sigma_{name}"][rows])
-            items = [Band(t, sigma, colour), Curve(t, values, colour, "error in 1 and 2 sigma")]
+            items: list[Item] = [Band(t, sigma, colour), Curve(t, values, colour, "error in 1 and 2 sigma")]
             width = 960 if name in ("north_m", "east_m", "heading_deg") else HALF
             charts.append(time_chart(title, axis, items, width=width))
     return charts
@@ -199,7 +200,7 @@ def ratio_figure(navigator: NavigatorResult, axis: TimeAxis) -> str:
         return ""
     names = [n for n in dict.fromkeys(aids["aid"].tolist()) if np.isfinite(aids["test_ratio"][aids["aid"] == n]).any()]
     palette = ("#0072b2", "#d55e00", "#009e73", "#b4579a", "#8c6d31", "#56b4e9", "#7a5195", "#5f7f3a")
-    items = [Curve(np.array([axis.start_s, axis.end_s]), np.ones(2), "#c0392b", "gate", 1.2, "5 4")]
+    items: list[Item] = [Curve(np.array([axis.start_s, axis.end_s]), np.ones(2), "#c0392b", "gate", 1.2, "5 4")]
     for k, name in enumerate(names):
         rows = (aids["aid"] == name) & np.isfinite(aids["test_ratio"])
         t, first = np.unique(aids["t_s"][rows], return_index=True)

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +71,7 @@ class _Ground:
         offset = position_difference_n(position, reference)
         return offset[:, 0], offset[:, 1]
 
-    def pixels(self, lat_deg: np.ndarray, lon_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def pixels(self, lat_deg: np.ndarray | float, lon_deg: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
         """Pixels of positions."""
         north, east = self.metres(np.atleast_1d(lat_deg), np.atleast_1d(lon_deg))
         return MARGIN + (east - self.west) * self.scale, MARGIN + (self.north - north) * self.scale
@@ -112,7 +113,7 @@ def _track(ground: _Ground, track: Track) -> str:
 def _ellipse(ground: _Ground, e: Ellipse) -> str:
     (x,), (y,) = ground.pixels(e.lat_deg, e.lon_deg)
     rx, ry = 2.0 * e.sigma_east_m * ground.scale, 2.0 * e.sigma_north_m * ground.scale
-    colours = {"fill": e.colour, "fill_opacity": 0.06, "stroke": e.colour, "stroke_opacity": 0.5}
+    colours: dict[str, Any] = {"fill": e.colour, "fill_opacity": 0.06, "stroke": e.colour, "stroke_opacity": 0.5}
     return svg.element("ellipse", cx=f"{x:.1f}", cy=f"{y:.1f}", rx=f"{rx:.1f}", ry=f"{ry:.1f}", clip_path="url(#map)", **colours)
 
 

@@ -94,7 +94,7 @@ def _header(summary: ReplayResult, name: str) -> str:
 
 
 def _reference(summary: ReplayResult) -> str:
-    kinds = {n.errors.reference for n in summary.navigators.values()} - {None}
+    kinds = {n.errors.reference for n in summary.navigators.values() if n.errors.reference}
     return " and ".join(sorted(kinds)) or "none"
 
 

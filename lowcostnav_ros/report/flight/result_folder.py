@@ -85,5 +85,5 @@ def read_result(folder: Path) -> Result:
     parts = {name: (read_table(folder / f"{name}{part}.csv") for part in NAVIGATOR_FILES) for name in summary.navigators}
     navigators = {name: NavigatorResult(name, *tables) for name, tables in parts.items()}
     recorded = {p.stem.removeprefix("recorded_"): read_table(p) for p in sorted(folder.glob("recorded_*.csv"))}
-    tables = (read_table(folder / f"{name}.csv") for name in ("truth", "truth_wind", "gps"))
-    return Result(summary, navigators, *tables, recorded)
+    truth, truth_wind, gps = (read_table(folder / f"{name}.csv") for name in ("truth", "truth_wind", "gps"))
+    return Result(summary, navigators, truth, truth_wind, gps, recorded)

@@ -1,6 +1,6 @@
 """Figures of a plan of satellites in view: the sky with its tracks, satellites and dilutions over time, times in view."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ def draw_sky(figure: "Figure", plan: GnssPlan) -> None:
     """Tracks over the sky, coloured where the satellite is in view; grey: what mask and cliffs hide."""
     sky = plan.sky
     figure.set_size_inches(6.4, 6.6)
-    ax = figure.add_subplot(projection="polar")
+    ax: Any = figure.add_subplot(projection="polar")
     ax.set_theta_zero_location("N")
     ax.set_theta_direction(-1)
     around = np.linspace(0.0, 2.0 * np.pi, 361)

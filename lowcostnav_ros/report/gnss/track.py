@@ -2,6 +2,7 @@
 
 import csv
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.gnss.gps_time import SECOND, unix_ns, week_and_tow
+from lowcostnav_ros.gnss.raim import RaimResult
 from lowcostnav_ros.gnss.rinex_nav import Navigation
 from lowcostnav_ros.gnss.rinex_obs import Observations
 from lowcostnav_ros.gnss.track import Located, Track
@@ -47,9 +49,9 @@ class TrackSummary:
     errors_n: np.ndarray
 
     @property
-    def usable(self) -> list[Located]:
-        """Epochs with a position that nothing speaks against."""
-        return [one for one in self.track.located if one.usable]
+    def results(self) -> list[RaimResult]:
+        """Results of the epochs whose position can be used."""
+        return [one.result for one in self.track.located if one.usable and one.result]
 
     def compared_n(self) -> np.ndarray:
         """Errors (n, 3), NED, m, of the epochs with a usable position; none without coordinates to compare with."""
@@ -58,13 +60,19 @@ class TrackSummary:
 
 def summarise(name: str, observations: Observations, navigation: Navigation, track: Track) -> TrackSummary:
     """Put a located recording together with the errors against the coordinates in its header."""
-    places = np.array([one.result.fix.position_e if one.usable else (math.nan,) * 3 for one in track.located]).reshape(-1, 3)
+    places = epochs_of(track, lambda result: result.fix.position_e, 3)
     reference = observations.approx_position_e
     errors = np.full_like(places, math.nan)
     if np.isfinite(places).any():
         origin = np.nanmedian(places, axis=0) if reference is None else reference
         errors = (places - origin) @ dcm_ne(*ecef_to_geodetic(origin)[:2]).T
     return TrackSummary(name, observations, navigation, track, reference, errors)
+
+
+def epochs_of(track: Track, value: Callable[[RaimResult], Any], width: int) -> np.ndarray:
+    """A value of every epoch's result, NaN where its position cannot be used, shape (n, width)."""
+    rows = [value(one.result) if one.usable and one.result else math.nan for one in track.located]
+    return np.array([np.broadcast_to(row, width) for row in rows], dtype=float).reshape(-1, width)
 
 
 def print_track(summary: TrackSummary) -> None:
@@ -80,16 +88,13 @@ def heading(summary: TrackSummary) -> str:
 
 def spread_table(summary: TrackSummary) -> Table:
     """Smallest, median, 95 % and largest of satellites, dilutions and protection levels."""
-    good = summary.usable
-    columns = {
+    good = summary.results
+    columns: dict[str, tuple[list[float], int]] = {
         "satellites observed": ([one.satellites for one in summary.track.located], 0),
-        "satellites used": ([len(one.result.fix.rows) for one in good], 0),
-        "HDOP": ([one.result.fix.dops.hdop for one in good], 2),
-        "VDOP": ([one.result.fix.dops.vdop for one in good], 2),
-        "PDOP": ([one.result.fix.dops.pdop for one in good], 2),
-        "HPL, m": ([one.result.hpl_m for one in good], 1),
-        "VPL, m": ([one.result.vpl_m for one in good], 1),
+        "satellites used": ([len(result.fix.rows) for result in good], 0),
     }
+    columns |= {dop.upper(): ([getattr(result.fix.dops, dop) for result in good], 2) for dop in ("hdop", "vdop", "pdop")}
+    columns |= {"HPL, m": ([result.hpl_m for result in good], 1), "VPL, m": ([result.vpl_m for result in good], 1)}
     rows = [(name, *spread(values, digits)) for name, (values, digits) in columns.items() if len(values)]
     return Table.plain("Satellites, dilutions, protection levels", ("", *SPREAD), rows)
 
@@ -101,7 +106,7 @@ def error_table(summary: TrackSummary) -> Table:
     if not len(errors):
         return Table.plain(title, heads, ())
     rms, mean, largest = np.sqrt(np.mean(errors**2, axis=0)), errors.mean(axis=0), np.abs(errors).max(axis=0)
-    stated = np.sqrt(np.mean([np.diag(one.result.fix.cov_n) for one in summary.usable], axis=0))
+    stated = np.sqrt(np.mean([np.diag(result.fix.cov_n) for result in summary.results], axis=0))
     rows = {
         "RMS, m": (*rms, np.linalg.norm(rms)),
         "mean, m": (*mean, np.linalg.norm(mean)),
@@ -112,22 +117,22 @@ def error_table(summary: TrackSummary) -> Table:
 
 
 def sentences(summary: TrackSummary) -> list[str]:
-    """What there is to say beside the tables."""
+    """Integrity, what was not used and why, the clock: what the tables do not show."""
     track, observations = summary.track, summary.observations
     verdicts = track.verdicts()
-    said = [f"Integrity: {counted(verdicts)}.", *_refusals(track), *_epochs_sentences(observations)]
+    lines = [f"Integrity: {counted(verdicts)}.", *_refusals(track), *_epochs_sentences(observations)]
     if excluded := _excluded(track):
-        said.append(f"Contradicted the others and left out: {excluded}.")
-    left_out = {"Satellites": track.rejected, "Observations": observations.rejected, "Ephemerides": summary.navigation.rejected}
-    said += [f"{what} left out: {counted(rejected)}." for what, rejected in left_out.items() if rejected]
-    said += [*_clock_sentences(track), *observations.remarks, *summary.navigation.remarks]
+        lines.append(f"Contradicted the others and excluded: {excluded}.")
+    unused = {"Satellites": track.rejected, "Observations": observations.rejected, "Ephemerides": summary.navigation.rejected}
+    lines += [f"{what} not used: {counted(rejected)}." for what, rejected in unused.items() if rejected]
+    lines += [*_clock_sentences(track), *observations.remarks, *summary.navigation.remarks]
     if summary.navigation.klobuchar is None:
-        said.append("The navigation files hold no ionosphere model; several metres of delay remain, most of it in height.")
+        lines.append("The navigation files hold no ionosphere model; several metres of delay remain, most of it in height.")
     if summary.reference_e is not None and np.isfinite(summary.errors_n).any():
         away = float(np.nanmedian(np.linalg.norm(summary.errors_n, axis=1)))
         if away > ELSEWHERE_M:
-            said.append(f"The receiver was {away / 1000.0:.0f} km from the coordinates in the header; they are no reference for it.")
-    return said
+            lines.append(f"The receiver was {away / 1000.0:.0f} km from the coordinates in the header; they are no reference for it.")
+    return lines
 
 
 def _refusals(track: Track) -> list[str]:
@@ -164,13 +169,13 @@ def _excluded(track: Track) -> str:
 
 
 def _clock_sentences(track: Track) -> list[str]:
-    said = [f"{date(gps_ns)}: {sentence}" for gps_ns, sentence in track.remarks[:MOST_REMARKS]]
-    said += _more(len(track.remarks) - MOST_REMARKS, "more like these about the receiver's clock")
+    lines = [f"{date(gps_ns)}: {sentence}" for gps_ns, sentence in track.remarks[:MOST_REMARKS]]
+    lines += _more(len(track.remarks) - MOST_REMARKS, "more like these about the receiver's clock")
     if track.resets:
-        said.append(f"The receiver set its clock in {track.resets} {_epochs(track.resets)} in all.")
+        lines.append(f"The receiver set its clock in {track.resets} {_epochs(track.resets)} in all.")
     if track.runaway_epochs:
-        said.append(f"The receiver clock ran away at {track.runaway_epochs} of {len(track.located)} epochs.")
-    return said
+        lines.append(f"The receiver clock ran away at {track.runaway_epochs} of {len(track.located)} epochs.")
+    return lines
 
 
 HEAD = [

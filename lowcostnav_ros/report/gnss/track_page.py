@@ -1,14 +1,15 @@
 """A located recording as one HTML page: sentences, tables, and time charts of errors, satellites, dilutions and protection levels."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from lowcostnav_ros.gnss import raim
 from lowcostnav_ros.gnss.gps_time import unix_ns
-from lowcostnav_ros.report.chart import Band, Curve, Dots, TimeAxis, time_chart
+from lowcostnav_ros.report.chart import Band, Curve, Dots, Item, TimeAxis, time_chart
 from lowcostnav_ros.report.document import document, html_table, section
-from lowcostnav_ros.report.gnss.track import TrackSummary, error_table, heading, sentences, spread_table
+from lowcostnav_ros.report.gnss.track import TrackSummary, epochs_of, error_table, heading, sentences, spread_table
 from lowcostnav_ros.report.svg import escape
 
 BLUE, ORANGE, GREEN, RED = "#1f77b4", "#d95f02", "#2a9d5c", "#c0392b"
@@ -24,17 +25,13 @@ def write_page(summary: TrackSummary, path: Path) -> int:
 
 def page_of(summary: TrackSummary) -> str:
     """The page as text."""
-    said = "".join(f'<li style="border-color:{BLUE}">{escape(line)}</li>' for line in sentences(summary))
+    items = "".join(f'<li style="border-color:{BLUE}">{escape(line)}</li>' for line in sentences(summary))
     charts = _charts(summary)
     compared = "coordinates in the header" if summary.reference_e is not None else "median position"
     sections = [
         f"<header><h1>{escape(heading(summary))}</h1></header>",
-        section("In sentences", f'<ul class="sentences">{said}</ul>'),
-        section(
-            "Tables",
-            html_table(error_table(summary)),
-            html_table(spread_table(summary)),
-        ),
+        section("In sentences", f'<ul class="sentences">{items}</ul>'),
+        section("Tables", html_table(error_table(summary)), html_table(spread_table(summary))),
         section(f"Position minus the {compared}, in its stated 1 and 2 sigma", *(charts[axis] for axis in ("north", "east", "down"))),
         section("Geometry and protection levels", *(charts[name] for name in ("satellites", "dops", "levels"))),
     ]
@@ -45,25 +42,22 @@ def _charts(summary: TrackSummary) -> dict[str, str]:
     located = summary.track.located
     t_s = np.array([unix_ns(one.gps_ns) for one in located]) * 1e-9
     axis = TimeAxis(float(t_s[0]), float(t_s[-1]))
-    nothing = np.full(3, np.nan)
-    sigma = np.array([np.sqrt(np.diag(one.result.fix.cov_n)) if one.usable else nothing for one in located])
+    sigma = epochs_of(summary.track, lambda result: np.sqrt(np.diag(result.fix.cov_n)), 3)
     charts = {}
     for k, name in enumerate(("north", "east", "down")):
-        items = [Band(t_s, sigma[:, k], BLUE), Curve(t_s, summary.errors_n[:, k], BLUE)]
+        items: list[Item] = [Band(t_s, sigma[:, k], BLUE), Curve(t_s, summary.errors_n[:, k], BLUE)]
         charts[name] = time_chart(f"{name} [m]", axis, items)
-
-    def column(value) -> np.ndarray:
-        numbers = np.array([float(value(one)) if one.usable else np.nan for one in located])
-        return np.where(np.isfinite(numbers), numbers, np.nan)
-
     charts["satellites"] = _satellites(summary, t_s, axis)
-    dops = [(BLUE, "hdop"), (ORANGE, "vdop"), (GREEN, "pdop")]
-    curves = [Curve(t_s, column(lambda one, n=name: getattr(one.result.fix.dops, n)), colour, name.upper()) for colour, name in dops]
-    charts["dops"] = time_chart("dilution of precision", axis, curves)
-    levels = [(BLUE, "hpl_m", "horizontal"), (ORANGE, "vpl_m", "vertical")]
-    curves = [Curve(t_s, column(lambda one, n=name: getattr(one.result, n)), colour, label) for colour, name, label in levels]
-    charts["levels"] = time_chart("protection level [m]", axis, curves)
+    dops = epochs_of(summary.track, lambda result: [result.fix.dops.hdop, result.fix.dops.vdop, result.fix.dops.pdop], 3)
+    levels = epochs_of(summary.track, lambda result: [result.hpl_m, result.vpl_m], 2)
+    charts["dops"] = time_chart("dilution of precision", axis, _curves(t_s, dops, ("HDOP", "VDOP", "PDOP")))
+    charts["levels"] = time_chart("protection level [m]", axis, _curves(t_s, levels, ("horizontal", "vertical")))
     return charts
+
+
+def _curves(t_s: np.ndarray, values: np.ndarray, labels: Sequence[str]) -> list[Curve]:
+    values = np.where(np.isfinite(values), values, np.nan)
+    return [Curve(t_s, values[:, k], (BLUE, ORANGE, GREEN)[k], label) for k, label in enumerate(labels)]
 
 
 def _satellites(summary: TrackSummary, t_s: np.ndarray, axis: TimeAxis) -> str:
