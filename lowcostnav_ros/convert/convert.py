@@ -82,15 +82,19 @@ def convert(source: str | Path, profile: str | Path | Profile, out_bag: str | Pa
     records: list[Record] = []
     for table_profile in checked.tables:
         records += _records(_file(Path(source), table_profile, len(checked.tables)), table_profile, report)
-    records.sort(key=lambda record: record[0])  # stable: topics of one row keep the order of the profile
-    with BagWriter(out_bag, storage) as bag:
-        for stamp_ns, topic, msgtype, cdr in records:
-            bag.write(topic, msgtype, stamp_ns, cdr)
-        report.messages = dict(bag.counts)
+    report.messages = write_records(records, out_bag, storage)
     if checked.vehicle:  # the recording carries the settings its vehicle is to be replayed with
         report.vehicle = checked.vehicle
         shutil.copytree(config_dir() / "vehicles" / checked.vehicle, Path(out_bag) / SETTINGS_FOLDER)
     return report
+
+
+def write_records(records: list[Record], out_bag: str | Path, storage: str) -> dict[str, int]:
+    """Write a bag in order of stamps; records of one stamp keep their order. Return the number of messages by topic."""
+    with BagWriter(out_bag, storage) as bag:
+        for stamp_ns, topic, msgtype, cdr in sorted(records, key=lambda record: record[0]):
+            bag.write(topic, msgtype, stamp_ns, cdr)
+        return dict(bag.counts)
 
 
 def _file(source: Path, profile: TableProfile, tables: int) -> Path:

@@ -14,13 +14,13 @@ import yaml
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.convert.convert import Record
+from lowcostnav_ros.convert.convert import Record, write_records
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
 from lowcostnav_ros.gnss.correction import CorrectionSettings
 from lowcostnav_ros.gnss.track import HOLD_S, Track, track
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
+from lowcostnav_ros.messages.bag import SETTINGS_FOLDER
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnlySettings
 from lowcostnav_ros.physics.earth import LocalFrame, ecef_to_geodetic
@@ -121,10 +121,10 @@ def convert_rinex(
     epochs = _kept(followed, report)
     if not epochs:
         raise ConvertError(f"{observations}: no epoch gives a position to correct it at ({followed.located[0].refusal})")
-    with BagWriter(out_bag, storage) as bag:
-        for stamp_ns, topic, msgtype, cdr in _records(epochs, read.approx_position_e if at_rest else None):
-            bag.write(topic, msgtype, stamp_ns, cdr)
-        report.messages = dict(bag.counts)
+    records = [record for epoch in epochs for record in encode.encode_cdr(epoch)]
+    if at_rest and read.approx_position_e is not None:
+        records += _truth([epoch.stamp_ns for epoch in epochs], read.approx_position_e)
+    report.messages = write_records(records, out_bag, storage)
     report.settings = _settings(any(epoch.doppler_valid.any() for epoch in epochs), min(read.interval_s or 0.0, LONGEST_INTERVAL_S))
     if report.settings:
         _write_settings(report.settings, Path(out_bag) / SETTINGS_FOLDER)
@@ -142,13 +142,6 @@ def _kept(followed: Track, report: RinexReport) -> list[GnssEpoch]:
         else:
             kept.append(one.epoch)
     return kept
-
-
-def _records(epochs: list[GnssEpoch], reference_e: np.ndarray | None) -> list[Record]:
-    records = [record for epoch in epochs for record in encode.encode_cdr(epoch)]
-    if reference_e is not None:
-        records += _truth([epoch.stamp_ns for epoch in epochs], reference_e)
-    return sorted(records, key=lambda record: record[0])  # stable: the origin stays before what is placed by it
 
 
 def _truth(stamps_ns: list[int], reference_e: np.ndarray) -> list[Record]:

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, category
 from lowcostnav_ros.physics.rotation import wrap
 from lowcostnav_ros.replay.columns import NavColumns, position_difference_n
-from lowcostnav_ros.replay.requirements import CategoryShares
-from lowcostnav_ros.replay.result import ErrorSummary, PositionErrors
+from lowcostnav_ros.replay.result import Approach, ErrorSummary, PositionErrors
 from lowcostnav_ros.replay.sketch import MagnitudeStatistics
 
 AXES = (
@@ -95,6 +95,29 @@ def _nees(position: np.ndarray, cov_pos: np.ndarray) -> np.ndarray:
     north, east = position[:, 0], position[:, 1]
     weighed = c * north**2 - 2.0 * b * north * east + a * east**2
     return np.divide(weighed, determinant, out=np.full(len(position), np.nan), where=determinant > 0.0)
+
+
+class CategoryShares:
+    """Share of the errors that lie within each precision-approach category (Solimeno 2007, Table 7.4)."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._within = {name: np.zeros(3, dtype=np.int64) for name in CATEGORIES_M}
+
+    def add(self, horizontal_m: np.ndarray, vertical_m: np.ndarray) -> None:
+        """Count absolute errors, shape (n,), finite."""
+        self._count += len(horizontal_m)
+        for name, (horizontal, vertical) in CATEGORIES_M.items():
+            h, v = horizontal_m <= horizontal, vertical_m <= vertical
+            self._within[name] += [h.sum(), v.sum(), (h & v).sum()]
+
+    def result(self, horizontal_95_m: float, vertical_95_m: float) -> Approach:
+        """Shares by category, and the strictest category that the 95 % errors meet (empty for none)."""
+        shares = {
+            name: dict(zip(("horizontal", "vertical", "both"), (within / self._count).tolist(), strict=True))
+            for name, within in reversed(self._within.items())
+        }
+        return Approach(category(horizontal_95_m, vertical_95_m), shares)
 
 
 class ErrorStatistics:

@@ -1,18 +1,14 @@
-"""A flight held against what is asked of a position: precision approaches by category, integrity by alert limits.
+"""A flight against the requirements on a position: how long there was one, and integrity by alert limits.
 
-The errors are those against the reference; whether a user was *warned* is judged by what the navigator itself stated at the time,
-its own sigmas.  So an alert here is one a pilot would have had, not one that takes the truth to raise.
+The errors are those against the reference; whether a user was *warned* is judged by the navigator's own sigmas at the time.
+So an alert here is one that a pilot would have had; it does not need the truth.
 """
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, SERVICES, Service, category
-from lowcostnav_ros.replay.result import Approach, Exceedance, ServiceErrors
-
-if TYPE_CHECKING:  # which counts the categories of this module
-    from lowcostnav_ros.replay.metrics import Errors
+from lowcostnav_ros.gnss.accuracy import SERVICES, Service
+from lowcostnav_ros.replay.metrics import Errors
+from lowcostnav_ros.replay.result import Exceedance, ServiceErrors
 
 HOLE_NS = 3_000_000_000
 """Errors farther apart than this do not belong to one exceedance."""
@@ -29,7 +25,7 @@ class Coverage:
         self.seconds = 0.0
         self._last_ns: int | None = None
 
-    def add(self, errors: "Errors") -> None:
+    def add(self, errors: Errors) -> None:
         """Take errors in, in order of stamps."""
         stamps = errors.stamps_ns[np.isfinite(errors.values[:, :3]).all(axis=1)]
         if len(stamps) == 0:
@@ -37,29 +33,6 @@ class Coverage:
         steps = np.diff(stamps, prepend=stamps[0] if self._last_ns is None else self._last_ns)
         self.seconds += float(steps[steps <= PRESENT_NS].sum()) / 1e9
         self._last_ns = int(stamps[-1])
-
-
-class CategoryShares:
-    """Share of the errors that lie within each precision-approach category (Solimeno 2007, Table 7.4)."""
-
-    def __init__(self) -> None:
-        self._count = 0
-        self._within = {name: np.zeros(3, dtype=np.int64) for name in CATEGORIES_M}
-
-    def add(self, horizontal_m: np.ndarray, vertical_m: np.ndarray) -> None:
-        """Count absolute errors, shape (n,), finite."""
-        self._count += len(horizontal_m)
-        for name, (horizontal, vertical) in CATEGORIES_M.items():
-            h, v = horizontal_m <= horizontal, vertical_m <= vertical
-            self._within[name] += [h.sum(), v.sum(), (h & v).sum()]
-
-    def result(self, horizontal_95_m: float, vertical_95_m: float) -> Approach:
-        """Shares by category, and the strictest category that the 95 % errors meet (empty for none)."""
-        shares = {
-            name: dict(zip(("horizontal", "vertical", "both"), (within / self._count).tolist(), strict=True))
-            for name, within in reversed(self._within.items())
-        }
-        return Approach(category(horizontal_95_m, vertical_95_m), shares)
 
 
 class IntegrityMonitor:
@@ -84,7 +57,7 @@ class IntegrityMonitor:
         self._alert_since_ns: int | None = None
         self._last: tuple[int, bool, bool] | None = None
 
-    def add(self, errors: "Errors") -> None:
+    def add(self, errors: Errors) -> None:
         """Take errors in, in order of stamps; rows without a position are skipped."""
         position = errors.values[:, :3]
         known = np.isfinite(position).all(axis=1)

@@ -1,6 +1,6 @@
 """The figures of a report: which columns go into which chart."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,6 +14,9 @@ TRUTH_COLOUR = "#222222"
 _SPARE = ("#7a5195", "#8c6d31", "#56b4e9", "#5f7f3a")
 HALF = 474
 ELLIPSE_EVERY_S = 60.0
+ATTITUDE = {"roll_deg": "Roll [deg]", "pitch_deg": "Pitch [deg]", "heading_deg": "True heading [deg]"}
+MOTION = {"height_m": "Height above the ellipsoid [m]", "speed_mps": "Ground speed [m/s]"}
+WIND = {"wind_north_mps": "Wind toward north [m/s]", "wind_east_mps": "Wind toward east [m/s]"}
 GAP_S = 5.0
 """A curve is broken where nothing was estimated for longer than this."""
 
@@ -109,34 +112,16 @@ def requirement_figures(result: Result, axis: TimeAxis) -> list[str]:
     return charts
 
 
-def attitude_figures(result: Result, axis: TimeAxis) -> list[str]:
-    """Roll, pitch and heading of all navigators over the truth."""
+def compared_figures(result: Result, axis: TimeAxis, titles: Mapping[str, str]) -> list[str]:
+    """Columns of all navigators, each with its title, over the truth."""
     charts = []
-    for column, title in (("roll_deg", "Roll [deg]"), ("pitch_deg", "Pitch [deg]"), ("heading_deg", "True heading [deg]")):
-        items = [Curve(*_track_of(result.truth, column), TRUTH_COLOUR, "truth", 2.2)] if _known(result.truth, column) else []
-        items += _solution_curves(result, column)
-        limits = (0.0, 360.0) if column == "heading_deg" else None
-        charts.append(time_chart(title, axis, items, limits=limits))
-    return charts
-
-
-def motion_figures(result: Result, axis: TimeAxis) -> list[str]:
-    """Height and ground speed."""
-    charts = []
-    for column, title in (("height_m", "Height above the ellipsoid [m]"), ("speed_mps", "Ground speed [m/s]")):
-        truth = _with_speed(result.truth)
-        items = [Curve(*_track_of(truth, column), TRUTH_COLOUR, "truth", 2.2)] if _known(truth, column) else []
-        charts.append(time_chart(title, axis, [*items, *_solution_curves(result, column)]))
-    return charts
-
-
-def wind_figures(result: Result, axis: TimeAxis) -> list[str]:
-    """Wind components (velocity of the air mass) of all navigators over the truth."""
-    charts = []
-    for column, title in (("wind_north_mps", "Wind toward north [m/s]"), ("wind_east_mps", "Wind toward east [m/s]")):
+    for column, title in titles.items():
+        is_wind = column.startswith("wind")
+        truth, colour, width = (result.truth_wind, "#8a8f94", 1.0) if is_wind else (_with_speed(result.truth), TRUTH_COLOUR, 2.2)
+        items = [Curve(*_track_of(truth, column), colour, "truth", width)] if _known(truth, column) else []
         estimates = _solution_curves(result, column)
-        true = [Curve(*_track_of(result.truth_wind, column), "#8a8f94", "truth", 1.0)] if _known(result.truth_wind, column) else []
-        charts.append(time_chart(title, axis, [*true, *estimates]) if estimates else "")
+        limits = (0.0, 360.0) if column == "heading_deg" else None
+        charts.append(time_chart(title, axis, [*items, *estimates], limits=limits) if estimates or not is_wind else "")
     return charts
 
 

@@ -50,19 +50,14 @@ class _Ground:
         lon = np.concatenate([t.lon_deg[np.isfinite(t.lat_deg)] for t in tracks])
         self.lat0, self.lon0 = math.radians(0.5 * (lat.min() + lat.max())), math.radians(lon[0])
         north, east = self.metres(lat, lon)
-        self.south, self.north, self.west, self.east = north.min(), north.max(), east.min(), east.max()
-        margin = max(0.06 * max(self.north - self.south, self.east - self.west), 50.0)
-        self.south, self.north, self.west, self.east = self.south - margin, self.north + margin, self.west - margin, self.east + margin
+        margin = max(0.06 * max(np.ptp(north), np.ptp(east)), 50.0)
+        width_m, height_m = np.ptp(east) + 2.0 * margin, np.ptp(north) + 2.0 * margin
         inner = WIDTH - 2 * MARGIN
-        self.scale = min(inner / (self.east - self.west), 620.0 / (self.north - self.south))
-        shown_height = max(260.0, self.scale * (self.north - self.south))
-        self._widen(inner / self.scale, shown_height / self.scale)
+        self.scale = min(inner / width_m, 620.0 / height_m)
+        shown_height = max(260.0, self.scale * height_m)
+        self.south, self.north = 0.5 * (north.min() + north.max()) + 0.5 * shown_height / self.scale * np.array([-1.0, 1.0])
+        self.west, self.east = 0.5 * (east.min() + east.max()) + 0.5 * inner / self.scale * np.array([-1.0, 1.0])
         self.height = round(shown_height) + 2 * MARGIN
-
-    def _widen(self, width_m: float, height_m: float) -> None:
-        middle_e, middle_n = 0.5 * (self.east + self.west), 0.5 * (self.north + self.south)
-        self.west, self.east = middle_e - 0.5 * width_m, middle_e + 0.5 * width_m
-        self.south, self.north = middle_n - 0.5 * height_m, middle_n + 0.5 * height_m
 
     def metres(self, lat_deg: np.ndarray, lon_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Metres north and east of the middle."""

@@ -65,9 +65,9 @@ def page_of(result: Result, title: str | None = None) -> str:
         section("Errors", *_error_tables(summary)),
         section("Accuracy and requirements", *_requirements(result, axis)),
         *_per_navigator(result, axis),
-        section("Attitude", *figures.attitude_figures(result, axis)),
-        section("Height and speed", *figures.motion_figures(result, axis)),
-        section("Wind (velocity of the air mass)", *figures.wind_figures(result, axis)),
+        section("Attitude", *figures.compared_figures(result, axis, figures.ATTITUDE)),
+        section("Height and speed", *figures.compared_figures(result, axis, figures.MOTION)),
+        section("Wind (velocity of the air mass)", *figures.compared_figures(result, axis, figures.WIND)),
         section("Inputs, aids, speed", *(html_table(make(summary)) for make in last)),
         details("Settings", f"<pre>{escape(json.dumps(summary.settings, indent=1))}</pre>"),
     ]
