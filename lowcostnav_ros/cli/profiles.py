@@ -53,8 +53,8 @@ def _print_table(found: dict[str, ImuProfile]) -> None:
             accel.noise_density / MILLI_G,
         )
         rows.append((name, grade_of(profile) or "-", profile.source, *(f"{np.max(v):.3g}" if np.any(v) else "-" for v in values)))
-    said = "Worst axis, one sigma; - is not stated. The grade is that of the gyro bias, turn-on and drift (Solimeno 2007, table 3.4)."
-    print_report("", [Table.plain("", ("profile", "grade", "from", *gyros, *accels), rows, left=3)], [said])
+    note = "Worst axis, one sigma; - is not stated. The grade is that of the gyro bias, turn-on and drift (Solimeno 2007, table 3.4)."
+    print_report("", [Table.plain("", ("profile", "grade", "from", *gyros, *accels), rows, left=3)], [note])
 
 
 def _print_settings(name: str) -> None:
