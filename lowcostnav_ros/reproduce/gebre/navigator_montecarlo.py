@@ -9,7 +9,7 @@ and wind; counted whole it is (315 m)^2.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,14 +23,12 @@ from lowcostnav_ros.estimation.kalman import scalar_update
 from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
 from lowcostnav_ros.physics.earth import difference_n, displace
 from lowcostnav_ros.radionav.geometry import range_and_direction
+from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.gebre import flights
 from lowcostnav_ros.reproduce.gebre.dead_reckoning import LIMIT_M, thesis_settings
 from lowcostnav_ros.reproduce.gebre.update_methods import NOISE_M, WORDS, Case
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.studies.covariance_study import first_crossing
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SCHEMES = ("one", "two", "scanning")
 OPEN_LOOP = "open loop"
@@ -224,17 +222,16 @@ def open_loop_flights(context: Context) -> Outcome:
     return judged(ours, early > 0.80, figure=lambda figure: draw_open_loop(figure, error))
 
 
-def draw_open_loop(figure: "Figure", error: np.ndarray) -> None:
+def draw_open_loop(figure: Any, error: np.ndarray) -> None:
     """Figure 7.14, open loop: every run, their RMS and the limit."""
-    axes = figure.subplots()
+    title = f"Open-loop dead reckoning, {len(error)} flights (figures 7.13, 7.14)"
+    made = axes(figure, x="time since GPS was lost [min]", y="horizontal error [km]", title=title)
     minutes = np.arange(error.shape[1]) / 60.0
-    axes.plot(minutes, error.T / 1e3, color="tab:blue", alpha=0.15, linewidth=0.6)
-    axes.plot(minutes, np.sqrt(np.mean(error**2, axis=0)) / 1e3, color="black", label="RMS of the runs")
-    axes.axhline(LIMIT_M / 1e3, color="tab:red", linestyle=":", label="0.5 NM")
-    axes.set(xlabel="time since GPS was lost [min]", ylabel="horizontal error [km]", xlim=(0, 30), ylim=(0, 25))
-    axes.set_title(f"Open-loop dead reckoning, {len(error)} flights (figures 7.13, 7.14)")
-    axes.grid(alpha=0.3)
-    axes.legend()
+    made.plot(minutes, error.T / 1e3, color="tab:blue", alpha=0.15, linewidth=0.6)
+    made.plot(minutes, np.sqrt(np.mean(error**2, axis=0)) / 1e3, color="black", label="RMS of the runs")
+    made.axhline(LIMIT_M / 1e3, color="tab:red", linestyle=":", label="0.5 NM")
+    made.set(xlim=(0, 30), ylim=(0, 25))
+    legend(made)
 
 
 def _told(summary: dict[str, Statistics]) -> str:
@@ -258,7 +255,7 @@ def reduced_flights(context: Context) -> Outcome:
     return judged(ours, within, figure=lambda figure: draw_methods(figure, context.seeds("navigator flights", 1)[0], tracks))
 
 
-def draw_methods(figure: "Figure", seed: int, tracks: dict[str, list[Track]]) -> None:
+def draw_methods(figure: Any, seed: int, tracks: dict[str, list[Track]]) -> None:
     """Figures 7.12 to 7.15 for the first flight: ground track with all solutions, its final approach, errors over time."""
     plan, final, curves = figure.subplots(1, 3, width_ratios=(1, 1, 1.3))
     flight = flights.fly(seed)
@@ -266,19 +263,19 @@ def draw_methods(figure: "Figure", seed: int, tracks: dict[str, list[Track]]) ->
     solutions = {"open loop": track_of(Job(seed, OPEN_LOOP, 0.0)), **{WORDS[scheme]: t[0] for scheme, t in tracks.items()}}
     for name, track in solutions.items():
         place = truth[: len(track.error_m)] - track.error_m / NAUTICAL_MILE
-        for axes in (plan, final):
-            axes.plot(place[:, 1], place[:, 0], label=name, linewidth=0.8)
+        for made in (plan, final):
+            made.plot(place[:, 1], place[:, 0], label=name, linewidth=0.8)
         curves.plot(np.arange(len(place)) / 60.0, track.horizontal(), label=name, linewidth=0.8)
-    for axes in (plan, final):
-        axes.plot(truth[:, 1], truth[:, 0], color="black", label="truth", linewidth=1.2)
-        axes.plot(0, 0, "ks", markersize=4)
-        axes.set(xlabel="east [NM]", aspect="equal")
+    for made in (plan, final):
+        made.plot(truth[:, 1], truth[:, 0], color="black", label="truth", linewidth=1.2)
+        made.plot(0, 0, "ks", markersize=4)
+        made.set(xlabel="east [NM]", aspect="equal")
     plan.set(ylabel="north [NM]", title="one flight (7.12, 7.13)", ylim=(-2, 8))
     final.set(title="final approach (7.15)", xlim=(-1.5, 5), ylim=(-2.5, 4))
     curves.axhline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
     curves.set(xlabel="time [min]", ylabel="horizontal error [m]", ylim=(0, 2000), title="errors (7.14)")
-    for axes in (plan, final, curves):
-        axes.grid(alpha=0.3)
+    for made in (plan, final, curves):
+        made.grid(alpha=0.3)
     curves.legend(fontsize="x-small")
 
 
@@ -299,19 +296,18 @@ def printed_flights(context: Context) -> Outcome:
     return judged(_told(summary), within, reason, lambda figure: draw_distributions(figure, tracks))
 
 
-def draw_distributions(figure: "Figure", tracks: dict[float, dict[str, list[Track]]]) -> None:
+def draw_distributions(figure: Any, tracks: dict[float, dict[str, list[Track]]]) -> None:
     """Share of the time within an error, printed variance and whole variance."""
-    axes = figure.subplots()
+    title = "Effect of the range variance on the reduced-order filter"
+    made = axes(figure, x="horizontal error [m]", y="share of the time within [-]", title=title)
     share = np.linspace(0.0, 1.0, 400)
     for sigma_m, style in zip(tracks, ("--", "-"), strict=True):
         for scheme, colour in zip(SCHEMES, ("tab:green", "tab:orange", "tab:blue"), strict=True):
             settled = np.concatenate([track.horizontal()[SETTLED_S:] for track in tracks[sigma_m][scheme]])
-            axes.plot(np.quantile(settled, share), share, style, color=colour, label=f"{WORDS[scheme]}, range sigma {sigma_m:.0f} m")
-    axes.axvline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
-    axes.set(xlabel="horizontal error [m]", ylabel="share of the time within [-]", xlim=(0, 2000), ylim=(0, 1))
-    axes.set_title("Reduced-order filter: what the range variance does")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize="small")
+            made.plot(np.quantile(settled, share), share, style, color=colour, label=f"{WORDS[scheme]}, range sigma {sigma_m:.0f} m")
+    made.axvline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
+    made.set(xlim=(0, 2000), ylim=(0, 1))
+    legend(made)
 
 
 @result(
@@ -331,22 +327,22 @@ def live_flights(context: Context) -> Outcome:
     return judged(ours, within, reason, lambda figure: draw_live(figure, tracks))
 
 
-def draw_live(figure: "Figure", tracks: dict[str, list[Track]]) -> None:
-    """RMS error beside the believed sigma, and the mean NEES with its 95 % band."""
-    errors_axes, nees_axes = figure.subplots(1, 2)
+def draw_live(figure: Any, tracks: dict[str, list[Track]]) -> None:
+    """RMS error beside the estimated sigma, and the mean NEES with its 95 % band."""
+    left = axes(figure, (1, 2, 1), x="time [min]", y="horizontal error, RMS (dotted: estimated) [m]")
+    right = axes(figure, (1, 2, 2), x="time [min]", y="mean NEES, 2 expected [-]")
     for scheme, colour in zip(SCHEMES, ("tab:green", "tab:orange", "tab:blue"), strict=True):
         error = np.array([track.horizontal() for track in tracks[scheme]])
-        believed = np.array([np.trace(track.covariance, axis1=1, axis2=2) for track in tracks[scheme]])
+        estimated = np.array([np.trace(track.covariance, axis1=1, axis2=2) for track in tracks[scheme]])
         minutes = np.arange(error.shape[1]) / 60.0
-        errors_axes.plot(minutes, np.sqrt(np.mean(error**2, axis=0)), color=colour, label=WORDS[scheme], linewidth=0.9)
-        errors_axes.plot(minutes, np.sqrt(np.mean(believed, axis=0)), ":", color=colour, linewidth=0.9)
+        left.plot(minutes, np.sqrt(np.mean(error**2, axis=0)), color=colour, label=WORDS[scheme], linewidth=0.9)
+        left.plot(minutes, np.sqrt(np.mean(estimated, axis=0)), ":", color=colour, linewidth=0.9)
         ratio = np.mean([nees(track.error_m[60:], track.covariance[60:]) for track in tracks[scheme]], axis=0)
-        nees_axes.plot(minutes[60:], ratio, color=colour, linewidth=0.9)
-    errors_axes.axhline(LIMIT_M, color="grey", linestyle="--", label="0.5 NM")
-    errors_axes.set(xlabel="time [min]", ylabel="horizontal error, RMS (dotted: believed) [m]", ylim=(0, 1000))
-    nees_axes.axhspan(*acceptance_band(2, len(tracks["one"])), color="grey", alpha=0.25, label="95 % band of the mean")
-    nees_axes.set(xlabel="time [min]", ylabel="mean NEES, 2 expected [-]", ylim=(0, 6))
-    for axes in (errors_axes, nees_axes):
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize="small")
+        right.plot(minutes[60:], ratio, color=colour, linewidth=0.9)
+    left.axhline(LIMIT_M, color="grey", linestyle="--", label="0.5 NM")
+    left.set_ylim(0, 1000)
+    right.axhspan(*acceptance_band(2, len(tracks["one"])), color="grey", alpha=0.25, label="95 % band of the mean")
+    right.set_ylim(0, 6)
+    legend(left)
+    legend(right)
     figure.suptitle(f"Live navigator, {len(tracks['one'])} flights")

@@ -2,17 +2,15 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, category
+from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight
 from lowcostnav_ros.reproduce.solimeno.gps_only import FOLLOWING, OTHERS, SEEDS, VELOCITY, each_3d, mean_rms, norm, rms_row, runs
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ATTITUDE = slice(6, 9)
 
@@ -185,22 +183,19 @@ def dynamics(context: Context) -> Outcome:
     return judged(f"{shown} over {SEEDS} seeds", within, why)
 
 
-def draw_coupling(tight: Flight, loose: Flight, figure: "Figure") -> None:
+def draw_coupling(tight: Flight, loose: Flight, figure: Any) -> None:
     """Figures 7.11 and 7.12: position error of both couplings over time."""
-    axes = figure.subplots()
+    made = axes(figure, x="time [s]", y="position error [m]", title="Low-cost IMU, low dynamics, consistent tuning")
     for name, flight in (("tight", tight), ("loose", loose)):
-        axes.plot(flight.t_s, np.linalg.norm(flight.error[:, :3], axis=1), lw=0.8, label=name)
-    axes.set(xlabel="time [s]", ylabel="position error [m]", ylim=(0.0, 3.0), title="Low-cost IMU, low dynamics, consistent tuning")
-    axes.grid(alpha=0.3)
-    axes.legend()
+        made.plot(flight.t_s, np.linalg.norm(flight.error[:, :3], axis=1), lw=0.8, label=name)
+    made.set(ylim=(0.0, 3.0))
+    legend(made)
 
 
-def draw_heading(flight: Flight, figure: "Figure") -> None:
+def draw_heading(flight: Flight, figure: Any) -> None:
     """Figure 7.14: attitude errors in straight flight and the heading's sigma."""
-    axes = figure.subplots()
+    made = axes(figure, x="time [s]", y="attitude error [deg]", title="Straight and uniform flight")
     for column, name in ((6, "roll"), (7, "pitch"), (8, "heading")):
-        axes.plot(flight.t_s, np.degrees(flight.error[:, column]), label=name)
-    axes.plot(flight.t_s, np.degrees(flight.sigma[:, 8]), "k:", label="sigma of the heading")
-    axes.set(xlabel="time [s]", ylabel="attitude error [deg]", title="Straight and uniform flight")
-    axes.grid(alpha=0.3)
-    axes.legend()
+        made.plot(flight.t_s, np.degrees(flight.error[:, column]), label=name)
+    made.plot(flight.t_s, np.degrees(flight.sigma[:, 8]), "k:", label="sigma of the heading")
+    legend(made)

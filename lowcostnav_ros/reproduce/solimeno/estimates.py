@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight, e
 from lowcostnav_ros.reproduce.solimeno.gps_only import SEEDS, root_mean_square, runs
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
 from lowcostnav_ros.sensors.imu_profile import ImuProfile
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 HD = Case("tight", "HD")
 NONE = [0.0, 0.0, 0.0]
@@ -190,7 +187,7 @@ def clock(context: Context) -> Outcome:
     return judged(text, bias < 5.0 and drift_mps < 0.3)
 
 
-def draw_turn_on(flight: Flight, case: Case, figure: "Figure") -> None:
+def draw_turn_on(flight: Flight, case: Case, figure: Any) -> None:
     """Figure 7.28: estimated turn-on biases over time and their true values."""
     true = true_errors(case, "bias")
     for axes, sensor, values, unit in zip(figure.subplots(2, 1, sharex=True), ("accel", "gyro"), true, ("m/s^2", "rad/s"), strict=True):

@@ -8,7 +8,7 @@ them where they differ.  What tells the last states apart is small, such as the 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from lowcostnav_ros.estimation.satellite_model import satellite_model
 from lowcostnav_ros.navigators.gnss_only import GnssOnly
 from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss
 from lowcostnav_ros.physics.rotation import quat_to_dcm
+from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.reproduce.solimeno.flights import (
     GAPS_S,
@@ -37,9 +38,6 @@ from lowcostnav_ros.reproduce.solimeno.flights import (
     truth_of,
 )
 from lowcostnav_ros.studies.observability import Watch, geodetic_units, observability
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PERIOD_S = 5.0
 MEAN_OVER = 10
@@ -209,11 +207,10 @@ def both(context: Context) -> Outcome:
     return judged(f"{spread(more)}; GPS alone {spread(alone)}", within)
 
 
-def draw_ranks(found: dict[str, tuple[np.ndarray, np.ndarray]], figure: "Figure") -> None:
+def draw_ranks(found: dict[str, tuple[np.ndarray, np.ndarray]], figure: Any) -> None:
     """Figure 7.27: rank over time."""
-    axes = figure.subplots()
+    made = axes(figure, x="time [s]", y="observable states of 29", title="Tight coupling, all satellites")
     for name, (t_s, values) in found.items():
-        axes.step(t_s, values, where="post", label=name)
-    axes.set(xlabel="time [s]", ylabel="observable states of 29", ylim=(0, 29), title="Tight coupling, all satellites")
-    axes.grid(alpha=0.3)
-    axes.legend()
+        made.step(t_s, values, where="post", label=name)
+    made.set(ylim=(0, 29))
+    legend(made)
