@@ -1,4 +1,4 @@
-"""One registry of results: each entry says what was printed where, with which tolerance, and how to compute it again.
+"""One registry of results: each entry states what was printed where, with which tolerance, and how to compute it again.
 
 A result module decorates plain functions; the tolerance stands in the decorator, so it is written before the run::
 
@@ -88,7 +88,7 @@ class Outcome:
         if self.verdict not in VERDICTS:
             raise ReproduceError(f"A verdict must be one of {', '.join(VERDICTS)}; got '{self.verdict}'.")
         if self.verdict != REPRODUCED and not self.reason:
-            raise ReproduceError(f"The verdict '{self.verdict}' needs a reason; say in one sentence why.")
+            raise ReproduceError(f"The verdict '{self.verdict}' needs a reason; give it in one sentence.")
 
 
 def judged(ours: str, within: bool, reason: str = "", figure: DrawFunction | None = None) -> Outcome:

@@ -46,14 +46,14 @@ SOURCES = {
 """Sources of an error budget by the blocks they drive; white heading noise belongs to ``heading``."""
 
 
-def thesis_settings(**changes: object) -> DeadReckoningSettings:
+def thesis_settings(**changes: object) -> Any:
     """Return the navigator's settings with the error models of tables 5.1 and 6.1 and nothing else; ``changes`` are dotted names."""
     absent = ("heading.offset_deg", "airspeed.scale", "airspeed.noise_mps", "wind.mean_mps", "wind.gust_mps")
     return from_mapping(DeadReckoningSettings, {**dict.fromkeys(absent, 0.0), "dme.slots": 2, **changes})
 
 
 def dead_reckoning_step(
-    settings: DeadReckoningSettings, speed_mps: float = SPEED_MPS, heading: float = 0.0, dt_s: float = 1.0, white_heading: str = "pos"
+    settings: Any, speed_mps: float = SPEED_MPS, heading: float = 0.0, dt_s: float = 1.0, white_heading: str = "pos"
 ) -> tuple[Layout, Step]:
     """Return layout and time step of dead reckoning at constant airspeed (m/s) and heading (rad).
 

@@ -18,17 +18,8 @@ from lowcostnav_ros.cores.inertial import ATT, POS, VEL, inertial_dynamics, nois
 from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.physics.earth import gravity
 from lowcostnav_ros.reproduce.figures import axes, legend
-from lowcostnav_ros.reproduce.gebre.dead_reckoning import (
-    EAST,
-    FLIGHT_S,
-    LIMIT_M,
-    NORTH,
-    SPEED_MPS,
-    dead_reckoning_step,
-    open_loop,
-    thesis_settings,
-    worst_ratio,
-)
+from lowcostnav_ros.reproduce.gebre import dead_reckoning
+from lowcostnav_ros.reproduce.gebre.dead_reckoning import EAST, FLIGHT_S, LIMIT_M, NORTH, SPEED_MPS, open_loop, worst_ratio
 from lowcostnav_ros.reproduce.gebre.update_methods import Case, horizontal, study
 from lowcostnav_ros.reproduce.registry import NOT_IN_NUMBERS, Context, Outcome, judged, result
 from lowcostnav_ros.studies.covariance_study import History, Step, Update, discretise, first_crossing, run
@@ -149,7 +140,7 @@ def dme_aided(grade: str) -> tuple[tuple[str, ...], History]:
     imu = grade_settings(grade)
     labels, step = inertial_step(imu)
     n, aided = len(labels), study(Case("one"))
-    rows = dead_reckoning_step(thesis_settings())[0]["dme_bias"]
+    rows = dead_reckoning.dead_reckoning_step(dead_reckoning.thesis_settings())[0]["dme_bias"]
     noise = {name: block_diag(Qd, np.zeros((2, 2))) for name, Qd in step.noise.items()}
     noise["range bias"] = block_diag(np.zeros((n, n)), aided.step.noise["range bias"][rows, rows])
     sensors = np.concatenate([block.sigma0 for block in bias_blocks(imu)])

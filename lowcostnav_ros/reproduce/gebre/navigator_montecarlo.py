@@ -91,17 +91,17 @@ def reduced_track(flight: flights.Flight, case: Case | None, sigma_m: float) -> 
     estimate = np.zeros(layout.size)
     estimate[layout["wind"]] = flight.wind_n[0]
     table = flights.stations()
-    heard = [] if case is None else flights.ranges(flight, case, table)
-    seconds = np.array([(m.stamp_ns - flights.START_NS) // flights.SECOND_NS for m in heard], dtype=np.int64)
-    towers = np.array([(table[m.station].lat, table[m.station].lon, table[m.station].height) for m in heard]).reshape(-1, 3)
+    replies = [] if case is None else flights.ranges(flight, case, table)
+    seconds = np.array([(m.stamp_ns - flights.START_NS) // flights.SECOND_NS for m in replies], dtype=np.int64)
+    towers = np.array([(table[m.station].lat, table[m.station].lon, table[m.station].height) for m in replies]).reshape(-1, 3)
     start = np.array(displaced_start(flight))
-    args = layout.kind, layout.axis, layout.rate, layout.psd, free, flight.air_n(), seconds, towers, np.array([m.range_m for m in heard])
+    args = layout.kind, layout.axis, layout.rate, layout.psd, free, flight.air_n(), seconds, towers, np.array([m.range_m for m in replies])
     places, covariance = fly_reduced(start, estimate, np.diag(sigma**2), *args, sigma_m**2, WALK)
     return Track(errors(flight.place, places), covariance)
 
 
 def displaced_start(flight: flights.Flight) -> tuple[float, float, float]:
-    """Return the first position a navigator is told: off by 2 m, 1 sigma."""
+    """Return the position a navigator starts from: off by 2 m, 1 sigma."""
     error = POSITION_SIGMA_M * stream(flight.seed, "start").standard_normal(3)
     error[2] = 0.0
     lat, lon, height = flight.place[0]
@@ -113,7 +113,7 @@ def errors(truth: np.ndarray, places: np.ndarray) -> np.ndarray:
     return np.array([difference_n(*true, *ours)[0:2] for true, ours in zip(truth, places, strict=True)])
 
 
-def live_settings(model: str) -> DeadReckoningSettings:
+def live_settings(model: str) -> Any:
     """Return the navigator's settings for the flights: as shipped, but inputs come once a second."""
     return from_mapping(
         DeadReckoningSettings,
@@ -234,7 +234,7 @@ def draw_open_loop(figure: Any, error: np.ndarray) -> None:
     legend(made)
 
 
-def _told(summary: dict[str, Statistics]) -> str:
+def _listed(summary: dict[str, Statistics]) -> str:
     return "; ".join(f"{WORDS[scheme]}: {s}" for scheme, s in summary.items())
 
 
@@ -250,7 +250,7 @@ def reduced_flights(context: Context) -> Outcome:
     tracks = campaign(context, 20 if context.quick else 60, SCHEMES, WHOLE_M)
     summary = {scheme: statistics(tracks[scheme]) for scheme in SCHEMES}
     alike = likeness(tracks["one"], tracks["scanning"]), likeness(tracks["two"], tracks["scanning"])
-    ours = f"{_told(summary)}; correlation of the errors with those of scanning {alike[0]:.2f} (1-DME), {alike[1]:.2f} (2-DME)"
+    ours = f"{_listed(summary)}; correlation of the errors with those of scanning {alike[0]:.2f} (1-DME), {alike[1]:.2f} (2-DME)"
     within = all(s.within >= 0.95 for s in summary.values())
     return judged(ours, within, figure=lambda figure: draw_methods(figure, context.seeds("navigator flights", 1)[0], tracks))
 
@@ -291,9 +291,9 @@ def printed_flights(context: Context) -> Outcome:
     runs = 20 if context.quick else 60
     tracks = {sigma_m: campaign(context, runs, SCHEMES, sigma_m) for sigma_m in (NOISE_M, WHOLE_M)}
     summary = {scheme: statistics(tracks[NOISE_M][scheme]) for scheme in SCHEMES}
-    reason = "the printed range variance leaves the biases out, so they go into position and wind; counting them mends it (GR48)"
+    reason = "the printed range variance leaves the biases out, so they go into position and wind; counting them corrects this (GR48)"
     within = all(s.within >= 0.95 for s in summary.values())
-    return judged(_told(summary), within, reason, lambda figure: draw_distributions(figure, tracks))
+    return judged(_listed(summary), within, reason, lambda figure: draw_distributions(figure, tracks))
 
 
 def draw_distributions(figure: Any, tracks: dict[float, dict[str, list[Track]]]) -> None:
@@ -323,7 +323,7 @@ def live_flights(context: Context) -> Outcome:
     summary = {scheme: statistics(tracks[scheme]) for scheme in SCHEMES}
     ours = "; ".join(f"{WORDS[scheme]}: {s}, NEES {s.nees:.2f}" for scheme, s in summary.items())
     within = all(s.within >= 0.95 and 1.5 <= s.nees <= 3.0 for s in summary.values())
-    reason = "the navigator leaves half a mile too often, or its sigma is not honest: see the numbers"
+    reason = "the navigator leaves half a mile too often, or its sigma is too small: see the numbers"
     return judged(ours, within, reason, lambda figure: draw_live(figure, tracks))
 
 

@@ -43,7 +43,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """As a legend says it."""
+        """Name in a legend."""
         return "scanning, 1 s" if self.scheme == "scanning" else f"{WORDS[self.scheme]}, {self.interval_s} s"
 
     def asked(self, second: int) -> tuple[int, ...]:

@@ -30,7 +30,7 @@ def drawn(context: Context, coupling: str, grade: str = "crista") -> list[Flight
     return runs(context, Case(coupling, "LD", grade, start="drawn"), SEEDS if grade == "crista" else OTHERS)
 
 
-def honesty(flights: Sequence[Flight]) -> str:
+def consistency(flights: Sequence[Flight]) -> str:
     """Normalised squared errors, three expected of each; mean over seeds and the largest of one flight."""
     scores = np.array([f.nees[f.t_s > SETTLED_S].mean(axis=0) for f in flights])
     parts = zip(("position", "velocity", "attitude"), scores.mean(axis=0), scores.max(axis=0), strict=True)
@@ -40,7 +40,7 @@ def honesty(flights: Sequence[Flight]) -> str:
 def consistent_row(context: Context, grade: str) -> str:
     """3D RMS and NEES of both couplings with consistent tuning."""
     found = {coupling: drawn(context, coupling, grade) for coupling in ("tight", "loose")}
-    return "; ".join(f"consistent tuning, {name}: {norm(mean_rms(f)):.2f} m, {honesty(f)}" for name, f in found.items())
+    return "; ".join(f"consistent tuning, {name}: {norm(mean_rms(f)):.2f} m, {consistency(f)}" for name, f in found.items())
 
 
 @result(
@@ -83,7 +83,7 @@ def tight_crista(context: Context) -> Outcome:
     each = np.degrees(each_3d(flights, ATTITUDE))
     text += f"; velocity {velocity:.3f} m/s; attitude {attitude:.2f} deg ({each.min():.2f} to {each.max():.2f}), "
     text += f"roll and pitch {norm(attitude_deg(flights)[:2]):.2f} deg; the first minute included {attitude_from_start(flights):.2f} deg"
-    why = "heading is seen through horizontal acceleration alone, and the thesis does not say how much of it its flight has"
+    why = "heading is observable through horizontal acceleration alone, and the thesis does not state how much of it its flight has"
     return judged(text, within and velocity <= 0.165 and attitude <= 1.80, why)
 
 
@@ -150,7 +150,7 @@ def approach(context: Context) -> Outcome:
     tolerance="yaw above 10 deg at 30 s (RMS of seeds), roll and pitch RMS below 1 deg",
 )
 def straight(context: Context) -> Outcome:
-    """Low-cost IMU on STR; the thesis's flights start at the true attitude, and the filter is told one degree."""
+    """Low-cost IMU on STR; the thesis's flights start at the true attitude, and the filter is given one degree."""
     flights = runs(context, Case("tight", "STR"))
     at_30 = np.abs(np.degrees([f.error[np.searchsorted(f.t_s, 30.0), 8] for f in flights]))
     sigma_30, sigma_end = (np.degrees(np.mean([f.sigma[k, 8] for f in flights])) for k in (np.searchsorted(flights[0].t_s, 30.0), -1))

@@ -79,7 +79,7 @@ def errors_over_size(context: Context, dataset: str, parts: Sequence[str], size_
     return out
 
 
-def told(case: Case) -> dict[str, np.ndarray]:
+def observed_share(case: Case) -> dict[str, np.ndarray]:
     """The filter's sigma of the scale factors at the end of a flight over that at its start, (3,) of either sensor."""
     truth, profile = truth_of(case.dataset, case.duration_s), load_imu_profile(case.grade)
     navigator = started(navigator_of(case, profile), truth, case)
@@ -123,7 +123,7 @@ def turn_on(context: Context) -> Outcome:
     tolerance="error over size: gyros below accelerometers, on both flights",
 )
 def drift(context: Context) -> Outcome:
-    """Low-cost IMU.  A drift and a turn-on bias act alike, and only their sum is told apart from zero: its error counts.
+    """Low-cost IMU.  A drift and a turn-on bias act alike, and only their sum is observable: its error counts.
 
     The size it is measured by is that of the drift.
     """
@@ -154,7 +154,7 @@ def scale(context: Context) -> Outcome:
     parts, found = [], {}
     for dataset in ("LD", "HD"):
         case = replace(HD, dataset=dataset)
-        sigma = context.once(f"solimeno.told.{dataset}", partial(context.run, told, [case]))[0]
+        sigma = context.once(f"solimeno.observed.{dataset}", partial(context.run, observed_share, [case]))[0]
         error = errors_over_size(context, dataset, ("scale",), "scale")
         for sensor, name in (("gyro", "gyros"), ("accel", "accelerometers")):
             excited = sigma[sensor] <= EXCITED

@@ -167,7 +167,7 @@ def pv_high(context: Context) -> Outcome:
     tolerance="within 5 % of PV in low dynamics",
 )
 def pva_low(context: Context) -> Outcome:
-    """q_a = 1e-4 m^2/s^5; both filters hear the same satellites, so the ratio hardly depends on the seed."""
+    """q_a = 1e-4 m^2/s^5; both filters receive the same satellites, so the ratio hardly depends on the seed."""
     flights, pv = lagging(context, "pva", "LD"), lagging(context, "pv", "LD")
     each = 100.0 * (each_3d(flights) / each_3d(pv) - 1.0)
     ratio = 100.0 * (norm(mean_rms(flights)) / norm(mean_rms(pv)) - 1.0)

@@ -25,7 +25,7 @@ TABLE_7_5_M = {
 ALLOWED = {"loose": (1.0, 1.0, 1.0, 1.0), "tight": (2.0, 1.7, 1.0, 1.0)}
 """Times the printed error that still counts: the tuning is not printed, and a better one is no failure."""
 RECOVERED_M = {"loose": 5.4, "tight": 3.0}
-"""Largest error two seconds after a gap (recomputed; the thesis says that recovery takes one or two seconds)."""
+"""Largest error two seconds after a gap (recomputed; in the thesis recovery takes one or two seconds)."""
 
 
 def gaps(context: Context, coupling: str, grade: str = "crista", clock: str = "compensated_crystal") -> list[Flight]:
@@ -40,7 +40,7 @@ def each_in_gaps(flights: Sequence[Flight], columns: slice = slice(0, 3)) -> np.
 
 
 def standard_error(values: np.ndarray) -> np.ndarray:
-    """Standard error of the mean over the first axis; nothing to tell from one flight."""
+    """Standard error of the mean over the first axis; infinite for one flight."""
     return np.std(values, axis=0, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.full(values.shape[1:], np.inf)
 
 
@@ -137,7 +137,7 @@ def two_satellites(context: Context) -> Outcome:
         parts.append(f"{name}: {with_errors(position)} m ({shown}), {with_errors(velocity, 2)} m/s")
         if clock != OVEN:
             within = bool(position.mean() <= 20.0 and velocity.mean() <= 4.0)
-    why = "two satellites cannot tell the drift of this clock from that of the IMU: the error is what the filter expects, and with an "
+    why = "two satellites cannot separate the drift of this clock from that of the IMU: the error is what the filter expects, and with an "
     why += "ovenized crystal it is within the thesis's; which clock its receiver had is not printed"
     return judged("; ".join(parts), within, why)
 
