@@ -68,7 +68,7 @@ def test_one_function_computes_several_results(monkeypatch):
     @registry.result("ZZ1", "one", source="-", thesis="-", tolerance="-", limit=1.0)
     @registry.result("ZZ2", "two", source="-", thesis="-", tolerance="-", limit=3.0)
     def compared(_, limit):
-        return judged("2", 2.0 <= limit, "above")
+        return judged("2", limit >= 2.0, "above")
 
     verdicts = {name: entry.function(Context()).verdict for name, entry in registry._ENTRIES.items()}
     assert verdicts == {"ZZ1": DIFFERS, "ZZ2": REPRODUCED}
