@@ -8,9 +8,9 @@ from argparse import Namespace
 
 import numpy as np
 from common import run
+from outage_study import BARE, CASES, ENDS_S, OutageError, outage_errors
 
 from lowcostnav_ros.studies.campaign import run_campaign
-from lowcostnav_ros.studies.outage_study import BARE, CASES, ENDS_S, OutageError, outage_errors
 
 FIRST_SEED = 501
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from drawn_motion import drawn_motion
 
 from lowcostnav_ros.base.measurements import GnssEpoch, NavSolution
 from lowcostnav_ros.base.seeds import stream
@@ -39,7 +40,6 @@ from lowcostnav_ros.reproduce.solimeno.flights import (
 )
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
 from lowcostnav_ros.studies.campaign import run_campaign
-from lowcostnav_ros.studies.drawn_motion import drawn_motion
 
 OPEN = GateSettings(probability=0.9999999)
 MATCHED = "matched"

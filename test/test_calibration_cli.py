@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, MagneticField
-from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerInput
 from lowcostnav_ros.catalogue.config_files import load_settings
 from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
+from lowcostnav_ros.navigators.ahrs.navigator import AhrsSettings
 from lowcostnav_ros.physics.geomagnetism import field_n
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
 
@@ -114,7 +114,7 @@ def test_magcal_of_a_table_in_any_unit(unit, per_ut, tmp_path, capsys):
     assert cli.main(["magcal", table, "--place", "37.4,-122.1,100", "--date", "2026.0", "-o", str(out)]) == 0
     text = capsys.readouterr().out
     assert f"samples in {unit} (found from the magnitude)" in text
-    loaded = load_settings(MagnetometerInput, out).magnetometer
+    loaded = load_settings(AhrsSettings, out).magnetometer
     np.testing.assert_allclose(loaded.hard_iron_ut, IRON_UT, atol=0.3)
     np.testing.assert_allclose(np.diag(np.reshape(loaded.matrix, (3, 3))), 1.0 / SCALE, rtol=0.01)
     assert out.with_suffix(".png").stat().st_size > 5000
@@ -125,7 +125,7 @@ def test_magcal_methods_agree(method, tmp_path):
     table, out = write_table(tmp_path / "turns.csv", ["x", "y", "z"], turns()), tmp_path / "mag.yaml"
     strength = f"{np.linalg.norm(field_n(*PLACE, 2026.0)) * 1e6:.4f}"
     assert cli.main(["magcal", table, "--strength", strength, "--method", method, "-o", str(out)]) == 0
-    np.testing.assert_allclose(load_settings(MagnetometerInput, out).magnetometer.hard_iron_ut, IRON_UT, atol=0.4)
+    np.testing.assert_allclose(load_settings(AhrsSettings, out).magnetometer.hard_iron_ut, IRON_UT, atol=0.4)
 
 
 def test_magcal_of_a_bag_takes_place_and_date_from_it(tmp_path, capsys):
@@ -138,7 +138,7 @@ def test_magcal_of_a_bag_takes_place_and_date_from_it(tmp_path, capsys):
                 writer.write(topic, msgtype, stamp_ns, cdr)
     assert cli.main(["magcal", str(tmp_path / "bag"), "-o", str(tmp_path / "mag.yaml")]) == 0
     assert f"field {np.linalg.norm(field_n(*PLACE, 2026.0)) * 1e6:.2f} uT" in capsys.readouterr().out
-    np.testing.assert_allclose(load_settings(MagnetometerInput, tmp_path / "mag.yaml").magnetometer.hard_iron_ut, IRON_UT, atol=0.3)
+    np.testing.assert_allclose(load_settings(AhrsSettings, tmp_path / "mag.yaml").magnetometer.hard_iron_ut, IRON_UT, atol=0.3)
 
 
 def test_magcal_refusals(tmp_path, capsys):

@@ -18,6 +18,7 @@ from lowcostnav_ros.calibration.magnetometer_two_step import level_turn_fit, two
 from lowcostnav_ros.calibration.profile_text import calibration_text
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.catalogue.config_files import load_settings
+from lowcostnav_ros.navigators.ahrs.navigator import AhrsSettings
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm
 
 HARD_IRON = np.array([5.0, -3.0, 8.0])
@@ -229,7 +230,7 @@ def test_units_are_told_by_magnitude(unit, strength, factor):
 
 def test_a_field_of_no_unit_is_refused():
     for strength in (5.0, 1e-9, 0.0):
-        with pytest.raises(CalibrationError, match="say which unit"):
+        with pytest.raises(CalibrationError, match="name the unit"):
             fits.unit_by_magnitude(strength * np.eye(3))
 
 
@@ -238,7 +239,7 @@ def test_written_calibration_loads_and_does_what_the_fit_did(tmp_path):
     fit = two_step_fit(measured, STRENGTH)
     path = tmp_path / "magnetometer.yaml"
     path.write_text(calibration_text(fits.calibration_of(fit, "uT"), fit, "turn.csv"))
-    loaded = load_settings(fits.MagnetometerInput, path).magnetometer
+    loaded = load_settings(AhrsSettings, path).magnetometer
     np.testing.assert_allclose(loaded.apply(measured * 1e-6), fit.apply(measured) * 1e-6, atol=1e-10)
     assert "Coverage" in path.read_text()
 

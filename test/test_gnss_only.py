@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from drawn_motion import drawn_motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +16,6 @@ from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings, motion_blocks
 from lowcostnav_ros.physics.earth import dcm_ne, ecef_to_geodetic, geodetic_to_ecef
 from lowcostnav_ros.reproduce.solimeno.flights import Case, epochs_of, flight_of, gps_only_settings, truth_of
-from lowcostnav_ros.studies.drawn_motion import drawn_motion
 
 SHORT_S = 100.0
 PV, PVA = (Case(model, "HD", duration_s=SHORT_S) for model in ("pv", "pva"))

@@ -10,9 +10,9 @@ import functools
 
 import numpy as np
 import pytest
+from outage_study import CASES, ENDS_S, LOST_S, errors_of, fly, navigator
 
 from lowcostnav_ros.base.modes import Level
-from lowcostnav_ros.studies.outage_study import CASES, ENDS_S, LOST_S, errors_of, fly, navigator
 
 SEEDS = (11, 12, 13)
 ONE, TWO, FIVE = range(len(ENDS_S))

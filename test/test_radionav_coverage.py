@@ -24,8 +24,8 @@ metres = st.floats(-60_000.0, 60_000.0)
 def test_three_stations_are_best_at_the_centre_and_nowhere_better():
     axis = np.linspace(-30.0, 30.0, 61) * NM
     values = layouts.hdop_map(layouts.triple(), axis[:, None], axis[None, :])
-    assert values[30, 30] == pytest.approx(1.1547, abs=1e-4) == pytest.approx(layouts.BEST_TRIPLE_HDOP, abs=1e-4)
-    assert values.min() >= layouts.BEST_TRIPLE_HDOP - 1e-12
+    assert values[30, 30] == pytest.approx(1.1547, abs=1e-4) == pytest.approx(2.0 / math.sqrt(3.0), abs=1e-4)
+    assert values.min() >= 2.0 / math.sqrt(3.0) - 1e-12
     assert values.max() == pytest.approx(2.1, rel=0.03)
 
 
@@ -90,12 +90,6 @@ def test_printed_site_counts_and_what_does_not_add_up():
     assert [o.gap for o in network.OPTIONS] == [20, -32, 0, 0]
     assert network.OPTIONS[0].remark == "option I: 273 + 25 = 298, not 318; 293 existing or 45 additional would"
     assert (network.total_cost().sensor_usd, network.total_cost().consumer_usd) == (2000.0, 13_000.0)
-
-
-def test_stations_in_view_of_airports():
-    airports = np.array([[math.radians(37.694), math.radians(-121.820), 90.0], [math.radians(10.0), 0.0, 0.0]])
-    counts = network.stations_in_view(airports, list(TABLE), 457.0)
-    assert counts.tolist() == [len(usable(TABLE, *airports[0, :2], 547.0)), 0]
 
 
 def test_vor_error_as_printed():

@@ -102,7 +102,7 @@ def test_expected_error_is_that_of_flown_filters():
     for at in (60, 299, 450, 600):
         spread = math.sqrt(np.mean(np.sum(error[at] ** 2, axis=1)))
         assert sigma.horizontal()[at] == pytest.approx(spread, rel=0.1)
-        assert np.trace(sigma.believed[at]) == pytest.approx(believed[at], rel=0.02)
+        assert np.trace(sigma.estimated[at]) == pytest.approx(believed[at], rel=0.02)
 
 
 def fly_filters(flights, seconds, ranges, model):

@@ -62,6 +62,18 @@ def test_an_id_is_registered_once():
         registry.result("GR1", "another", source="-", thesis="-", tolerance="-")(broken)
 
 
+def test_one_function_computes_several_results(monkeypatch):
+    monkeypatch.setattr(registry, "_ENTRIES", {})
+
+    @registry.result("ZZ1", "one", source="-", thesis="-", tolerance="-", limit=1.0)
+    @registry.result("ZZ2", "two", source="-", thesis="-", tolerance="-", limit=3.0)
+    def compared(_, limit):
+        return judged("2", limit >= 2.0, "above")
+
+    verdicts = {name: entry.function(Context()).verdict for name, entry in registry._ENTRIES.items()}
+    assert verdicts == {"ZZ1": DIFFERS, "ZZ2": REPRODUCED}
+
+
 def test_random_streams_depend_on_seed_and_name_alone():
     assert Context(seed=3).rng("a").random() == Context(seed=3, quick=True).rng("a").random()
     assert Context(seed=3).rng("a").random() != Context(seed=3).rng("b").random()

@@ -8,7 +8,7 @@ import pytest
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
-from lowcostnav_ros.reproduce.registry import REPRODUCED, Context
+from lowcostnav_ros.reproduce.registry import REPRODUCED, Context, selected
 from lowcostnav_ros.reproduce.solimeno.estimates import only, true_clock, true_errors
 from lowcostnav_ros.reproduce.solimeno.flights import (
     GAPS_S,
@@ -23,7 +23,7 @@ from lowcostnav_ros.reproduce.solimeno.flights import (
 )
 from lowcostnav_ros.reproduce.solimeno.galileo import expected, single_epoch_sigma
 from lowcostnav_ros.reproduce.solimeno.gps_only import largest, mean_error, mean_rms
-from lowcostnav_ros.reproduce.solimeno.inertial import COMPENSATED, calibrated, ideal_attitude, ideal_position, ideal_velocity, unaided
+from lowcostnav_ros.reproduce.solimeno.inertial import COMPENSATED, calibrated, unaided
 from lowcostnav_ros.reproduce.solimeno.outages import not_above, standard_error
 
 SHORT = Case("tight", "HD", duration_s=30.0)
@@ -40,9 +40,9 @@ def test_an_accelerometer_bias_at_rest_grows_with_half_the_square_of_time():
 
 def test_an_ideal_imu_gives_the_printed_half_millimetre():
     context = Context(quick=True)
-    for function in (ideal_position, ideal_velocity, ideal_attitude):
+    for function in (entry.function for entry in selected(["SR1", "SR2", "SR3"])):
         assert function(context).verdict == REPRODUCED
-    assert "LD-gentle 0.5" in ideal_position(context).ours
+    assert "LD-gentle 0.5" in selected(["SR1"])[0].function(context).ours
 
 
 def test_expected_errors_of_two_constellations():

@@ -21,7 +21,7 @@ class Measurement:
     stamp_ns: int
     source: str
 
-    part = ""  # tells measurements of one stamp and source apart, where a kind has several
+    part = ""  # separates measurements of one stamp and source, where a kind has several
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +74,7 @@ class Attitude(Measurement):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MagneticField(Measurement):
-    """Magnetic field ``field_b`` (3,) tesla, FRD, calibrated or not as the source says; ``cov_b`` (3, 3) T^2."""
+    """Magnetic field ``field_b`` (3,) tesla, FRD, calibrated or not, depending on the source; ``cov_b`` (3, 3) T^2."""
 
     field_b: np.ndarray
     cov_b: np.ndarray
@@ -171,7 +171,7 @@ class GnssEpoch(Measurement):
     sigma_m, sigma_mps : ndarray, shape (n,)
         1-sigma of the two, m and m/s.
     cn0 : ndarray, shape (n,)
-        Carrier to noise density, dB-Hz; 0 where the receiver does not tell.
+        Carrier to noise density, dB-Hz; 0 where the receiver does not report it.
     sat_pos_e, sat_vel_e : ndarray, shape (n, 3)
         M and m/s.
     range_valid, doppler_valid : ndarray of bool, shape (n,)
@@ -201,17 +201,17 @@ class GnssEpoch(Measurement):
 
 @dataclass(slots=True)
 class Integrity:
-    """What a navigator's integrity tests say.
+    """Result of a navigator's integrity tests.
 
     Attributes
     ----------
     verdict : str
-        ``healthy``; ``excluded`` (satellites are left out, the rest agree); ``faulty`` (they contradict each other and it cannot be told
-        which lies); ``not possible`` (too few to check with, which is not healthy).
+        ``healthy``; ``excluded`` (satellites are excluded, the rest agree); ``faulty`` (they contradict each other and which is
+        faulty is not observable); ``not possible`` (too few to check with, which is not healthy).
     reason : str
         One sentence; empty when healthy.
     excluded : dict of str to str
-        Why each satellite is left out, by name.
+        Why each satellite is excluded, by name.
     hpl_m, vpl_m : float or None
         Horizontal and vertical protection level: the error that any one further fault can cause unnoticed, m.
     lasting_hpl_m, lasting_vpl_m : float or None

@@ -92,7 +92,7 @@ def declared(cls: Any, prefix: str = "") -> Iterator[Declared]:
 
 
 def from_mapping(cls: type[S], values: Mapping[str, Any], where: str = "settings") -> S:
-    """Build a settings object from nested or dotted names, refusing what it does not know.
+    """Build a settings object from nested or dotted names, refusing unknown names.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def _flatten(values: Mapping[str, Any], known: Mapping[str, Declared], prefix: s
             yield name, value
 
 
-def _build(defaults: S, flat: dict[str, Any], prefix: str) -> S:
+def _build(defaults: Any, flat: dict[str, Any], prefix: str) -> Any:
     arguments = {}
     for field in dataclasses.fields(defaults):
         value = getattr(defaults, field.name)

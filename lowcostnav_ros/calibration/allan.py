@@ -18,7 +18,7 @@ from lowcostnav_ros.calibration.record import CalibrationError, checked_record
 ONE_SIGMA = 0.6826894921370859
 PER_DECADE = 12
 SURE_CLUSTERS = 100
-"""Clusters in the record from which a slope steeper than white noise is believed."""
+"""Clusters in the record from which a slope steeper than white noise is accepted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,10 +11,6 @@ import numpy as np
 
 FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
 """Allan deviation of flicker noise of bias instability 1: 0.664."""
-GAUSS_MARKOV_PEAK = 0.6173
-"""Greatest Allan deviation of a Gauss-Markov process of sigma 1 ..."""
-GAUSS_MARKOV_PEAK_TIME = 1.892
-"""... and the averaging time where it is reached, in correlation times."""
 
 
 def quantisation(tau_s: np.ndarray, step_density: float = 1.0) -> np.ndarray:
@@ -53,20 +49,3 @@ def gauss_markov(tau_s: np.ndarray, sigma: float, correlation_time_s: float) -> 
     safe = np.where(small, 1.0, x)
     bracket = 2.0 / safe * (1.0 - (3.0 - 4.0 * np.exp(-safe) + np.exp(-2.0 * safe)) / (2.0 * safe))
     return sigma**2 * np.where(small, x * (2.0 / 3.0 - x / 2.0), bracket)
-
-
-def white_and_gauss_markov(tau_s: np.ndarray, density: float, sigma: float, correlation_time_s: float) -> np.ndarray:
-    """Allan variance of white noise plus a Gauss-Markov drift, the error model of the profiles."""
-    return white(tau_s, density) + gauss_markov(tau_s, sigma, correlation_time_s)
-
-
-def minimum_of_model(density: float, sigma: float, correlation_time_s: float) -> tuple[float, float]:
-    """Averaging time, s, and deviation where white noise plus Gauss-Markov drift is least before it rises.
-
-    The rise ends at about two correlation times, so the search does; where the white noise covers the drift altogether, the
-    answer is that end.
-    """
-    tau_s = correlation_time_s * np.geomspace(1e-6, GAUSS_MARKOV_PEAK_TIME, 20_001)
-    deviation = np.sqrt(white_and_gauss_markov(tau_s, density, sigma, correlation_time_s))
-    best = int(np.argmin(deviation))
-    return float(tau_s[best]), float(deviation[best])

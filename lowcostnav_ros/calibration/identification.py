@@ -22,7 +22,7 @@ SURE_PERIODS = 20.0
 
 @dataclass(frozen=True, slots=True)
 class StaticIdentification:
-    """What a recording at rest says about a sensor, in the unit of the samples and seconds.
+    """What a recording at rest shows of a sensor, in the unit of the samples and seconds.
 
     Attributes
     ----------

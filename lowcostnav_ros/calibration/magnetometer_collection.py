@@ -1,6 +1,6 @@
 """Collect samples for a magnetometer calibration while flying, with progress, in bounded memory.
 
-A pure accumulator: it knows no clock and no topic.  Every attitude cell keeps a few samples only, so hours of straight flight
+A pure accumulator: it has no clock and no topic.  Every attitude cell keeps a few samples only, so hours of straight flight
 neither fill the memory nor outweigh the turns.
 """
 
@@ -29,7 +29,7 @@ class Progress:
     samples : int
         Samples kept.
     coverage : Coverage or None
-        None until there are enough samples to speak of one.
+        None until there are enough samples for one.
     share : float
         0 to 1; at 1 the free fit has what it needs.
     advice : str
@@ -89,7 +89,7 @@ class MagnetometerCollection:
         return self.progress()
 
     def progress(self) -> Progress:
-        """Say how far the collection is."""
+        """Describe the progress of the collection."""
         count = len(self._measured)
         if self._coverage is None and len(self._filled) >= 3:
             self._coverage = coverage_of(np.array(self._expected))

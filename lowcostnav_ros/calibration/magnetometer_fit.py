@@ -6,7 +6,7 @@ the measured cloud.  Fields are in the unit of the data throughout; the result i
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -116,13 +116,6 @@ class MagnetometerCalibration:
         return (np.asarray(measured_t, dtype=float) - offset) @ np.reshape(self.matrix, (3, 3)).T
 
 
-@dataclass(frozen=True)
-class MagnetometerInput:
-    """The group under which a node's settings hold the calibration."""
-
-    magnetometer: MagnetometerCalibration = field(default_factory=MagnetometerCalibration)
-
-
 def calibration_of(fit: MagnetometerFit, unit: str) -> MagnetometerCalibration:
     """Turn a fit made in ``unit`` into the settings a node loads."""
     hard_iron_ut = fit.hard_iron * TESLA_PER[unit] * 1e6
@@ -142,7 +135,7 @@ def unit_by_magnitude(samples: np.ndarray) -> str:
         if strength > 0.0 and abs(math.log(strength * tesla / _TYPICAL_T)) <= math.log(10.0) / 2.0:
             return unit
     raise CalibrationError(
-        f"A field of {strength:.3g} is not the earth's in any of {', '.join(TESLA_PER)}; say which unit it is, or check the columns."
+        f"A field of {strength:.3g} is not the earth's in any of {', '.join(TESLA_PER)}; name the unit, or check the columns."
     )
 
 

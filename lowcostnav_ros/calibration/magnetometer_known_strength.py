@@ -3,7 +3,7 @@
 Minimises the robust misfit of |M (measured - hard iron)| to the known strength, M symmetric, plus a prior on every parameter.  The
 misfit is divided by its own sensitivity to the measured field (the distance of Sampson 1982): a plain misfit shrinks with M, and
 thousands of noisy samples would shrink M against any prior.  Where
-an aircraft never banked enough for a free fit, the prior holds the weak directions near "no error" and the posterior sigma says
+an aircraft never banked enough for a free fit, the prior holds the weak directions near "no error" and the posterior sigma shows
 so; the strong directions are calibrated all the same.  Outliers (a hangar, a towing truck) are weighted down after Huber.
 
 Solved for M and M hard_iron: after a level turn the data fix M_zz B_z - (M hard_iron)_z, a straight valley in these unknowns and a
@@ -34,7 +34,7 @@ _SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 @dataclass(frozen=True, slots=True)
 class CalibrationPrior:
-    """What is believed before the flight, one sigma.
+    """What is assumed before the flight, one sigma.
 
     Attributes
     ----------

@@ -3,7 +3,7 @@
 import numpy as np
 
 SHORTEST = 50
-"""Samples below which nothing can be said about a noise."""
+"""Samples below which a noise cannot be estimated."""
 UNEVEN = 0.5
 """Share of the median interval by which an interval may differ before it counts as a gap or a repeat."""
 UNEVEN_SHARE = 1e-3

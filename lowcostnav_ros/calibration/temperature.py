@@ -24,10 +24,6 @@ class WarmUp:
         """Bias ``t_s`` seconds after power-up."""
         return self.settled + self.transient * np.exp(-np.asarray(t_s, dtype=float) / self.tau_s)
 
-    def settling_time_s(self, remaining: float = 0.05) -> float:
-        """Time until ``remaining`` of the transient is left, s."""
-        return -self.tau_s * math.log(remaining)
-
 
 def fit_warm_up(t_s: np.ndarray, bias: np.ndarray) -> WarmUp:
     """Fit a warm-up transient to averages of a sensor at rest by least squares.

@@ -48,7 +48,7 @@ def parse_yuma(text: str, near_gps: int) -> tuple[list[Ephemeris], Counter]:
     almanacs : list of Ephemeris
         Without harmonics, usable for half a year.
     rejected : Counter
-        Records left out, by reason.
+        Records rejected, by reason.
 
     Raises
     ------

@@ -59,9 +59,9 @@ class Almanac:
     satellites : list of Ephemeris
         Healthy ones, one each; their weeks are known modulo 1024 only.
     unhealthy : list of str
-        Names of those left out for their health.
+        Names of those excluded for their health.
     rejected : Counter
-        Records left out, by reason.
+        Records rejected, by reason.
     """
 
     where: str
@@ -75,7 +75,7 @@ class Almanac:
         return max(one.toe_ns for one in self.satellites)
 
     def notes(self) -> list[str]:
-        """What was left out, in sentences."""
+        """What was excluded, in sentences."""
         count = len(self.unhealthy)
         noun = "satellite" if count == 1 else "satellites"
         said = [f"{self.where}: {count} unhealthy {noun} left out ({', '.join(self.unhealthy)})."] if count else []
@@ -109,7 +109,7 @@ class Almanac:
         return AlmanacConstellation(np.full(len(near), GPS), np.array([one.sat_id for one in near]), *columns)
 
     def dated(self, gps: int) -> str:
-        """Say which week its week was taken for at a GPS time, ns."""
+        """State which week its week was taken for at a GPS time, ns."""
         latest = max(self.near(gps), key=lambda one: one.toe_ns)
         week, _ = week_and_tow(latest.toe_ns)
         days = (gps - latest.toe_ns) * 1e-9 / 86400.0

@@ -89,7 +89,7 @@ def appearance_heights(canyon: Canyon, constellation: Constellation, t_s: float 
 
     From tan El = (H - h)/(L/2), cliffs all around; the elevation is that from the height itself.
 
-    Satellites below the horizon are left out.
+    Satellites below the horizon are excluded.
     """
     position, _ = constellation.states(t_s)
     found: dict[int, float] = {}

@@ -50,7 +50,7 @@ class ClockWatch:
         self._reset_m = 0.0
 
     def observe(self, epoch: RawEpoch) -> ClockReport:
-        """Look at the raw pseudoranges of the next epoch; without Dopplers gaps above 100 s are too long to tell anything."""
+        """Look at the raw pseudoranges of the next epoch; without Dopplers gaps above 100 s are too long to decide."""
         last, self._last = self._last, epoch
         if last is None:
             return ClockReport()
@@ -61,7 +61,7 @@ class ClockWatch:
         most = max(counts.values())
         together = min((k for k, count in counts.items() if count == most), key=abs)
         if len(jumps) < 2:
-            together = 0  # one satellite cannot tell a reset from a jump of its own: it is left out
+            together = 0  # one satellite cannot separate a reset from a jump of its own: it is excluded
         jumped = tuple(satellite for satellite, k in jumps.items() if k != together)
         self._reset_m += together * MILLISECOND_M
         sentences = [f"The receiver set its clock by {together} ms."] if together else []
@@ -81,7 +81,7 @@ class ClockWatch:
 
 
 def _jumps_ms(last: RawEpoch, epoch: RawEpoch) -> dict[tuple[str, int], int]:
-    """Whole milliseconds by which each common satellite's pseudorange changed beyond its range rate; empty when it cannot be told."""
+    """Whole milliseconds by which each common satellite's pseudorange changed beyond its range rate; empty when that is not observable."""
     dt = (epoch.gps_ns - last.gps_ns) / SECOND
     before = {satellite: k for k, satellite in enumerate(last.satellites())}
     jumps = {}

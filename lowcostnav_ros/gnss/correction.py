@@ -61,7 +61,7 @@ def corrected(
         Receiver to a few kilometres, ECEF, m; None where nothing is known: then neither atmosphere nor mask is applied.
     settings : CorrectionSettings
     rejected : Counter
-        Gets a count for every satellite left out, by reason.
+        Gets a count for every excluded satellite, by reason.
     clock_m : float
         Receiver clock of the last fix, m: the receiver's time of reception is late by so much, which goes off the stamp.
 

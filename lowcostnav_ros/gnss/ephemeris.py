@@ -181,7 +181,7 @@ def _to_earth(r, r_rate, u, u_rate, incl, i_rate, node, node_rate):
 
 
 class EphemerisStore:
-    """Ephemerides by satellite; picks the one nearest in time and says why when there is none."""
+    """Ephemerides by satellite; picks the one nearest in time, or gives the reason when there is none."""
 
     def __init__(self, ephemerides: Iterable[Ephemeris] = ()) -> None:
         self._of: dict[tuple[str, int], list[Ephemeris]] = {}

@@ -58,7 +58,7 @@ def obliquity(elevation: np.ndarray) -> np.ndarray:
     elevation = np.asarray(elevation, float)
     if np.any(~(elevation >= 0.0)):
         lowest = math.degrees(float(np.min(elevation)))
-        raise GnssError(f"Range noise is defined above the horizon only; leave out the satellite at an elevation of {lowest:.1f} deg.")
+        raise GnssError(f"Range noise is defined above the horizon only; exclude the satellite at an elevation of {lowest:.1f} deg.")
     return 1.1 / (np.sin(elevation) + 0.1)
 
 

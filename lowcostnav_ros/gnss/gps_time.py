@@ -110,9 +110,9 @@ def from_calendar(year: int, month: int, day: int, hour: int = 0, minute: int = 
 
 
 def leap_second_conflict(announced_s: int, gps: int) -> str:
-    """Say in one sentence that an announced GPS - UTC differs from the table, or return an empty text.
+    """Return one sentence that an announced GPS - UTC differs from the table, or return an empty text.
 
-    A receiver that announces more than the table has heard of a leap second this program does not know.
+    A receiver that announces more than the table has received a leap second that this program does not have.
     """
     known = leap_seconds(gps)
     if announced_s == known:

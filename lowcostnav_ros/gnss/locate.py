@@ -59,6 +59,6 @@ def locate(
             position_e, clock_m = fix.position_e, next(iter(fix.clocks_m.values()))
             if known is not None and np.linalg.norm(position_e - known) < NEAR_M:
                 break
-    finally:  # without a position too: they say why there is none
+    finally:  # without a position too: they state why there is none
         rejected.update(counts)
     return corrected(raw, navigation, position_e, settings, Counter(), clock_m), result

@@ -1,4 +1,4 @@
-"""How many states of a filter its measurements can tell: rank of the observability matrix (Solimeno 2007, section 7.4.3).
+"""How many states of a filter are observable: rank of the observability matrix (Solimeno 2007, section 7.4.3).
 
     K_o = [H', F'H', (F')^2 H', ..., (F')^(n-1) H']      with the continuous F; rank n means completely observable
 

@@ -1,4 +1,4 @@
-"""Parity: what redundant observations say about each other, whatever the unknowns are.
+"""Parity: how redundant observations contradict each other, whatever the unknowns are.
 
 Whitened observations b = A x + e, e of unit covariance, A (n, m) of full rank, n > m.  With A = Q R the part of b outside the range of A,
 w = (I - Q Q') b = (I - Q Q') e, holds no trace of the unknowns: its square is chi-square with n - m degrees of freedom while nothing is
@@ -122,7 +122,7 @@ def slopes(gain, S):
 
 
 HEALTHY, FOUND, TOO_FEW, AMBIGUOUS, SEVERAL, UNTESTED = 0, 1, 2, 3, 4, 5
-"""What a judgement can be: no contradiction; one observation is wrong; something is, and it cannot be told which for want of observations,
+"""What a judgement can be: no contradiction; one observation is wrong; something is, and which is not observable for want of observations,
 because another would look the same, or because the rest contradict each other, too; nothing to test with."""
 
 

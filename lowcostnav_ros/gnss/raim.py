@@ -1,4 +1,4 @@
-"""Snapshot RAIM: does one satellite lie, which one, and how far off can the position be without anybody noticing.
+"""Snapshot RAIM: detect and exclude one faulty satellite, and bound the position error of a fault that goes undetected.
 
 Detection: the weighted sum of squared residuals against chi-square with n - m degrees of freedom (n satellites, m unknowns).
 Identification: the largest normalised residual, the most likely single fault.  Protection level: the bias on the satellite with the
@@ -44,13 +44,13 @@ class RaimResult:
     Attributes
     ----------
     verdict : str
-        ``healthy``; ``excluded`` (one satellite left out, the rest passed); ``faulty`` (do not use the position); ``not possible``.
+        ``healthy``; ``excluded`` (one satellite excluded, the rest passed); ``faulty`` (do not use the position); ``not possible``.
     reason : str
         One sentence; empty when healthy.
     fix : PointFix
         Without the excluded satellite.
     excluded : str
-        Name of the satellite left out, or empty.
+        Name of the excluded satellite, or empty.
     hpl_m, vpl_m : float
         Horizontal and vertical protection level against one further fault, m; ``inf`` where the test is not possible.
     """
@@ -64,7 +64,7 @@ class RaimResult:
 
 
 def check(epoch: GnssEpoch, settings: RaimSettings | None = None, **solve_options: Any) -> RaimResult:
-    """Solve an epoch, test it, and leave out one faulty satellite if that can be told.
+    """Solve an epoch, test it, and exclude one faulty satellite if it can be identified.
 
     Parameters
     ----------
@@ -98,7 +98,8 @@ def _exclude(epoch: GnssEpoch, fix: PointFix, settings: RaimSettings, options: d
 
     if fix.test.redundancy < 2:
         needed = fix.geometry.shape[1] + 2
-        return faulty(f"The pseudoranges contradict each other and {len(fix.rows)} satellites cannot tell which; {needed} are needed.")
+        known = f"{len(fix.rows)} satellites do not show which is faulty"
+        return faulty(f"The pseudoranges contradict each other and {known}; {needed} are needed.")
     _, _, _, w, S = _split(fix)
     worst, ambiguous = suspect(w, S)
     satellite = name(epoch.system[fix.rows[worst]], epoch.sat_id[fix.rows[worst]])
@@ -110,7 +111,7 @@ def _exclude(epoch: GnssEpoch, fix: PointFix, settings: RaimSettings, options: d
         return faulty(f"{satellite} seems faulty and the others give no position; the position cannot be used.")
     if without.test.verdict != PASSED:
         return faulty("More than one satellite contradicts the others; the position cannot be used.")
-    reason = f"{satellite} contradicts the others and was left out."
+    reason = f"{satellite} contradicts the others and was excluded."
     return RaimResult(EXCLUDED, reason, without, satellite, *protection_levels(without, settings))
 
 

@@ -1,4 +1,4 @@
-"""Raw observations of one epoch, as a receiver gives them, with what is wrong on the face of it left out and counted."""
+"""Raw observations of one epoch, as a receiver gives them, with what cannot be right excluded and counted."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -47,10 +47,10 @@ class RawEpoch:
 
 
 def screened(epoch: RawEpoch, rejected: Counter) -> RawEpoch:
-    """Leave out what cannot be right, counting reasons in ``rejected``.
+    """Exclude what cannot be right, counting reasons in ``rejected``.
 
     Impossible pseudoranges (not finite, or outside 15000 to 60000 km) go alone.  Of a satellite that appears twice every copy goes:
-    nothing tells which one is right.
+    there is no way to decide which one is right.
     """
     with np.errstate(invalid="ignore"):
         possible = (epoch.pseudorange_m >= SHORTEST_M) & (epoch.pseudorange_m <= LONGEST_M)

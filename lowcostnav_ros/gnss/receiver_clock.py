@@ -32,11 +32,6 @@ class ClockModel:
         """S_f, m^2/s^3."""
         return SPEED_OF_LIGHT**2 * 2.0 * math.pi**2 * self.h_minus2
 
-    def allan_deviation(self, tau_s: np.ndarray) -> np.ndarray:
-        """Fractional-frequency Allan deviation sqrt(h0/(2 tau) + (2 pi^2/3) h-2 tau)."""
-        tau = np.asarray(tau_s, float)
-        return np.sqrt(0.5 * self.h0 / tau + 2.0 * math.pi**2 / 3.0 * self.h_minus2 * tau)
-
 
 CLOCKS = {
     "compensated_crystal": ClockModel(2e-19, 2e-20),

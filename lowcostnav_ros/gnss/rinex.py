@@ -17,7 +17,7 @@ LABEL = slice(60, 80)
 
 @dataclass(slots=True)
 class Header:
-    """What a header says that matters here; ``lines`` keeps every other line by label."""
+    """The fields of a header that matter here; ``lines`` keeps every other line by label."""
 
     version: float
     kind: str

@@ -19,7 +19,7 @@ _NUMBERS, _REQUIRED = 27, 20  # clock and six lines of orbit; from the codes on 
 
 @dataclass(slots=True)
 class Navigation:
-    """A navigation file: ephemerides, ionosphere model, what was left out (counted by reason) and remarks in sentences."""
+    """A navigation file: ephemerides, ionosphere model, what was rejected (counted by reason) and remarks in sentences."""
 
     store: EphemerisStore
     klobuchar: Klobuchar | None

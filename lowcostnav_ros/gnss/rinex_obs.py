@@ -16,7 +16,7 @@ _CODES_3 = {GPS: "CSLXPWYM", GALILEO: "CXBZA"}
 """Tracking modes of band 1, best first."""
 _EVENT_HEADER = {2, 3, 4, 5}
 _KEPT_SHARE = 0.1
-"""Share of the epochs that must keep the header's interval for it to be believed."""
+"""Share of the epochs that must keep the header's interval for it to be accepted."""
 
 
 @dataclass(slots=True)
@@ -37,7 +37,7 @@ class Observations:
     holes : int
         Stretches without epochs that these make up.
     rejected : Counter
-        Observations and epochs left out, by reason.
+        Observations and epochs rejected, by reason.
     remarks : list of str
         One sentence each.
     """

@@ -99,7 +99,7 @@ def plan_sky(
     step_s : float
         Time between looks.
     advance : callable, optional
-        Told the share done.
+        Called with the share done.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""All epochs of a recording, one after the other: position with its integrity verdict, what was left out, what the clock did."""
+"""All epochs of a recording, one after the other: position with its integrity verdict, what was excluded, what the clock did."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -62,7 +62,7 @@ class Located:
 
 @dataclass(slots=True)
 class Track:
-    """What became of a recording: epochs in order, satellites left out by reason, and remarks on the clock with their GPS times, ns.
+    """What became of a recording: epochs in order, satellites excluded by reason, and remarks on the clock with their GPS times, ns.
 
     ``runaway_epochs`` counts the fixes at which the receiver's clock ran away; only the first of a stretch is a remark.
     """
@@ -87,7 +87,7 @@ def track(
 ) -> Track:
     """Locate every epoch.
 
-    Satellites whose pseudorange jumps alone by whole milliseconds are left out of their epoch.
+    Satellites whose pseudorange jumps alone by whole milliseconds are excluded from their epoch.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def track(
     settings : CorrectionSettings, optional
     raim_settings : RaimSettings, optional
     advance : callable, optional
-        Told the number of epochs done.
+        Called with the number of epochs done.
     """
     follower = _Follower(navigation, settings or CorrectionSettings(), raim_settings)
     for done, raw in enumerate(epochs, 1):

@@ -79,7 +79,7 @@ def mapping(elevation: np.ndarray) -> np.ndarray:
     elevation = np.asarray(elevation, float)
     if np.any(~(elevation >= LOWEST_ELEVATION)):
         lowest = math.degrees(float(np.min(elevation)))
-        raise GnssError(f"The troposphere model reaches down to 2 deg; leave out the satellite at an elevation of {lowest:.1f} deg.")
+        raise GnssError(f"The troposphere model reaches down to 2 deg; exclude the satellite at an elevation of {lowest:.1f} deg.")
     low = np.maximum(0.0, 4.0 - np.degrees(elevation))
     return 1.001 / np.sqrt(0.002001 + np.sin(elevation) ** 2) * (1.0 + 0.015 * low * low)
 

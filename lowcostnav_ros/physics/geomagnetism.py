@@ -1,7 +1,7 @@
 """The earth's magnetic field by the World Magnetic Model, with the generation chosen by date.
 
 Field in tesla, NED at the place; declination in radians, east positive; inclination in radians, positive where the field dips.
-The model knows the core field only: local anomalies of some hundred nanotesla (half a degree of declination) are in none of it.
+The model holds the core field only: local anomalies of some hundred nanotesla (half a degree of declination) are in none of it.
 """
 
 import functools

@@ -1,7 +1,7 @@
 """Heading from a three-axis magnetometer: pure functions of attitude, field and declination, shared by all navigators.
 
 The field turned into n by the estimated attitude, ``B_n = C_nb B_b``, must point ``declination`` east of true north.  Only its azimuth
-is used: the dip of the field says nothing that iron in the aircraft would not say louder.  With ``C_true = (I + [phi x]) C_est``
+is used: the dip of the field adds nothing: iron in the aircraft disturbs it more.  With ``C_true = (I + [phi x]) C_est``
 
     y = D - atan2(B_E, B_N),        y = h phi,        h = [-B_N B_D / H^2, -B_E B_D / H^2, 1],        H^2 = B_N^2 + B_E^2
 

@@ -186,7 +186,7 @@ def quat_rotate(q, v):
 
 @kernel
 def quat_apply_phi_n(q, phi_n):
-    """Mend an attitude estimate: ``C_true = exp([phi_n x]) C_est``, the exact form of ``(I + [phi_n x]) C_est``.
+    """Correct an attitude estimate: ``C_true = exp([phi_n x]) C_est``, the exact form of ``(I + [phi_n x]) C_est``.
 
     Parameters
     ----------

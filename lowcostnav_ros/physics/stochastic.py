@@ -11,7 +11,7 @@ Gebre-Egziabher (2004), Design and performance analysis of a low-cost aided dead
 
 import math
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -20,17 +20,29 @@ from lowcostnav_ros.base.kernels import kernel
 CONVENTIONS = ("per_sample", "one_hz")
 
 
-class Process(Protocol):
-    """What :func:`simulate` and the filters ask of a process."""
+class Process:
+    """What :func:`simulate` and the filters ask of a process; as it stands here it is a value that never changes."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        _require(self)
 
     def transition(self, dt: float) -> float:
         """Factor ``a`` from one sample to the next, ``dt`` seconds later."""
+        return 1.0
 
     def variance_increment(self, dt: float) -> float:
         """Variance that one step of ``dt`` seconds adds."""
+        return 0.0
 
     def initial_sigma(self) -> float:
         """Standard deviation at switch-on."""
+        return 0.0
+
+    def driving_psd(self) -> float:
+        """Two-sided power spectral density of the driving noise, unit^2/s."""
+        return 0.0
 
 
 def _require(process: Any, *, positive: tuple[str, ...] = ()) -> None:
@@ -43,7 +55,7 @@ def _require(process: Any, *, positive: tuple[str, ...] = ()) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class GaussMarkov:
+class GaussMarkov(Process):
     """First-order Gauss-Markov process, stationary: dx/dt = -x/tau + w.
 
     Attributes
@@ -90,25 +102,14 @@ class GaussMarkov:
 
 
 @dataclass(frozen=True, slots=True)
-class RandomWalk:
+class RandomWalk(Process):
     """Integrated white noise that starts at zero; ``density`` in unit/s/sqrt(Hz), variance density^2 t."""
 
     density: float
 
-    def __post_init__(self) -> None:
-        _require(self)
-
-    def transition(self, dt: float) -> float:
-        """One."""
-        return 1.0
-
     def variance_increment(self, dt: float) -> float:
         """density^2 dt."""
         return self.density**2 * dt
-
-    def initial_sigma(self) -> float:
-        """Zero."""
-        return 0.0
 
     def driving_psd(self) -> float:
         """density^2."""
@@ -116,39 +117,21 @@ class RandomWalk:
 
 
 @dataclass(frozen=True, slots=True)
-class RandomConstant:
+class RandomConstant(Process):
     """A value drawn once at switch-on (a turn-on bias) with standard deviation ``sigma``."""
 
     sigma: float
-
-    def __post_init__(self) -> None:
-        _require(self)
-
-    def transition(self, dt: float) -> float:
-        """One."""
-        return 1.0
-
-    def variance_increment(self, dt: float) -> float:
-        """Zero."""
-        return 0.0
 
     def initial_sigma(self) -> float:
         """The sigma of the draw."""
         return self.sigma
 
-    def driving_psd(self) -> float:
-        """Zero."""
-        return 0.0
-
 
 @dataclass(frozen=True, slots=True)
-class White:
+class White(Process):
     """White noise of a rate-like quantity, averaged over each sample; ``density`` in unit/sqrt(Hz), two-sided PSD density^2."""
 
     density: float
-
-    def __post_init__(self) -> None:
-        _require(self)
 
     def transition(self, dt: float) -> float:
         """Zero: samples remember nothing."""
@@ -157,10 +140,6 @@ class White:
     def variance_increment(self, dt: float) -> float:
         """Variance density^2/dt of the mean over one sample."""
         return self.density**2 / dt
-
-    def initial_sigma(self) -> float:
-        """Zero: there is no state."""
-        return 0.0
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Coverage of a real place by its DME stations: how many answer, the best pair and its HDOP, on a grid of positions.
 
 A station answers inside its service volume and above the radio horizon of a smooth earth: hills are not in it, so a low altitude in
-mountains is covered worse than said here.
+mountains is covered worse than stated here.
 """
 
 import itertools
@@ -55,10 +55,10 @@ def coverage(stations: Sequence[Station], lat: np.ndarray, lon: np.ndarray, heig
         nothing = np.full(lat.shape, np.inf)
         return Coverage(np.zeros(lat.shape, int), nothing, nothing.copy(), np.full((*lat.shape, 2), -1))
     u_n, u_e = (np.array([s[k] for s in seen]) for k in (0, 1))
-    heard = np.array([s[2] for s in seen])
-    every = hdop_of_sums((heard * u_n**2).sum(0), (heard * u_e**2).sum(0), (heard * u_n * u_e).sum(0))
-    best, pair = _best_pairs(u_n, u_e, heard)
-    return Coverage(heard.sum(0), every, best, pair)
+    received = np.array([s[2] for s in seen])
+    every = hdop_of_sums((received * u_n**2).sum(0), (received * u_e**2).sum(0), (received * u_n * u_e).sum(0))
+    best, pair = _best_pairs(u_n, u_e, received)
+    return Coverage(received.sum(0), every, best, pair)
 
 
 def _view(station: Station, lat: np.ndarray, lon: np.ndarray, height: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -73,16 +73,16 @@ def _view(station: Station, lat: np.ndarray, lon: np.ndarray, height: float) -> 
     sea = station.height - station.elevation  # the horizon is that of the sea, not of the ellipsoid
     reach = horizon_distance(height - sea) + horizon_distance(station.elevation)
     ground = np.sqrt(np.maximum(slant**2 - (height - station.height) ** 2, 0.0))
-    heard = (slant <= station.service_range_m(height)) & (ground <= reach) & (elevation <= STEEPEST)
+    received = (slant <= station.service_range_m(height)) & (ground <= reach) & (elevation <= STEEPEST)
     flat = np.maximum(np.hypot(north, east), 1e-3)
-    return north / flat, east / flat, heard
+    return north / flat, east / flat, received
 
 
-def _best_pairs(u_n: np.ndarray, u_e: np.ndarray, heard: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    shape = heard.shape[1:]
+def _best_pairs(u_n: np.ndarray, u_e: np.ndarray, received: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    shape = received.shape[1:]
     best, pair = np.full(shape, np.inf), np.full((*shape, 2), -1)
-    for i, j in itertools.combinations(range(len(heard)), 2):
-        both = heard[i] & heard[j]
+    for i, j in itertools.combinations(range(len(received)), 2):
+        both = received[i] & received[j]
         if not both.any():
             continue
         sine = np.abs(u_n[i] * u_e[j] - u_e[i] * u_n[j])

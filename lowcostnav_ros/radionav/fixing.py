@@ -78,9 +78,9 @@ class Fix:
     position : ndarray, shape (2,)
         North, east.
     covariance : ndarray, shape (2, 2)
-        As the weighting says, see :func:`covariance`.
+        Depends on the weighting, see :func:`covariance`.
     mirror : ndarray (2,) or None
-        The other position with the same ranges, where the sights do not tell them apart.
+        The other position with the same ranges, where the sights do not separate them.
     iterations : int
     misfit : float
         Root mean square of the innovations, each over its sigma; near 1 when the sigmas are right, large for a wrong sight.
@@ -120,7 +120,7 @@ def fix(
     Raises
     ------
     GeometryError
-        When the sights give no position, or two and no prediction tells which; the message says what to do.
+        When the sights give no position, or two and there is no prediction to choose by; the message states what to do.
     """
     _check(sights, step_gain)
     position = np.array(_start(sights) if predicted is None else predicted, dtype=float)

@@ -13,7 +13,7 @@ from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 
 
 class GeometryError(ValueError):
-    """Ranges that give no position; the message says why."""
+    """Ranges that give no position; the message states why."""
 
 
 @kernel
@@ -81,7 +81,7 @@ def angle_between(direction_a: np.ndarray, direction_b: np.ndarray) -> float:
 
 
 def collinear_with_track(course: float, directions: np.ndarray, tolerance: float = math.radians(10.0)) -> bool:
-    """Tell whether every station lies along the track, ahead or behind, so that cross-track position is not observable.
+    """Return whether every station lies along the track, ahead or behind, so that cross-track position is not observable.
 
     Parameters
     ----------

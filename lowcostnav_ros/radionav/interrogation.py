@@ -7,14 +7,11 @@ be asked twice a minute, and one receiver that alternates between two stations g
 
 from dataclasses import dataclass
 
-from lowcostnav_ros.base.units import SPEED_OF_LIGHT
-
 SEARCH_S = 4.0
 REPLY_S = 1.0
 SEARCH_PULSES_PER_S = 135
 TRACK_PULSES_PER_S = 25
 TRANSPONDER_PULSES_PER_S = 3000
-TRANSPONDER_DELAY_S = 50.0e-6
 SCHEMES = ("one_receiver", "two_receivers", "scanning")
 
 PULSES_PER_FIX = int(SEARCH_S * SEARCH_PULSES_PER_S + REPLY_S * TRACK_PULSES_PER_S)
@@ -29,11 +26,6 @@ class ScheduleError(ValueError):
 def transponder_load(tracking: int, searching: int) -> int:
     """Return the pulses per second that aircraft in track and in search put on one transponder (its capacity is 3000)."""
     return tracking * TRACK_PULSES_PER_S + searching * SEARCH_PULSES_PER_S
-
-
-def slant_range_from_round_trip(round_trip_s: float) -> float:
-    """Return the slant range in metres from the time between question and reply, ``c (t - 50 us) / 2``."""
-    return SPEED_OF_LIGHT * (round_trip_s - TRANSPONDER_DELAY_S) / 2.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +49,7 @@ class InterrogationSchedule:
     stations : int
         Number of stations asked.
     interval_s : float
-        Seconds between ranges as the scheme says; 0 takes the shortest the budget allows.
+        Seconds between ranges as the scheme defines; 0 takes the shortest the budget allows.
 
     Raises
     ------
@@ -84,14 +76,6 @@ class InterrogationSchedule:
                 f"DME interval of {self.interval_s:g} s is over the pulse budget of {PULSES_PER_MINUTE} pulses/min per station; "
                 f"use {shortest:g} s or longer for {self.scheme} with {self.stations} station{'s' if self.stations > 1 else ''}."
             )
-
-    @property
-    def pulses_per_station_per_minute(self) -> float:
-        """Load this schedule puts on each station."""
-        if self.scheme == "scanning":
-            return float(PULSES_PER_MINUTE)
-        turns = self.stations if self.scheme == "one_receiver" else 1
-        return 60.0 / (self.interval_s * turns) * PULSES_PER_FIX
 
     def slots(self, turn: int) -> tuple[Slot, ...]:
         """Return the questions of interval number ``turn`` (0, 1, ...)."""

@@ -13,7 +13,6 @@ import numpy as np
 
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 
-BEST_TRIPLE_HDOP = 2.0 / math.sqrt(3.0)
 RADIUS_M = 20.0 * NAUTICAL_MILE
 NOISE_M = 7.4
 """White range noise, 0.004 NM."""

@@ -1,6 +1,6 @@
 """Stations with DME out of public lists: our own CSV, OurAirports ``navaids.csv``, X-Plane and FlightGear ``earth_nav.dat``/``nav.dat``.
 
-A public list is large, world-wide and dirty: a row that cannot be used is left out and counted with its reason, never guessed.  Public
+A public list is large, world-wide and dirty: a row that cannot be used is rejected and counted with its reason, never guessed.  Public
 lists give elevations above mean sea level and no geoid, so the height above the ellipsoid needs ``undulation_m`` for the area; what is
 planned on heights above sea level throughout does not depend on it.
 
@@ -21,19 +21,10 @@ import numpy as np
 
 from lowcostnav_ros.base.units import FOOT, NAUTICAL_MILE
 from lowcostnav_ros.physics.earth import geodetic_to_ecef
+from lowcostnav_ros.radionav import stations as table
 from lowcostnav_ros.radionav.channels import channel_of
 from lowcostnav_ros.radionav.coverage import near
-from lowcostnav_ros.radionav.stations import (
-    BEARING,
-    COINCIDENT_M,
-    COLUMNS,
-    OPTIONAL_COLUMNS,
-    Station,
-    StationError,
-    StationTable,
-    station_from_cells,
-    stations_from_text,
-)
+from lowcostnav_ros.radionav.stations import COINCIDENT_M, COLUMNS, Station, StationError, StationTable
 
 _OURAIRPORTS = ("ident", "name", "latitude_deg", "longitude_deg", "elevation_ft", "dme_channel", "power")
 _POWER = {"HIGH": "H", "MEDIUM": "L"}
@@ -42,7 +33,7 @@ _DME_ROWS = ("12", "13")
 
 @dataclass(frozen=True, eq=False)
 class NavaidList:
-    """Stations as a list, idents repeated as the world does; ``region`` per station, and why rows were left out with their number."""
+    """Stations as a list, idents repeated as the world does; ``region`` per station, and why rows were rejected with their number."""
 
     stations: list[Station]
     region: list[str]
@@ -50,7 +41,7 @@ class NavaidList:
 
 
 def navaids_from_text(text: str, where: str = "stations", undulation_m: float = 0.0) -> NavaidList:
-    """Read any of the known formats, told apart by their first line.
+    """Read any of the known formats, recognised by their first line.
 
     Parameters
     ----------
@@ -89,7 +80,7 @@ def select_near(
     -------
     table : StationTable
     notes : list of str
-        One sentence for each station that had to be left out, nearest kept.
+        One sentence for each station that had to be dropped, nearest kept.
 
     Raises
     ------
@@ -121,7 +112,7 @@ def table_as_text(stations: Iterable[Station]) -> str:
     """Write stations in the package's own format, see :mod:`lowcostnav_ros.radionav.stations`."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS + OPTIONAL_COLUMNS)
+    writer.writerow(COLUMNS + table.OPTIONAL_COLUMNS)
     for s in stations:
         place = (f"{math.degrees(s.lat):.6f}", f"{math.degrees(s.lon):.6f}", f"{s.elevation / FOOT:.0f}")
         radial = (s.kind, f"{math.degrees(s.declination):.1f}" if s.has_vor else "")
@@ -130,11 +121,11 @@ def table_as_text(stations: Iterable[Station]) -> str:
 
 
 def _own_table(text: str, where: str) -> NavaidList:
-    table = list(stations_from_text(text, where))
-    ranging = [station for station in table if station.has_dme]
+    listed = list(table.stations_from_text(text, where))
+    ranging = [station for station in listed if station.has_dme]
     if not ranging:
         raise StationError(f"{where}: no station with DME, only VOR; add one to plan ranges.")
-    left_out = collections.Counter({"VOR without DME": len(table) - len(ranging)} if len(ranging) < len(table) else {})
+    left_out = collections.Counter({"VOR without DME": len(listed) - len(ranging)} if len(ranging) < len(listed) else {})
     return NavaidList(ranging, [""] * len(ranging), left_out)
 
 
@@ -168,7 +159,7 @@ def _ourairports(text: str, where: str) -> Iterator[tuple[str, dict[str, str]]]:
 def _radials(row: dict[str, str]) -> dict[str, str]:
     """Kind and declination of a row; a VOR whose slaved variation is not published is good for ranges only."""
     kind, declination = (row.get("type") or "").strip().upper(), (row.get("slaved_variation_deg") or "").strip()
-    return {"kind": kind, "declination_deg": declination} if kind in BEARING and declination else {}
+    return {"kind": kind, "declination_deg": declination} if kind in table.BEARING and declination else {}
 
 
 def _xplane(text: str) -> Iterator[tuple[str, dict[str, str]]]:
@@ -227,7 +218,7 @@ def _collected(rows: Iterable[tuple[str, dict[str, str]]], where: str, undulatio
             continue
         try:
             plain = {column: " ".join(text.split()) for column, text in cells.items()}
-            station = station_from_cells(plain | {"undulation_m": f"{undulation_m:g}"}, cells["ident"] or "a row")
+            station = table.station_from_cells(plain | {"undulation_m": f"{undulation_m:g}"}, cells["ident"] or "a row")
         except StationError as error:
             found.left_out[_reason(error)] += 1
             continue

@@ -1,6 +1,6 @@
-"""What ranges taken one at a time can tell: rank and singular values of the stacked measurements.
+"""What is observable from ranges taken one at a time: rank and singular values of the stacked measurements.
 
-One receiver hears one station at a time, so a fix is stretched over many ranges while errors move on.  Each range is a row
+One receiver receives one station at a time, so a fix is stretched over many ranges while errors move on.  Each range is a row
 
     [h_n, h_e | T h_n, T h_e | heading column | airspeed column],    h = unit vector from station to aircraft, T = time since start
 

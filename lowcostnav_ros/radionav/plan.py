@@ -69,8 +69,8 @@ def route_over(waypoints: Sequence[tuple[float, float]], speed: float, step_s: f
         chord = frame.to_ned(b[0], b[1], 0.0)
         length = float(np.linalg.norm(chord))
         if not 1.0 <= length <= LONGEST_LEG_M:
-            said = "has no length; remove the repeated waypoint" if length < 1.0 else f"is {length / 1000:.0f} km long; check its waypoints"
-            raise PlanError(f"Leg {number} of the route {said}.")
+            why = "has no length; remove the repeated waypoint" if length < 1.0 else f"is {length / 1000:.0f} km long; check its waypoints"
+            raise PlanError(f"Leg {number} of the route {why}.")
         steps = max(1, math.ceil(length / (speed * step_s)))
         share = np.linspace(0.0, 1.0, steps + 1)[(0 if number == 1 else 1) :]
         lat, lon, _ = frame.from_ned(share[:, None] * chord)
@@ -88,7 +88,7 @@ def _course(place: tuple[float, float], chord: np.ndarray, frame: LocalFrame) ->
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """What is heard at one place of the route.
+    """What is received at one place of the route.
 
     ``usable`` idents nearest first, ``pair`` the two to ask or None, ``gamma`` the angle between their lines of sight (rad), ``hdop``
     theirs (``inf`` without a pair), ``collinear`` true when both lie along the track.
@@ -136,7 +136,7 @@ def stations_along(table: StationTable, route: Route, height: float) -> list[Poi
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reply:
-    """One range of the schedule: when it is there, from whom, and ``direction`` (2,) unit north east from station to aircraft."""
+    """One range of the schedule: when it is there, from which station, and ``direction`` (2,) unit north east from station to aircraft."""
 
     time_s: float
     station: str
@@ -169,14 +169,14 @@ def pair_changes(points: Sequence[Point]) -> list[tuple[float, float, tuple[str,
 
 
 def what_is_wrong(points: Sequence[Point]) -> list[str]:
-    """Say in sentences where the stations are not enough; an empty list is good news."""
+    """Describe in sentences where the stations are not enough; empty when they are enough everywhere."""
     states = [_state(p) for p in points]
-    told = []
+    sentences = []
     for i, j in _runs(states):
         if states[i]:
             stretch = f"{points[i].distance_m / NAUTICAL_MILE:.0f} to {points[j].distance_m / NAUTICAL_MILE:.0f} NM"
-            told.append(f"{stretch}: {states[i]}")
-    return told
+            sentences.append(f"{stretch}: {states[i]}")
+    return sentences
 
 
 def _state(point: Point) -> str:

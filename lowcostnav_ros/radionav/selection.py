@@ -15,7 +15,7 @@ from lowcostnav_ros.radionav.geometry import hdop, horizontal_range, range_and_d
 from lowcostnav_ros.radionav.stations import Station, StationTable
 
 STEEPEST = math.radians(45.0)
-"""Elevation above which a slant range says more about height than about position."""
+"""Elevation above which a slant range depends more on height than on position."""
 KEEP_MARGIN = 1.5
 """How much worse than the best a pair may be and still be kept."""
 
@@ -37,7 +37,7 @@ def view(station: Station, lat: float, lon: float, height: float) -> InView:
 
 
 def audible(station: Station, lat: float, lon: float, height: float) -> bool:
-    """Tell whether a station can be heard: inside its service volume and above the radio horizon."""
+    """Return whether a station can be received: inside its service volume and above the radio horizon."""
     seen = view(station, lat, lon, height)
     ground_m = horizontal_range(seen.range_m, height - station.height)
     altitude = height - (station.height - station.elevation)  # the horizon is that of the sea, not of the ellipsoid

@@ -21,7 +21,7 @@ from lowcostnav_ros.radionav.selection import audible, view
 from lowcostnav_ros.radionav.stations import Station, StationTable
 
 STEEPEST = math.radians(60.0)
-"""Elevation above which an aircraft is in the cone of confusion, where the radials of a VOR cannot be told apart."""
+"""Elevation above which an aircraft is in the cone of confusion, where the radials of a VOR cannot be separated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +71,7 @@ def radial_of(bearing: float, declination: float) -> float:
 
 
 def out_of_service(station: Station, lat: float, lon: float, height: float) -> str:
-    """Say why no bearing of a station can be used from a position, in a fixed phrase; empty when one can."""
+    """State why no bearing of a station can be used from a position, in a fixed phrase; empty when one can."""
     if not station.has_vor:
         return "station has no VOR"
     if bearing_view(station, lat, lon, height).elevation > STEEPEST:
@@ -81,5 +81,5 @@ def out_of_service(station: Station, lat: float, lon: float, height: float) -> s
 
 def nearest_vors(table: StationTable, lat: float, lon: float, height: float, count: int) -> list[Station]:
     """Return the ``count`` nearest stations whose radials can be used, nearest first: an error of bearing grows with the distance."""
-    heard = [s for s in table if not out_of_service(s, lat, lon, height)]
-    return sorted(heard, key=lambda s: (view(s, lat, lon, height).range_m, s.ident))[:count]
+    received = [s for s in table if not out_of_service(s, lat, lon, height)]
+    return sorted(received, key=lambda s: (view(s, lat, lon, height).range_m, s.ident))[:count]

@@ -1,6 +1,6 @@
-"""Who does the work of a campaign: the processes of this machine, or a dask cluster behind the same futures.
+"""Where a campaign runs: in processes of this machine, or on a dask cluster behind the same futures.
 
-Every case carries its own seed and results keep the order of the cases, so the numbers are the same whoever does the work.
+Every case carries its own seed and results keep the order of the cases, so the numbers are the same wherever it runs.
 """
 
 from collections.abc import Callable, Iterator, Sequence

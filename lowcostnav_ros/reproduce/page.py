@@ -17,7 +17,7 @@ def write_pages(records: Sequence[Record], out: Path, quick: bool) -> list[Path]
     out : Path
         Directory that also holds the figures; created where missing.
     quick : bool
-        Whether the numbers come from a quick run, which the page says.
+        Whether the numbers come from a quick run, which the page states.
     """
     out.mkdir(parents=True, exist_ok=True)
     written = []

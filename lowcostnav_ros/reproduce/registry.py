@@ -1,4 +1,4 @@
-"""One registry of results: each entry says what was printed where, with which tolerance, and how to compute it again.
+"""One registry of results: each entry states what was printed where, with which tolerance, and how to compute it again.
 
 A result module decorates plain functions; the tolerance stands in the decorator, so it is written before the run::
 
@@ -12,15 +12,13 @@ import importlib
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from functools import partial, update_wrapper
+from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.settings import nearest
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MODULES = (
     "gebre.error_models",
@@ -57,7 +55,8 @@ NOT_IN_NUMBERS = "not in the thesis in numbers"
 CRASHED = "crashed"
 VERDICTS = (REPRODUCED, DIFFERS, NOT_IN_NUMBERS, CRASHED)
 
-DrawFunction = Callable[["Figure"], None]
+DrawFunction = Callable[[Any], None]
+"""Draws on the matplotlib figure it is given; the library is loaded only where a figure is saved."""
 
 
 class ReproduceError(ValueError):
@@ -89,7 +88,7 @@ class Outcome:
         if self.verdict not in VERDICTS:
             raise ReproduceError(f"A verdict must be one of {', '.join(VERDICTS)}; got '{self.verdict}'.")
         if self.verdict != REPRODUCED and not self.reason:
-            raise ReproduceError(f"The verdict '{self.verdict}' needs a reason; say in one sentence why.")
+            raise ReproduceError(f"The verdict '{self.verdict}' needs a reason; give it in one sentence.")
 
 
 def judged(ours: str, within: bool, reason: str = "", figure: DrawFunction | None = None) -> Outcome:
@@ -149,10 +148,13 @@ class Entry:
 _ENTRIES: dict[str, Entry] = {}
 
 
+ResultFunction = Callable[..., Outcome]
+
+
 def result(
-    id: str, title: str, *, source: str, thesis: str, tolerance: str
-) -> Callable[[Callable[[Context], Outcome]], Callable[[Context], Outcome]]:
-    """Register a function as a result.
+    id: str, title: str, *, source: str, thesis: str, tolerance: str, **given: Any
+) -> Callable[[ResultFunction], ResultFunction]:
+    """Register a function as a result; where one function computes several, each has a decorator of its own.
 
     Parameters
     ----------
@@ -166,14 +168,16 @@ def result(
         The printed number or claim; a number the thesis does not print itself is marked as recomputed from its model.
     tolerance : str
         What counts as reproduced.
+    **given
+        What the function takes beside the context.
     """
 
-    def register(function: Callable[[Context], Outcome]) -> Callable[[Context], Outcome]:
+    def register(function: ResultFunction) -> ResultFunction:
         study = function.__module__.split(".")[-2] if "." in function.__module__ else function.__module__.partition("_")[0]
         known = _ENTRIES.get(id)
         if known is not None and known.function.__qualname__ != function.__qualname__:
             raise ReproduceError(f"Result {id} is registered twice; give '{title}' an id of its own.")
-        _ENTRIES[id] = Entry(id, title, source, thesis, tolerance, study, function)
+        _ENTRIES[id] = Entry(id, title, source, thesis, tolerance, study, update_wrapper(partial(function, **given), function))
         return function
 
     return register

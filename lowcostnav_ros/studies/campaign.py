@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
 from typing import TypeVar
 
 Case = TypeVar("Case")
@@ -44,23 +45,27 @@ def run_campaign(
     CampaignError
         When a case fails; cases not yet begun are abandoned.
     """
+    from rich.console import Console
+    from rich.progress import Progress
+
     workers = min(len(cases), workers or len(os.sched_getaffinity(0)))
-    with _Progress(label, len(cases)) as progress:
+    with Progress(console=Console(stderr=True), disable=not sys.stderr.isatty() or len(cases) < 2) as bar:
+        step = partial(bar.advance, bar.add_task(label, total=len(cases)))
         if workers <= 1:
-            return [_one(function, cases, index, progress) for index in range(len(cases))]
-        return _in_processes(function, cases, workers, progress)
+            return [_one(function, cases, index, step) for index in range(len(cases))]
+        return _in_processes(function, cases, workers, step)
 
 
-def _one(function: Callable[[Case], Result], cases: Sequence[Case], index: int, progress: "_Progress") -> Result:
+def _one(function: Callable[[Case], Result], cases: Sequence[Case], index: int, step: Callable[[], None]) -> Result:
     try:
         result = function(cases[index])
     except Exception as error:
         raise CampaignError(f"Case {index} ({cases[index]!r}) failed: {error}") from error
-    progress.step()
+    step()
     return result
 
 
-def _in_processes(function: Callable, cases: Sequence, workers: int, progress: "_Progress") -> list:
+def _in_processes(function: Callable, cases: Sequence, workers: int, step: Callable[[], None]) -> list:
     results: list = [None] * len(cases)
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         futures = {pool.submit(function, case): index for index, case in enumerate(cases)}
@@ -71,31 +76,5 @@ def _in_processes(function: Callable, cases: Sequence, workers: int, progress: "
             except Exception as error:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise CampaignError(f"Case {index} ({cases[index]!r}) failed: {error}") from error
-            progress.step()
+            step()
     return results
-
-
-class _Progress:
-    """A progress bar on a terminal's stderr, nothing elsewhere."""
-
-    def __init__(self, label: str, total: int) -> None:
-        self._bar = None
-        if sys.stderr.isatty() and total > 1:
-            from rich.console import Console
-            from rich.progress import Progress
-
-            self._bar = Progress(console=Console(stderr=True))
-            self._task = self._bar.add_task(label, total=total)
-
-    def step(self) -> None:
-        if self._bar is not None:
-            self._bar.advance(self._task)
-
-    def __enter__(self) -> "_Progress":
-        if self._bar is not None:
-            self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()

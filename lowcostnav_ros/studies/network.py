@@ -1,16 +1,10 @@
-"""A skeletal DME network for 200 airports: printed counts with what does not add up, equipment cost, coverage of given airports.
+"""A skeletal DME network for 200 airports: printed counts with what does not add up, equipment cost.
 
 Gebre-Egziabher 2004, sections 2.6 and 2.7: Table 2.1 and figure 2.13.  The counts of options I and II are inconsistent as printed and
-are kept so, with the sentence that says it.
+are kept so, with a remark.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
-
-from lowcostnav_ros.radionav.coverage import coverage
-from lowcostnav_ros.radionav.stations import Station
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,22 +61,3 @@ COSTS = (
 def total_cost() -> Cost:
     """Return the sum of Table 2.1."""
     return Cost("total", sum(c.sensor_usd for c in COSTS), sum(c.consumer_usd for c in COSTS))
-
-
-def stations_in_view(airports: np.ndarray, stations: Sequence[Station], above_ground_m: float) -> np.ndarray:
-    """Return how many stations can be used above each airport.
-
-    Parameters
-    ----------
-    airports : ndarray, shape (n, 3)
-        Latitude, longitude rad, elevation m above the ellipsoid.
-    stations : sequence of Station
-    above_ground_m : float
-        Height above the airport, m.
-
-    Returns
-    -------
-    ndarray of int, shape (n,)
-    """
-    each = [coverage(stations, lat, lon, elevation + above_ground_m).audible for lat, lon, elevation in np.atleast_2d(airports)]
-    return np.array([int(count) for count in each])

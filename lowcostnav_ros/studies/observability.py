@@ -1,9 +1,9 @@
-"""Which states an inertial filter's measurements can tell, along a run.
+"""Which states of an inertial filter are observable, along a run.
 
 At every fused instant the measurement rows and the continuous dynamics F give the observability matrix [H', F'H', ..., (F')^(n-1) H'],
-local in time: flight that changes direction tells over minutes what no instant does.  Rank and singular values depend on units.  The
-published ranks of the INS/GPS thesis belong to positions in radians and metres up and the default tolerance of a singular-value
-decomposition; :func:`geodetic_units` gives those, and they are what is reported.
+local in time: over minutes, flight that changes direction makes more states observable than any instant.  Rank and singular values depend
+on units.  The published ranks of the INS/GPS thesis belong to positions in radians and metres up and the default tolerance of a
+singular-value decomposition; :func:`geodetic_units` gives those, and they are what is reported.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from lowcostnav_ros.physics.earth import radii
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observability:
-    """What one instant can tell.
+    """Observability of one instant.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ def observability(stamp_ns: int, F: np.ndarray, H: np.ndarray, units: np.ndarray
 
 
 class Watch:
-    """Follow a navigator and note, at most once a period, what its measurements can tell; it changes nothing the navigator computes.
+    """Follow a navigator and note, at most once a period, how observable its states are; it changes nothing the navigator computes.
 
     Parameters
     ----------
@@ -82,13 +82,13 @@ class Watch:
         self.found: list[Observability] = []
         self._rows: list[np.ndarray] = []
         self._F = np.empty((0, 0))
-        self._stamp_ns: int | None = None
+        self._stamp_ns = 0
         self._next_ns = 0
         self._on_aid = navigator.on_aid
         navigator.on_aid = self._watched
 
     def finish(self) -> list[Observability]:
-        """Judge the last instant, let go of the navigator and return what was found, in order of time."""
+        """Evaluate the last instant, release the navigator and return what was found, in order of time."""
         self._judge()
         self.navigator.on_aid = self._on_aid
         return self.found
@@ -98,8 +98,9 @@ class Watch:
             self._judge()
             self._stamp_ns = status.stamp_ns
         if status.accepted and status.stamp_ns >= self._next_ns:
-            aid = next(aid for aid in self.navigator.aids if aid.status is status)
-            self._rows.append(aid.applied.H)
+            applied = next(aid.applied for aid in self.navigator.aids if aid.status is status)
+            if applied is not None:
+                self._rows.append(applied.H)
             self._F = self.navigator.core.dynamics()
         if self._on_aid is not None:
             self._on_aid(status)

@@ -1,7 +1,7 @@
 """How large the position error of DME-aided dead reckoning becomes along a planned track, without flying it.
 
 The navigator is the reduced-order one: position and wind, ranges one at a time, heading and airspeed errors and range biases unknown to
-it and their ranges given a larger noise instead.  Two covariances are carried side by side: the one the navigator *believes*, from its
+it and their ranges given a larger noise instead.  Two covariances are carried side by side: the one the navigator *estimates*, from its
 four states, and the one to *expect*, the error of those same gains against the full error model with heading, airspeed and a bias per
 station (Gebre-Egziabher 2004, section 6.5, equations (5.20)-(5.21) and (6.54), tables 6.1 and 7.1).
 
@@ -46,10 +46,10 @@ class ErrorModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AidedSigma:
-    """Columns (n,) ``time_s`` and covariances (n, 2, 2), m^2 north east, ``believed`` and ``expected``, just before a range is fused."""
+    """Columns (n,) ``time_s`` and covariances (n, 2, 2), m^2 north east, ``estimated`` and ``expected``, just before a range is fused."""
 
     time_s: np.ndarray
-    believed: np.ndarray
+    estimated: np.ndarray
     expected: np.ndarray
 
     def horizontal(self) -> np.ndarray:
@@ -71,7 +71,7 @@ def aided_sigma(route: Route, replies: Sequence[Reply], model: ErrorModel | None
     model = model or ErrorModel()
     idents = sorted({r.station for r in replies})
     navigator, full = _start(model, len(idents))
-    believed, expected = np.empty((len(route.time_s), 2, 2)), np.empty((len(route.time_s), 2, 2))
+    estimated, expected = np.empty((len(route.time_s), 2, 2)), np.empty((len(route.time_s), 2, 2))
     waiting = list(replies)
     for k, time_s in enumerate(route.time_s):
         if k:
@@ -79,11 +79,11 @@ def aided_sigma(route: Route, replies: Sequence[Reply], model: ErrorModel | None
             navigator.predict(None, None, *_navigator_steps(model, dt))
             Phi, Qd = _full_steps(model, route.speed, round(float(route.course[k - 1]), 4), len(idents), dt)
             full = Phi @ full @ Phi.T + Qd
-        believed[k], expected[k] = navigator.P[:2, :2], full[:2, :2]
+        estimated[k], expected[k] = navigator.P[:2, :2], full[:2, :2]
         while waiting and waiting[0].time_s <= time_s + 1e-6:
             reply = waiting.pop(0)
             full = _fuse(navigator, full, reply.direction, BIASES + idents.index(reply.station), model)
-    return AidedSigma(route.time_s, believed, expected)
+    return AidedSigma(route.time_s, estimated, expected)
 
 
 def _start(model: ErrorModel, stations: int) -> tuple[KalmanFilter, np.ndarray]:
@@ -123,7 +123,7 @@ def _full_steps(model: ErrorModel, speed: float, course: float, stations: int, d
 
 
 def _fuse(navigator: KalmanFilter, full: np.ndarray, direction: np.ndarray, bias: int, model: ErrorModel) -> np.ndarray:
-    """Update the believed covariance; return the expected one after the same gain."""
+    """Update the estimated covariance; return the expected one after the same gain."""
     navigator.update(np.zeros((1, 1)), H=np.array([[*direction, 0.0, 0.0]]))
     gain, row = np.zeros(len(full)), np.zeros(len(full))
     gain[:KNOWN] = navigator.K[:, 0]

@@ -1,6 +1,6 @@
 """Position fixes on the ellipsoid from DME slant ranges and a known height.
 
-DME geometry tells next to nothing about height, so the height comes from the altimeter and two positions remain for two stations
+With DME geometry height is hardly observable, so the height comes from the altimeter and two positions remain for two stations
 (Gebre-Egziabher 2004, equation 6.32 and section 2.6).  What cannot be true is refused with a sentence before it is fused.
 """
 
@@ -18,7 +18,7 @@ from lowcostnav_ros.radionav.stations import Station
 LOWEST_M, HIGHEST_M = -500.0, 30_000.0
 SIGMAS = 5.0
 HORIZON_MARGIN = 1.25
-"""A reply heard is evidence: antennas stand on masts and the air bends more on some days."""
+"""A reply received is evidence: antennas stand on masts and the air bends more on some days."""
 STEP_M = 1.0e-4
 ITERATIONS = 50
 

@@ -86,16 +86,10 @@ class Guidance:
             yield from _FLIERS[type(manoeuvre)](self, manoeuvre)
         self.order.bank_ahead = 0.0  # beyond its end the flight goes straight on, level
 
-    def _straight(self, s: m.Straight) -> Flying:
-        yield from self._wait(s.duration_s)
-
     def _wait(self, seconds: float) -> Flying:
         end = self._fix.time_s + seconds
         while self._fix.time_s < end:
             yield
-
-    def _turn(self, s: m.Turn) -> Flying:
-        yield from self._turn_by(math.radians(s.by_deg), s.bank_deg)
 
     def _turn_by(self, angle: float, bank_deg: float) -> Flying:
         self.order.max_bank = math.radians(bank_deg)
@@ -190,8 +184,8 @@ class Guidance:
 
 
 _FLIERS: dict[type[m.Manoeuvre], Callable[[Guidance, Any], Flying]] = {
-    m.Straight: Guidance._straight,
-    m.Turn: Guidance._turn,
+    m.Straight: lambda flight, s: flight._wait(s.duration_s),
+    m.Turn: lambda flight, s: flight._turn_by(math.radians(s.by_deg), s.bank_deg),
     m.Heading: Guidance._turn_to,
     m.Climb: Guidance._climb,
     m.Speed: Guidance._speed,

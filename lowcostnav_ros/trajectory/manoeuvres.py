@@ -4,9 +4,10 @@ The closed-form flight and the flight-dynamics aircraft fly the same lines.  A l
 Each verb is a settings dataclass, so units, ranges and refusals come from its declaration.
 """
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from lowcostnav_ros.base.settings import SettingsError, declared, from_mapping, nearest, setting
 
@@ -122,19 +123,8 @@ class Approach:
 
 Manoeuvre = Straight | Turn | Heading | Climb | Speed | STurns | Hold | Goto | Orbit | Approach
 
-VERBS: dict[str, type] = {
-    "straight": Straight,
-    "turn": Turn,
-    "heading": Heading,
-    "climb": Climb,
-    "descend": Climb,
-    "speed": Speed,
-    "s_turns": STurns,
-    "hold": Hold,
-    "goto": Goto,
-    "orbit": Orbit,
-    "approach": Approach,
-}
+VERBS: dict[str, type] = {re.sub(r"(?!^)(?=[A-Z])", "_", kind.__name__).lower(): kind for kind in get_args(Manoeuvre)} | {"descend": Climb}
+"""Manoeuvres by their verb: the name of the class in lower case, ``s_turns``."""
 
 
 def parse_mission(lines: Iterable[str | Mapping[str, Any]], where: str = "mission") -> list[Manoeuvre]:

@@ -31,7 +31,7 @@ VELOCITY_S = 1.0
 CORRECTION_S = 20.0
 """Knot spacing of the slow correction of velocity."""
 SLOWEST = 5.0
-"""Ground speed, m/s, below which the direction of motion says nothing about heading."""
+"""Ground speed, m/s, below which the direction of motion does not give the heading."""
 _LEAST_ROWS = 8
 
 
@@ -73,7 +73,7 @@ def _numbers(path: str | Path, rows: list[dict], name: str) -> np.ndarray:
         except (TypeError, ValueError):
             out[k] = math.nan
         if not math.isfinite(out[k]):
-            raise SettingsError(f"The recording {path}, line {k + 2}: '{name}' is {row[name]!r}; mend or remove the line.")
+            raise SettingsError(f"The recording {path}, line {k + 2}: '{name}' is {row[name]!r}; correct or remove the line.")
     return out
 
 

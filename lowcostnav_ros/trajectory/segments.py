@@ -168,10 +168,6 @@ def plan(settings: TruthSettings, seed: int) -> SegmentMotion:
     return motion
 
 
-def _straight(motion: SegmentMotion, s: m.Straight) -> None:
-    motion.fly(Primitive(s.duration_s))
-
-
 def _turn(motion: SegmentMotion, s: m.Turn) -> None:
     _climb_at(motion, s.climb_mps)
     _turn_by(motion, math.radians(s.by_deg), s.bank_deg)
@@ -188,16 +184,8 @@ def _turn_by(motion: SegmentMotion, angle: float, bank_deg: float) -> None:
     motion.fly(Primitive(length, entry, turn_rate=exact))
 
 
-def _heading(motion: SegmentMotion, s: m.Heading) -> None:
-    _turn_to(motion, math.radians(s.to_deg), s.bank_deg)
-
-
 def _turn_to(motion: SegmentMotion, heading: float, bank_deg: float) -> None:
     _turn_by(motion, float(wrap(heading - motion.columns.heading)), bank_deg)
-
-
-def _climb(motion: SegmentMotion, s: m.Climb) -> None:
-    _climb_to(motion, s.to_height_m, s.rate_mps)
 
 
 def _climb_to(motion: SegmentMotion, height: float, rate_mps: float) -> None:
@@ -246,10 +234,6 @@ def _hold(motion: SegmentMotion, s: m.Hold) -> None:
         for _ in range(2):
             motion.fly(Primitive(s.leg_s))
             _turn_by(motion, half, s.bank_deg)
-
-
-def _goto(motion: SegmentMotion, s: m.Goto) -> None:
-    _fly_toward(motion, s, s.within_m)
 
 
 def _fly_toward(motion: SegmentMotion, s: m.Goto | m.Approach, stop_m: float) -> None:
@@ -332,14 +316,14 @@ def _lose_height(motion: SegmentMotion, s: m.Approach, slope: float) -> None:
 
 
 _PLANNERS: dict[type[m.Manoeuvre], Callable[[SegmentMotion, Any], None]] = {
-    m.Straight: _straight,
+    m.Straight: lambda motion, s: motion.fly(Primitive(s.duration_s)),
     m.Turn: _turn,
-    m.Heading: _heading,
-    m.Climb: _climb,
+    m.Heading: lambda motion, s: _turn_to(motion, math.radians(s.to_deg), s.bank_deg),
+    m.Climb: lambda motion, s: _climb_to(motion, s.to_height_m, s.rate_mps),
     m.Speed: _speed,
     m.STurns: _s_turns,
     m.Hold: _hold,
-    m.Goto: _goto,
+    m.Goto: lambda motion, s: _fly_toward(motion, s, s.within_m),
     m.Orbit: _orbit,
     m.Approach: _approach,
 }

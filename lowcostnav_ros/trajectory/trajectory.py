@@ -18,7 +18,7 @@ from lowcostnav_ros.physics.strapdown import ideal_increments
 PIECE_S = 2.0
 """Length of the pieces a source makes; part of the flight's definition, not of its presentation."""
 WARM_UP = 4
-"""Rows before a piece that the inverse strapdown sees, so that its coning terms know the preceding intervals."""
+"""Rows before a piece that the inverse strapdown sees, so that its coning terms include the preceding intervals."""
 
 
 class Motion(Protocol):

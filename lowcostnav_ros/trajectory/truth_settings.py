@@ -37,7 +37,7 @@ class WindSettings:
 
 @dataclass(frozen=True)
 class TruthSettings:
-    """Settings of the truth source: one true flight, made the way 'kind' says; the same settings and seed give the same flight to the bit.
+    """Settings of the truth source: one true flight, made as 'kind' selects; the same settings and seed give the same flight to the bit.
 
     A manoeuvre is a verb and named values: straight, turn, heading, climb, descend, speed, s_turns, hold, goto, orbit, approach.
     """

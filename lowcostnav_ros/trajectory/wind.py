@@ -88,7 +88,7 @@ class Wind:
         return out
 
     def at(self, t_s: np.ndarray, height: np.ndarray) -> np.ndarray:
-        """Wind with turbulence, shape (n, 3); level, so that a closed-form flight is at the height its mission says."""
+        """Wind with turbulence, shape (n, 3); level, so that a closed-form flight is at the height of its mission."""
         out = self.steady(t_s, height)
         for axis, gust in enumerate(self._gusts):
             out[:, axis] += gust.at(t_s)

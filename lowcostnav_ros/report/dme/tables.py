@@ -115,8 +115,8 @@ def _at_airport(plan: Plan, level: Level) -> dict[str, Any]:
 
 
 def _leg(leg: Leg) -> dict[str, Any]:
-    stated = np.sqrt(np.trace(leg.sigma.believed, axis1=1, axis2=2))
-    every = slice(None, None, max(1, len(stated) // 400))
+    estimated = np.sqrt(np.trace(leg.sigma.estimated, axis1=1, axis2=2))
+    every = slice(None, None, max(1, len(estimated) // 400))
     return {
         "name": leg.name,
         "length_m": round(float(leg.route.time_s[-1] * leg.route.speed), 1),
@@ -130,7 +130,7 @@ def _leg(leg: Leg) -> dict[str, Any]:
         "expected": {
             "time_s": np.round(leg.sigma.time_s[every], 2).tolist(),
             "horizontal_1_sigma_m": np.round(leg.sigma.horizontal()[every], 1).tolist(),
-            "believed_by_navigator_m": np.round(stated[every], 1).tolist(),
+            "believed_by_navigator_m": np.round(estimated[every], 1).tolist(),
         },
     }
 

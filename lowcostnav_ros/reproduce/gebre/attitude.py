@@ -211,7 +211,7 @@ def coasting(context: Context) -> Outcome:
     "GPS attitude noise smoothed by the gyros",
     source="Figures 4.9 and 4.12",
     thesis="a smooth pitch from 0.25 deg of GPS noise (recomputed: steady sigma about 0.05 deg)",
-    tolerance="jitter below 0.15 deg; an antenna triangle of 36, 50, 50 cm solves its attitude with the noise its geometry says",
+    tolerance="jitter below 0.15 deg; an antenna triangle of 36, 50, 50 cm solves its attitude with the noise its geometry predicts",
 )
 def smoothing(context: Context) -> Outcome:
     """Pitching flight after convergence; and the three-antenna solution from carrier phases."""

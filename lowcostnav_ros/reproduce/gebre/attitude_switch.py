@@ -1,7 +1,7 @@
 """Attitude from gyros, accelerometers and magnetometer under a manoeuvre switch (GR31, GR32).
 
 Twenty minutes at 50 m/s with 20 deg banks for 60 s in every 180 s, rolled in at 10 deg/s; gyros at 20 Hz, feedback once a second with
-gains of 0.97 (roll, pitch) and 0.35 (heading).  The source does not say when, between two updates, its turns began: here they begin at
+gains of 0.97 (roll, pitch) and 0.35 (heading).  The source does not state when, between two updates, its turns began: here they begin at
 random.  The same gyros also fly a flight-dynamics aircraft in light turbulence, where the navigator itself runs.
 """
 
@@ -119,26 +119,26 @@ def _flown(context: Context) -> dict[str, dict[str, np.ndarray]]:
     def compute() -> dict[str, dict[str, np.ndarray]]:
         scenario = scenario_from_text(FLIGHT)
         imus = {g.profile: ImuSimulator(ImuSimulatorSettings(), load_imu_profile(g.profile)) for g in (VIBRATING, FIBRE_OPTIC)}
-        heard: dict[str, list[Measurement]] = {name: [] for name in imus}
+        received: dict[str, list[Measurement]] = {name: [] for name in imus}
         truths = []
         for truth, measurements in Simulation(scenario).blocks():
             truths.append((truth.stamps_ns, truth.q_nb))
             for name, imu in imus.items():
-                heard[name] += sorted([*measurements, *imu.simulate(truth)], key=lambda m: (m.stamp_ns, m.source))
+                received[name] += sorted([*measurements, *imu.simulate(truth)], key=lambda m: (m.stamp_ns, m.source))
         stamps, quats = (np.concatenate(columns) for columns in zip(*truths, strict=True))
-        return {name: _navigate(name, heard[name], stamps, quats) for name in imus}
+        return {name: _navigate(name, received[name], stamps, quats) for name in imus}
 
     return context.once("switch flown", compute)
 
 
-def _navigate(profile: str, heard: list[Measurement], stamps: np.ndarray, quats: np.ndarray) -> dict[str, np.ndarray]:
+def _navigate(profile: str, received: list[Measurement], stamps: np.ndarray, quats: np.ndarray) -> dict[str, np.ndarray]:
     imu, place = imu_settings(load_imu_profile(profile).filter_noise()), PlaceSettings([37.69, -121.82], 1200.0)
     navigator = Ahrs(replace(AhrsSettings(), filter="switched", imu=imu, place=place))
-    solutions = navigator.feed_all(heard)
+    solutions = navigator.feed_all(received)
     rows = np.searchsorted(stamps, [s.stamp_ns for s in solutions])
     bank = np.array([quat_to_euler(quats[row])[0] for row in rows])
     roll = np.array([quat_to_euler(s.q_nb)[0] for s in solutions])
-    rates = np.concatenate([m.angular_rate_b for m in heard if isinstance(m, ImuBlock)])
+    rates = np.concatenate([m.angular_rate_b for m in received if isinstance(m, ImuBlock)])
     alone = coast_quaternion(quats[0], rates[1:], 1e-9 * float(stamps[1] - stamps[0]))
     return {
         "t": 1e-9 * (stamps[rows] - stamps[0]),

@@ -7,7 +7,7 @@ so the seven states of the thesis lose nothing.
 """
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,11 +17,9 @@ from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
 from lowcostnav_ros.cores import reckoning_model as model
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
+from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.studies.covariance_study import History, Step, error_budget, first_crossing, growth_exponent, run
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SPEED_MPS = 46.3
 """90 kt as the thesis rounds it."""
@@ -48,14 +46,14 @@ SOURCES = {
 """Sources of an error budget by the blocks they drive; white heading noise belongs to ``heading``."""
 
 
-def thesis_settings(**changes: object) -> DeadReckoningSettings:
+def thesis_settings(**changes: object) -> Any:
     """Return the navigator's settings with the error models of tables 5.1 and 6.1 and nothing else; ``changes`` are dotted names."""
     absent = ("heading.offset_deg", "airspeed.scale", "airspeed.noise_mps", "wind.mean_mps", "wind.gust_mps")
     return from_mapping(DeadReckoningSettings, {**dict.fromkeys(absent, 0.0), "dme.slots": 2, **changes})
 
 
 def dead_reckoning_step(
-    settings: DeadReckoningSettings, speed_mps: float = SPEED_MPS, heading: float = 0.0, dt_s: float = 1.0, white_heading: str = "pos"
+    settings: Any, speed_mps: float = SPEED_MPS, heading: float = 0.0, dt_s: float = 1.0, white_heading: str = "pos"
 ) -> tuple[Layout, Step]:
     """Return layout and time step of dead reckoning at constant airspeed (m/s) and heading (rad).
 
@@ -115,16 +113,16 @@ def growth(context: Context) -> Outcome:
     return judged(ours, within, figure=lambda figure: draw_growth(figure, curves))
 
 
-def draw_growth(figure: "Figure", curves: dict[str, History]) -> None:
+def draw_growth(figure: Any, curves: dict[str, History]) -> None:
     """Figure 5.5: the first minutes, with the 0.5 NM limit, and the whole half hour."""
     labels = {"pos": "white heading noise on position", "psi": "white heading noise on the heading state"}
-    for axes, until_s in zip(figure.subplots(1, 2), (420, FLIGHT_S), strict=True):
+    for k, until_s in enumerate((420, FLIGHT_S), 1):
+        made = axes(figure, (1, 2, k), x="time [min]", y="horizontal error, 1 sigma [m]")
         for name, history in curves.items():
-            axes.plot(history.t_s[: until_s + 1] / 60.0, history.sigma(NORTH, EAST)[: until_s + 1], label=labels[name])
-        axes.axhline(LIMIT_M, color="black", linestyle=":", label="0.5 NM")
-        axes.set(xlabel="time [min]", ylabel="horizontal error, 1 sigma [m]", xlim=(0, until_s / 60.0), ylim=(0, None))
-        axes.grid(alpha=0.3)
-    axes.legend(fontsize="small")
+            made.plot(history.t_s[: until_s + 1] / 60.0, history.sigma(NORTH, EAST)[: until_s + 1], label=labels[name])
+        made.axhline(LIMIT_M, color="black", linestyle=":", label="0.5 NM")
+        made.set(xlim=(0, until_s / 60.0), ylim=(0, None))
+    legend(made)
     figure.suptitle("Open-loop dead reckoning, 90 kt, perfect start (figure 5.5)")
 
 
@@ -146,16 +144,14 @@ def budget(context: Context) -> Outcome:
     return judged(text, worst < 0.03 and nothing == 0.0, figure=lambda figure: draw_budget(figure, whole, parts))
 
 
-def draw_budget(figure: "Figure", whole: History, parts: dict[str, History]) -> None:
+def draw_budget(figure: Any, whole: History, parts: dict[str, History]) -> None:
     """Figure 5.6: horizontal sigma of each source."""
-    axes = figure.subplots()
-    axes.plot(whole.t_s / 60.0, whole.sigma(NORTH, EAST), color="black", label="all")
+    made = axes(figure, x="time [min]", y="horizontal error, 1 sigma [m]", title="Error budget of open-loop dead reckoning (figure 5.6)")
+    made.plot(whole.t_s / 60.0, whole.sigma(NORTH, EAST), color="black", label="all")
     for name in BUDGET_M:
-        axes.plot(whole.t_s / 60.0, parts[name].sigma(NORTH, EAST), label=name)
-    axes.set(xlabel="time [min]", ylabel="horizontal error, 1 sigma [m]", xlim=(0, FLIGHT_S / 60.0), ylim=(0, None))
-    axes.set_title("Error budget of open-loop dead reckoning (figure 5.6)")
-    axes.grid(alpha=0.3)
-    axes.legend()
+        made.plot(whole.t_s / 60.0, parts[name].sigma(NORTH, EAST), label=name)
+    made.set(xlim=(0, FLIGHT_S / 60.0), ylim=(0, None))
+    legend(made)
 
 
 @result(
@@ -174,13 +170,11 @@ def exponents(context: Context) -> Outcome:
     return judged(text, all(abs(ours[span] - p) < 0.1 for span, p in EXPONENTS.items()), figure=lambda f: draw_exponents(f, history))
 
 
-def draw_exponents(figure: "Figure", history: History) -> None:
+def draw_exponents(figure: Any, history: History) -> None:
     """The growth on logarithmic axes beside the powers 1.5 and 1."""
-    axes = figure.subplots()
+    made = axes(figure, x="time [s]", y="horizontal error, 1 sigma [m]", title="Local growth of the dead-reckoning error", log=True)
     t_s, sigma = history.t_s[1:], history.sigma(NORTH, EAST)[1:]
-    axes.loglog(t_s, sigma, color="black", label="dead reckoning")
+    made.plot(t_s, sigma, color="black", label="dead reckoning")
     for power, at_s in ((1.5, 30), (1.0, 600)):
-        axes.loglog(t_s, sigma[at_s - 1] * (t_s / at_s) ** power, linestyle=":", label=f"t^{power:g}")
-    axes.set(xlabel="time [s]", ylabel="horizontal error, 1 sigma [m]", title="Local growth of the dead-reckoning error")
-    axes.grid(alpha=0.3, which="both")
-    axes.legend()
+        made.plot(t_s, sigma[at_s - 1] * (t_s / at_s) ** power, linestyle=":", label=f"t^{power:g}")
+    legend(made)

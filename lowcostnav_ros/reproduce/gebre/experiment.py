@@ -131,7 +131,7 @@ def boom_trace(context: Context) -> Outcome:
     tolerance="none stated",
 )
 def boom_heading(context: Context) -> Outcome:
-    """Statistics of the simulated experiment; no tolerance, so the verdict says what it is: another experiment."""
+    """Statistics of the simulated experiment; there is no tolerance, and it is another experiment."""
     error = np.degrees(_experiments(context)[0].error)
     ours = f"mean {error.mean():.2f} deg, standard deviation {error.std():.2f} deg, largest {np.abs(error).max():.1f} deg"
 

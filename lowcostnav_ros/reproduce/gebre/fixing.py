@@ -180,7 +180,7 @@ def schedule(_: Context) -> Outcome:
     tolerance="parts add up to the totals; counts themselves cannot be recomputed without the airport list",
 )
 def site_counts(_: Context) -> Outcome:
-    """Add up what is printed and say what does not."""
+    """Add up what is printed and name what does not add up."""
     cost = network.total_cost()
     sums = ", ".join(f"{o.name}: {o.existing} + {o.additional} = {o.existing + o.additional}" for o in network.OPTIONS)
     remarks = "; ".join(o.remark for o in network.OPTIONS if o.remark)

@@ -6,7 +6,7 @@ figures are spectral amplitudes per root hertz.
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -17,23 +17,12 @@ from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, POS, VEL, inertial_dynamics, noise_density
 from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.physics.earth import gravity
-from lowcostnav_ros.reproduce.gebre.dead_reckoning import (
-    EAST,
-    FLIGHT_S,
-    LIMIT_M,
-    NORTH,
-    SPEED_MPS,
-    dead_reckoning_step,
-    open_loop,
-    thesis_settings,
-    worst_ratio,
-)
+from lowcostnav_ros.reproduce.figures import axes, legend
+from lowcostnav_ros.reproduce.gebre import dead_reckoning
+from lowcostnav_ros.reproduce.gebre.dead_reckoning import EAST, FLIGHT_S, LIMIT_M, NORTH, SPEED_MPS, open_loop, worst_ratio
 from lowcostnav_ros.reproduce.gebre.update_methods import Case, horizontal, study
 from lowcostnav_ros.reproduce.registry import NOT_IN_NUMBERS, Context, Outcome, judged, result
 from lowcostnav_ros.studies.covariance_study import History, Step, Update, discretise, first_crossing, run
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 GRADES = ("tactical", "automotive", "consumer")
 LATITUDE = 37.7 * DEGREE
@@ -135,17 +124,15 @@ def low_grades(context: Context) -> Outcome:
     return judged("; ".join(parts), within, figure=lambda figure: draw_grades(figure, 180, 2000.0, GRADES))
 
 
-def draw_grades(figure: "Figure", until_s: int, top_m: float, grades: tuple[str, ...]) -> None:
+def draw_grades(figure: Any, until_s: int, top_m: float, grades: tuple[str, ...]) -> None:
     """Figures 5.4 and 5.5: dead reckoning and unaided inertial navigation by grade."""
-    axes = figure.subplots()
+    made = axes(figure, x="time [min]", y="horizontal error, 1 sigma [m]", title="Unaided, perfect start, 90 kt north")
     for name, history in {"dead reckoning": open_loop(), **{f"INS, {grade}": unaided(grade) for grade in grades}}.items():
         sigma = history.sigma(NORTH, EAST)[: until_s + 1]
-        axes.plot(history.t_s[: until_s + 1] / 60.0, sigma, color="black" if name == "dead reckoning" else None, label=name)
-    axes.axhline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
-    axes.set(xlabel="time [min]", ylabel="horizontal error, 1 sigma [m]", xlim=(0, until_s / 60.0), ylim=(0, top_m))
-    axes.set_title("Unaided, perfect start, 90 kt north")
-    axes.grid(alpha=0.3)
-    axes.legend()
+        made.plot(history.t_s[: until_s + 1] / 60.0, sigma, color="black" if name == "dead reckoning" else None, label=name)
+    made.axhline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
+    made.set(xlim=(0, until_s / 60.0), ylim=(0, top_m))
+    legend(made)
 
 
 def dme_aided(grade: str) -> tuple[tuple[str, ...], History]:
@@ -153,7 +140,7 @@ def dme_aided(grade: str) -> tuple[tuple[str, ...], History]:
     imu = grade_settings(grade)
     labels, step = inertial_step(imu)
     n, aided = len(labels), study(Case("one"))
-    rows = dead_reckoning_step(thesis_settings())[0]["dme_bias"]
+    rows = dead_reckoning.dead_reckoning_step(dead_reckoning.thesis_settings())[0]["dme_bias"]
     noise = {name: block_diag(Qd, np.zeros((2, 2))) for name, Qd in step.noise.items()}
     noise["range bias"] = block_diag(np.zeros((n, n)), aided.step.noise["range bias"][rows, rows])
     sensors = np.concatenate([block.sigma0 for block in bias_blocks(imu)])
@@ -184,14 +171,13 @@ def sparse_ranges(context: Context) -> Outcome:
     return Outcome(ours, NOT_IN_NUMBERS, reason, lambda figure: draw_sparse(figure, reckoning))
 
 
-def draw_sparse(figure: "Figure", reckoning: np.ndarray) -> None:
+def draw_sparse(figure: Any, reckoning: np.ndarray) -> None:
     """Horizontal error of DME-aided INS by grade beside DME-aided dead reckoning."""
-    axes = figure.subplots()
+    made = axes(figure, x="time [min]", y="horizontal error, 1 sigma [m]", title="One DME range every 15 s")
     for grade in GRADES:
         _, history = dme_aided(grade)
-        axes.plot(history.t_s / 60.0, history.sigma(NORTH, EAST), linewidth=0.9, label=f"INS, {grade}")
-    axes.plot(np.arange(len(reckoning)) / 60.0, reckoning, color="black", linewidth=0.9, label="dead reckoning")
-    axes.axhline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
-    axes.set(xlabel="time [min]", ylabel="horizontal error, 1 sigma [m]", ylim=(0, None), title="One DME range every 15 s")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize="small")
+        made.plot(history.t_s / 60.0, history.sigma(NORTH, EAST), linewidth=0.9, label=f"INS, {grade}")
+    made.plot(np.arange(len(reckoning)) / 60.0, reckoning, color="black", linewidth=0.9, label="dead reckoning")
+    made.axhline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
+    made.set(ylim=(0, None))
+    legend(made)

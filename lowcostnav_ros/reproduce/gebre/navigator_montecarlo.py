@@ -9,7 +9,7 @@ and wind; counted whole it is (315 m)^2.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,14 +23,12 @@ from lowcostnav_ros.estimation.kalman import scalar_update
 from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
 from lowcostnav_ros.physics.earth import difference_n, displace
 from lowcostnav_ros.radionav.geometry import range_and_direction
+from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.gebre import flights
 from lowcostnav_ros.reproduce.gebre.dead_reckoning import LIMIT_M, thesis_settings
 from lowcostnav_ros.reproduce.gebre.update_methods import NOISE_M, WORDS, Case
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.studies.covariance_study import first_crossing
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SCHEMES = ("one", "two", "scanning")
 OPEN_LOOP = "open loop"
@@ -93,17 +91,17 @@ def reduced_track(flight: flights.Flight, case: Case | None, sigma_m: float) -> 
     estimate = np.zeros(layout.size)
     estimate[layout["wind"]] = flight.wind_n[0]
     table = flights.stations()
-    heard = [] if case is None else flights.ranges(flight, case, table)
-    seconds = np.array([(m.stamp_ns - flights.START_NS) // flights.SECOND_NS for m in heard], dtype=np.int64)
-    towers = np.array([(table[m.station].lat, table[m.station].lon, table[m.station].height) for m in heard]).reshape(-1, 3)
+    replies = [] if case is None else flights.ranges(flight, case, table)
+    seconds = np.array([(m.stamp_ns - flights.START_NS) // flights.SECOND_NS for m in replies], dtype=np.int64)
+    towers = np.array([(table[m.station].lat, table[m.station].lon, table[m.station].height) for m in replies]).reshape(-1, 3)
     start = np.array(displaced_start(flight))
-    args = layout.kind, layout.axis, layout.rate, layout.psd, free, flight.air_n(), seconds, towers, np.array([m.range_m for m in heard])
+    args = layout.kind, layout.axis, layout.rate, layout.psd, free, flight.air_n(), seconds, towers, np.array([m.range_m for m in replies])
     places, covariance = fly_reduced(start, estimate, np.diag(sigma**2), *args, sigma_m**2, WALK)
     return Track(errors(flight.place, places), covariance)
 
 
 def displaced_start(flight: flights.Flight) -> tuple[float, float, float]:
-    """Return the first position a navigator is told: off by 2 m, 1 sigma."""
+    """Return the position a navigator starts from: off by 2 m, 1 sigma."""
     error = POSITION_SIGMA_M * stream(flight.seed, "start").standard_normal(3)
     error[2] = 0.0
     lat, lon, height = flight.place[0]
@@ -115,7 +113,7 @@ def errors(truth: np.ndarray, places: np.ndarray) -> np.ndarray:
     return np.array([difference_n(*true, *ours)[0:2] for true, ours in zip(truth, places, strict=True)])
 
 
-def live_settings(model: str) -> DeadReckoningSettings:
+def live_settings(model: str) -> Any:
     """Return the navigator's settings for the flights: as shipped, but inputs come once a second."""
     return from_mapping(
         DeadReckoningSettings,
@@ -224,20 +222,19 @@ def open_loop_flights(context: Context) -> Outcome:
     return judged(ours, early > 0.80, figure=lambda figure: draw_open_loop(figure, error))
 
 
-def draw_open_loop(figure: "Figure", error: np.ndarray) -> None:
+def draw_open_loop(figure: Any, error: np.ndarray) -> None:
     """Figure 7.14, open loop: every run, their RMS and the limit."""
-    axes = figure.subplots()
+    title = f"Open-loop dead reckoning, {len(error)} flights (figures 7.13, 7.14)"
+    made = axes(figure, x="time since GPS was lost [min]", y="horizontal error [km]", title=title)
     minutes = np.arange(error.shape[1]) / 60.0
-    axes.plot(minutes, error.T / 1e3, color="tab:blue", alpha=0.15, linewidth=0.6)
-    axes.plot(minutes, np.sqrt(np.mean(error**2, axis=0)) / 1e3, color="black", label="RMS of the runs")
-    axes.axhline(LIMIT_M / 1e3, color="tab:red", linestyle=":", label="0.5 NM")
-    axes.set(xlabel="time since GPS was lost [min]", ylabel="horizontal error [km]", xlim=(0, 30), ylim=(0, 25))
-    axes.set_title(f"Open-loop dead reckoning, {len(error)} flights (figures 7.13, 7.14)")
-    axes.grid(alpha=0.3)
-    axes.legend()
+    made.plot(minutes, error.T / 1e3, color="tab:blue", alpha=0.15, linewidth=0.6)
+    made.plot(minutes, np.sqrt(np.mean(error**2, axis=0)) / 1e3, color="black", label="RMS of the runs")
+    made.axhline(LIMIT_M / 1e3, color="tab:red", linestyle=":", label="0.5 NM")
+    made.set(xlim=(0, 30), ylim=(0, 25))
+    legend(made)
 
 
-def _told(summary: dict[str, Statistics]) -> str:
+def _listed(summary: dict[str, Statistics]) -> str:
     return "; ".join(f"{WORDS[scheme]}: {s}" for scheme, s in summary.items())
 
 
@@ -253,12 +250,12 @@ def reduced_flights(context: Context) -> Outcome:
     tracks = campaign(context, 20 if context.quick else 60, SCHEMES, WHOLE_M)
     summary = {scheme: statistics(tracks[scheme]) for scheme in SCHEMES}
     alike = likeness(tracks["one"], tracks["scanning"]), likeness(tracks["two"], tracks["scanning"])
-    ours = f"{_told(summary)}; correlation of the errors with those of scanning {alike[0]:.2f} (1-DME), {alike[1]:.2f} (2-DME)"
+    ours = f"{_listed(summary)}; correlation of the errors with those of scanning {alike[0]:.2f} (1-DME), {alike[1]:.2f} (2-DME)"
     within = all(s.within >= 0.95 for s in summary.values())
     return judged(ours, within, figure=lambda figure: draw_methods(figure, context.seeds("navigator flights", 1)[0], tracks))
 
 
-def draw_methods(figure: "Figure", seed: int, tracks: dict[str, list[Track]]) -> None:
+def draw_methods(figure: Any, seed: int, tracks: dict[str, list[Track]]) -> None:
     """Figures 7.12 to 7.15 for the first flight: ground track with all solutions, its final approach, errors over time."""
     plan, final, curves = figure.subplots(1, 3, width_ratios=(1, 1, 1.3))
     flight = flights.fly(seed)
@@ -266,19 +263,19 @@ def draw_methods(figure: "Figure", seed: int, tracks: dict[str, list[Track]]) ->
     solutions = {"open loop": track_of(Job(seed, OPEN_LOOP, 0.0)), **{WORDS[scheme]: t[0] for scheme, t in tracks.items()}}
     for name, track in solutions.items():
         place = truth[: len(track.error_m)] - track.error_m / NAUTICAL_MILE
-        for axes in (plan, final):
-            axes.plot(place[:, 1], place[:, 0], label=name, linewidth=0.8)
+        for made in (plan, final):
+            made.plot(place[:, 1], place[:, 0], label=name, linewidth=0.8)
         curves.plot(np.arange(len(place)) / 60.0, track.horizontal(), label=name, linewidth=0.8)
-    for axes in (plan, final):
-        axes.plot(truth[:, 1], truth[:, 0], color="black", label="truth", linewidth=1.2)
-        axes.plot(0, 0, "ks", markersize=4)
-        axes.set(xlabel="east [NM]", aspect="equal")
+    for made in (plan, final):
+        made.plot(truth[:, 1], truth[:, 0], color="black", label="truth", linewidth=1.2)
+        made.plot(0, 0, "ks", markersize=4)
+        made.set(xlabel="east [NM]", aspect="equal")
     plan.set(ylabel="north [NM]", title="one flight (7.12, 7.13)", ylim=(-2, 8))
     final.set(title="final approach (7.15)", xlim=(-1.5, 5), ylim=(-2.5, 4))
     curves.axhline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
     curves.set(xlabel="time [min]", ylabel="horizontal error [m]", ylim=(0, 2000), title="errors (7.14)")
-    for axes in (plan, final, curves):
-        axes.grid(alpha=0.3)
+    for made in (plan, final, curves):
+        made.grid(alpha=0.3)
     curves.legend(fontsize="x-small")
 
 
@@ -294,24 +291,23 @@ def printed_flights(context: Context) -> Outcome:
     runs = 20 if context.quick else 60
     tracks = {sigma_m: campaign(context, runs, SCHEMES, sigma_m) for sigma_m in (NOISE_M, WHOLE_M)}
     summary = {scheme: statistics(tracks[NOISE_M][scheme]) for scheme in SCHEMES}
-    reason = "the printed range variance leaves the biases out, so they go into position and wind; counting them mends it (GR48)"
+    reason = "the printed range variance leaves the biases out, so they go into position and wind; counting them corrects this (GR48)"
     within = all(s.within >= 0.95 for s in summary.values())
-    return judged(_told(summary), within, reason, lambda figure: draw_distributions(figure, tracks))
+    return judged(_listed(summary), within, reason, lambda figure: draw_distributions(figure, tracks))
 
 
-def draw_distributions(figure: "Figure", tracks: dict[float, dict[str, list[Track]]]) -> None:
+def draw_distributions(figure: Any, tracks: dict[float, dict[str, list[Track]]]) -> None:
     """Share of the time within an error, printed variance and whole variance."""
-    axes = figure.subplots()
+    title = "Effect of the range variance on the reduced-order filter"
+    made = axes(figure, x="horizontal error [m]", y="share of the time within [-]", title=title)
     share = np.linspace(0.0, 1.0, 400)
     for sigma_m, style in zip(tracks, ("--", "-"), strict=True):
         for scheme, colour in zip(SCHEMES, ("tab:green", "tab:orange", "tab:blue"), strict=True):
             settled = np.concatenate([track.horizontal()[SETTLED_S:] for track in tracks[sigma_m][scheme]])
-            axes.plot(np.quantile(settled, share), share, style, color=colour, label=f"{WORDS[scheme]}, range sigma {sigma_m:.0f} m")
-    axes.axvline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
-    axes.set(xlabel="horizontal error [m]", ylabel="share of the time within [-]", xlim=(0, 2000), ylim=(0, 1))
-    axes.set_title("Reduced-order filter: what the range variance does")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize="small")
+            made.plot(np.quantile(settled, share), share, style, color=colour, label=f"{WORDS[scheme]}, range sigma {sigma_m:.0f} m")
+    made.axvline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
+    made.set(xlim=(0, 2000), ylim=(0, 1))
+    legend(made)
 
 
 @result(
@@ -327,26 +323,26 @@ def live_flights(context: Context) -> Outcome:
     summary = {scheme: statistics(tracks[scheme]) for scheme in SCHEMES}
     ours = "; ".join(f"{WORDS[scheme]}: {s}, NEES {s.nees:.2f}" for scheme, s in summary.items())
     within = all(s.within >= 0.95 and 1.5 <= s.nees <= 3.0 for s in summary.values())
-    reason = "the navigator leaves half a mile too often, or its sigma is not honest: see the numbers"
+    reason = "the navigator leaves half a mile too often, or its sigma is too small: see the numbers"
     return judged(ours, within, reason, lambda figure: draw_live(figure, tracks))
 
 
-def draw_live(figure: "Figure", tracks: dict[str, list[Track]]) -> None:
-    """RMS error beside the believed sigma, and the mean NEES with its 95 % band."""
-    errors_axes, nees_axes = figure.subplots(1, 2)
+def draw_live(figure: Any, tracks: dict[str, list[Track]]) -> None:
+    """RMS error beside the estimated sigma, and the mean NEES with its 95 % band."""
+    left = axes(figure, (1, 2, 1), x="time [min]", y="horizontal error, RMS (dotted: estimated) [m]")
+    right = axes(figure, (1, 2, 2), x="time [min]", y="mean NEES, 2 expected [-]")
     for scheme, colour in zip(SCHEMES, ("tab:green", "tab:orange", "tab:blue"), strict=True):
         error = np.array([track.horizontal() for track in tracks[scheme]])
-        believed = np.array([np.trace(track.covariance, axis1=1, axis2=2) for track in tracks[scheme]])
+        estimated = np.array([np.trace(track.covariance, axis1=1, axis2=2) for track in tracks[scheme]])
         minutes = np.arange(error.shape[1]) / 60.0
-        errors_axes.plot(minutes, np.sqrt(np.mean(error**2, axis=0)), color=colour, label=WORDS[scheme], linewidth=0.9)
-        errors_axes.plot(minutes, np.sqrt(np.mean(believed, axis=0)), ":", color=colour, linewidth=0.9)
+        left.plot(minutes, np.sqrt(np.mean(error**2, axis=0)), color=colour, label=WORDS[scheme], linewidth=0.9)
+        left.plot(minutes, np.sqrt(np.mean(estimated, axis=0)), ":", color=colour, linewidth=0.9)
         ratio = np.mean([nees(track.error_m[60:], track.covariance[60:]) for track in tracks[scheme]], axis=0)
-        nees_axes.plot(minutes[60:], ratio, color=colour, linewidth=0.9)
-    errors_axes.axhline(LIMIT_M, color="grey", linestyle="--", label="0.5 NM")
-    errors_axes.set(xlabel="time [min]", ylabel="horizontal error, RMS (dotted: believed) [m]", ylim=(0, 1000))
-    nees_axes.axhspan(*acceptance_band(2, len(tracks["one"])), color="grey", alpha=0.25, label="95 % band of the mean")
-    nees_axes.set(xlabel="time [min]", ylabel="mean NEES, 2 expected [-]", ylim=(0, 6))
-    for axes in (errors_axes, nees_axes):
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize="small")
+        right.plot(minutes[60:], ratio, color=colour, linewidth=0.9)
+    left.axhline(LIMIT_M, color="grey", linestyle="--", label="0.5 NM")
+    left.set_ylim(0, 1000)
+    right.axhspan(*acceptance_band(2, len(tracks["one"])), color="grey", alpha=0.25, label="95 % band of the mean")
+    right.set_ylim(0, 6)
+    legend(left)
+    legend(right)
     figure.suptitle(f"Live navigator, {len(tracks['one'])} flights")

@@ -2,17 +2,15 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, category
+from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight
 from lowcostnav_ros.reproduce.solimeno.gps_only import FOLLOWING, OTHERS, SEEDS, VELOCITY, each_3d, mean_rms, norm, rms_row, runs
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ATTITUDE = slice(6, 9)
 
@@ -32,7 +30,7 @@ def drawn(context: Context, coupling: str, grade: str = "crista") -> list[Flight
     return runs(context, Case(coupling, "LD", grade, start="drawn"), SEEDS if grade == "crista" else OTHERS)
 
 
-def honesty(flights: Sequence[Flight]) -> str:
+def consistency(flights: Sequence[Flight]) -> str:
     """Normalised squared errors, three expected of each; mean over seeds and the largest of one flight."""
     scores = np.array([f.nees[f.t_s > SETTLED_S].mean(axis=0) for f in flights])
     parts = zip(("position", "velocity", "attitude"), scores.mean(axis=0), scores.max(axis=0), strict=True)
@@ -42,7 +40,7 @@ def honesty(flights: Sequence[Flight]) -> str:
 def consistent_row(context: Context, grade: str) -> str:
     """3D RMS and NEES of both couplings with consistent tuning."""
     found = {coupling: drawn(context, coupling, grade) for coupling in ("tight", "loose")}
-    return "; ".join(f"consistent tuning, {name}: {norm(mean_rms(f)):.2f} m, {honesty(f)}" for name, f in found.items())
+    return "; ".join(f"consistent tuning, {name}: {norm(mean_rms(f)):.2f} m, {consistency(f)}" for name, f in found.items())
 
 
 @result(
@@ -85,7 +83,7 @@ def tight_crista(context: Context) -> Outcome:
     each = np.degrees(each_3d(flights, ATTITUDE))
     text += f"; velocity {velocity:.3f} m/s; attitude {attitude:.2f} deg ({each.min():.2f} to {each.max():.2f}), "
     text += f"roll and pitch {norm(attitude_deg(flights)[:2]):.2f} deg; the first minute included {attitude_from_start(flights):.2f} deg"
-    why = "heading is seen through horizontal acceleration alone, and the thesis does not say how much of it its flight has"
+    why = "heading is observable through horizontal acceleration alone, and the thesis does not state how much of it its flight has"
     return judged(text, within and velocity <= 0.165 and attitude <= 1.80, why)
 
 
@@ -152,7 +150,7 @@ def approach(context: Context) -> Outcome:
     tolerance="yaw above 10 deg at 30 s (RMS of seeds), roll and pitch RMS below 1 deg",
 )
 def straight(context: Context) -> Outcome:
-    """Low-cost IMU on STR; the thesis's flights start at the true attitude, and the filter is told one degree."""
+    """Low-cost IMU on STR; the thesis's flights start at the true attitude, and the filter is given one degree."""
     flights = runs(context, Case("tight", "STR"))
     at_30 = np.abs(np.degrees([f.error[np.searchsorted(f.t_s, 30.0), 8] for f in flights]))
     sigma_30, sigma_end = (np.degrees(np.mean([f.sigma[k, 8] for f in flights])) for k in (np.searchsorted(flights[0].t_s, 30.0), -1))
@@ -185,22 +183,19 @@ def dynamics(context: Context) -> Outcome:
     return judged(f"{shown} over {SEEDS} seeds", within, why)
 
 
-def draw_coupling(tight: Flight, loose: Flight, figure: "Figure") -> None:
+def draw_coupling(tight: Flight, loose: Flight, figure: Any) -> None:
     """Figures 7.11 and 7.12: position error of both couplings over time."""
-    axes = figure.subplots()
+    made = axes(figure, x="time [s]", y="position error [m]", title="Low-cost IMU, low dynamics, consistent tuning")
     for name, flight in (("tight", tight), ("loose", loose)):
-        axes.plot(flight.t_s, np.linalg.norm(flight.error[:, :3], axis=1), lw=0.8, label=name)
-    axes.set(xlabel="time [s]", ylabel="position error [m]", ylim=(0.0, 3.0), title="Low-cost IMU, low dynamics, consistent tuning")
-    axes.grid(alpha=0.3)
-    axes.legend()
+        made.plot(flight.t_s, np.linalg.norm(flight.error[:, :3], axis=1), lw=0.8, label=name)
+    made.set(ylim=(0.0, 3.0))
+    legend(made)
 
 
-def draw_heading(flight: Flight, figure: "Figure") -> None:
+def draw_heading(flight: Flight, figure: Any) -> None:
     """Figure 7.14: attitude errors in straight flight and the heading's sigma."""
-    axes = figure.subplots()
+    made = axes(figure, x="time [s]", y="attitude error [deg]", title="Straight and uniform flight")
     for column, name in ((6, "roll"), (7, "pitch"), (8, "heading")):
-        axes.plot(flight.t_s, np.degrees(flight.error[:, column]), label=name)
-    axes.plot(flight.t_s, np.degrees(flight.sigma[:, 8]), "k:", label="sigma of the heading")
-    axes.set(xlabel="time [s]", ylabel="attitude error [deg]", title="Straight and uniform flight")
-    axes.grid(alpha=0.3)
-    axes.legend()
+        made.plot(flight.t_s, np.degrees(flight.error[:, column]), label=name)
+    made.plot(flight.t_s, np.degrees(flight.sigma[:, 8]), "k:", label="sigma of the heading")
+    legend(made)

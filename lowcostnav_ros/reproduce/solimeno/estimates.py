@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,6 @@ from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight, e
 from lowcostnav_ros.reproduce.solimeno.gps_only import SEEDS, root_mean_square, runs
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
 from lowcostnav_ros.sensors.imu_profile import ImuProfile
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 HD = Case("tight", "HD")
 NONE = [0.0, 0.0, 0.0]
@@ -82,7 +79,7 @@ def errors_over_size(context: Context, dataset: str, parts: Sequence[str], size_
     return out
 
 
-def told(case: Case) -> dict[str, np.ndarray]:
+def observed_share(case: Case) -> dict[str, np.ndarray]:
     """The filter's sigma of the scale factors at the end of a flight over that at its start, (3,) of either sensor."""
     truth, profile = truth_of(case.dataset, case.duration_s), load_imu_profile(case.grade)
     navigator = started(navigator_of(case, profile), truth, case)
@@ -126,7 +123,7 @@ def turn_on(context: Context) -> Outcome:
     tolerance="error over size: gyros below accelerometers, on both flights",
 )
 def drift(context: Context) -> Outcome:
-    """Low-cost IMU.  A drift and a turn-on bias act alike, and only their sum is told apart from zero: its error counts.
+    """Low-cost IMU.  A drift and a turn-on bias act alike, and only their sum is observable: its error counts.
 
     The size it is measured by is that of the drift.
     """
@@ -157,7 +154,7 @@ def scale(context: Context) -> Outcome:
     parts, found = [], {}
     for dataset in ("LD", "HD"):
         case = replace(HD, dataset=dataset)
-        sigma = context.once(f"solimeno.told.{dataset}", partial(context.run, told, [case]))[0]
+        sigma = context.once(f"solimeno.observed.{dataset}", partial(context.run, observed_share, [case]))[0]
         error = errors_over_size(context, dataset, ("scale",), "scale")
         for sensor, name in (("gyro", "gyros"), ("accel", "accelerometers")):
             excited = sigma[sensor] <= EXCITED
@@ -190,7 +187,7 @@ def clock(context: Context) -> Outcome:
     return judged(text, bias < 5.0 and drift_mps < 0.3)
 
 
-def draw_turn_on(flight: Flight, case: Case, figure: "Figure") -> None:
+def draw_turn_on(flight: Flight, case: Case, figure: Any) -> None:
     """Figure 7.28: estimated turn-on biases over time and their true values."""
     true = true_errors(case, "bias")
     for axes, sensor, values, unit in zip(figure.subplots(2, 1, sharex=True), ("accel", "gyro"), true, ("m/s^2", "rad/s"), strict=True):

@@ -56,7 +56,7 @@ class Case:
     the solution of each epoch alone); ``schedule`` a key of :data:`SCHEDULES`.
 
     ``start``: at the ``known`` true state, as the thesis's flights do, or at one ``drawn`` from :data:`START_SIGMA`, which a judgement
-    of the filter's own sigmas needs; the filter is told :data:`START_SIGMA` either way.  ``heading_error_deg`` is added at the start,
+    of the filter's own sigmas needs; the filter is given :data:`START_SIGMA` either way.  ``heading_error_deg`` is added at the start,
     and to the filter's sigma.  ``clock`` is the receiver's oscillator, which the filter knows.  ``position_noise`` multiplies the
     position random walk of the thesis's tuning.
     """
@@ -147,7 +147,7 @@ def gnss_settings(case: Case) -> GnssSettings:
     return GnssSettings(screening=tested, oscillator=case.clock, integrity=IntegritySettings(enabled=tested))
 
 
-def gps_only_settings(case: Case) -> GnssOnlySettings:
+def gps_only_settings(case: Case) -> Any:
     """Settings of the satellites-only filter of a case (the PVA filter where it feeds loose coupling)."""
     model = case.navigator if case.navigator in ("pv", "pva") else "pva"
     gnss = gnss_settings(case)
@@ -157,7 +157,7 @@ def gps_only_settings(case: Case) -> GnssOnlySettings:
     return replace(plain, velocity_psd=case.driving_psd, acceleration_psd=case.driving_psd)
 
 
-def inertial_settings(case: Case, imu: ImuSettings) -> InsGnssSettings:
+def inertial_settings(case: Case, imu: ImuSettings) -> Any:
     """Settings of the INS/GNSS filter of a case; the thesis takes the errors of the GPS filter for white and screens nothing."""
     now: dict[str, Any] = {"horizon": NO_LAG, "gps": GpsSettings(latency_s=0.0), "loose": LooseSettings(behind_s=0.0)}
     coupling = "tight" if case.navigator == "tight" else "loose"
@@ -173,7 +173,7 @@ def inertial_settings(case: Case, imu: ImuSettings) -> InsGnssSettings:
 class Noisier(InsGnss):
     """The thesis's tuning with another density of its position random walk."""
 
-    def __init__(self, settings: InsGnssSettings, factor: float) -> None:
+    def __init__(self, settings: Any, factor: float) -> None:
         self._factor = factor
         super().__init__(settings)
 
@@ -190,7 +190,7 @@ def navigator_of(case: Case, profile: ImuProfile) -> InsGnss:
 
 
 def started(navigator: InsGnss, truth: TruthBlock, case: Case) -> InsGnss:
-    """Start at the true state, with errors drawn from :data:`START_SIGMA` where the case says so."""
+    """Start at the true state, with errors drawn from :data:`START_SIGMA` where the case asks for it."""
     sigma, x = START_SIGMA.copy(), np.zeros(9)
     if case.start == "drawn":
         x = START_SIGMA * stream(case.seed, "solimeno.start").standard_normal(9)

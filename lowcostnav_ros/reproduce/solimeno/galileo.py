@@ -57,7 +57,7 @@ def galileo_row(context: Context) -> Outcome:
     text += ", ".join(f"{factor:g} {noisier_ratio(context, factor):.2f}" for factor in NOISE_FACTORS)
     text += f", with consistent tuning {consistent_ratio(context):.2f}"
     why = f"single epochs of these satellites, fixed without any filter, have a ratio of {epoch:.2f}, and averaging cannot gain "
-    why += f"more (with the position noise kept it gains the square root, {np.sqrt(epoch):.2f}); the thesis does not say with how many "
+    why += f"more (with the position noise kept it gains the square root, {np.sqrt(epoch):.2f}); the thesis does not state with how many "
     why += "satellites its row for GPS alone was flown"
     return judged(text, 0.356 <= ratio[0] <= 0.556 and ratio[1] <= 0.85 and ratio[2] <= 1.3, why)
 

@@ -80,25 +80,20 @@ def budget(_: Context) -> Outcome:
     thesis="HDOP nearly flat, VDOP smallest at the lowest elevation, all growing upwards (recomputed: GDOP 1.615 at -10 deg, 1.732 at 0, "
     "3.073 at 30, 11.83 at 60)",
     tolerance="1e-3 of each recomputed number (the last digit of the larger ones)",
+    table=FIGURE_2_5,
+    correlated=False,
 )
-def geometry(_: Context) -> Outcome:
-    """Uncorrelated range errors."""
-    return _elevation_outcome(FIGURE_2_5, correlated=False)
-
-
 @result(
     "SR11",
     "Effective DOPs with errors that grow to the horizon and are partly common",
     source="Figure 2.6",
     thesis="HDOP flat, the others rise below 10 deg (recomputed: GDOP 5.500 at 0 deg, 2.603 at 15, 11.10 at 60)",
     tolerance="1e-3 of each recomputed number (the last digit of the larger ones)",
+    table=FIGURE_2_6,
+    correlated=True,
 )
-def effective_geometry(_: Context) -> Outcome:
-    """Correlated range errors."""
-    return _elevation_outcome(FIGURE_2_6, correlated=True)
-
-
-def _elevation_outcome(table: Mapping[int, tuple[float, ...]], correlated: bool) -> Outcome:
+def geometry(_: Context, table: Mapping[int, tuple[float, ...]], correlated: bool) -> Outcome:
+    """Dilutions at the elevations of a figure."""
     ours = {el: [getattr(elevation_dops(el, correlated), n) for n in NAMES] for el in table}
     worst = max(abs(a / b - 1.0) for el in table for a, b in zip(ours[el], table[el], strict=True))
     low, high = min(table), max(table)
@@ -264,52 +259,20 @@ def counted_operations() -> dict[str, list[int]]:
     }
 
 
-def _load(name: str) -> Outcome:
+def load(_: Context, name: str) -> Outcome:
+    """Multiplications and additions of a cycle; the thesis counts one measurement a satellite in tight coupling, though there are two."""
     ours = counted_operations()[name]
     within = tuple(ours) == TABLE_5_4[name]
     return judged(", ".join(str(n) for n in ours), within, figure=lambda f: figures.load(f, counted_operations(), name))
 
 
-@result(
-    "SR17",
-    "Operations of the 8-state GPS filter, 4 to 9 satellites",
-    source="Table 5.4",
-    thesis="5212, 6004, 6924, 7985, 9200, 10582",
-    tolerance="exact",
-)
-def load_pv(_: Context) -> Outcome:
-    """Multiplications and additions of a cycle."""
-    return _load("PV")
-
-
-@result(
-    "SR18",
-    "Operations of the 11-state GPS filter, 4 to 9 satellites",
-    source="Table 5.4",
-    thesis="11671, 12910, 14301, 15857, 17591, 19516",
-    tolerance="exact",
-)
-def load_pva(_: Context) -> Outcome:
-    """Multiplications and additions of a cycle."""
-    return _load("PVA")
-
-
-@result("SR19", "Operations of the loosely coupled filter", source="Table 5.4", thesis="148493", tolerance="exact")
-def load_loose(_: Context) -> Outcome:
-    """27 states, 6 measurements."""
-    return _load("LC")
-
-
-@result(
-    "SR20",
-    "Operations of the tightly coupled filter, 1 to 9 satellites",
-    source="Table 5.4",
-    thesis="151440, 156819, 162455, 168361, 174550, 181035, 187829, 194945, 202396",
-    tolerance="exact",
-)
-def load_tight(_: Context) -> Outcome:
-    """29 states; the thesis counts one measurement a satellite, though there are two."""
-    return _load("TC")
+for _id, _name, _title in (
+    ("SR17", "PV", "Operations of the 8-state GPS filter, 4 to 9 satellites"),
+    ("SR18", "PVA", "Operations of the 11-state GPS filter, 4 to 9 satellites"),
+    ("SR19", "LC", "Operations of the loosely coupled filter"),
+    ("SR20", "TC", "Operations of the tightly coupled filter, 1 to 9 satellites"),
+):
+    result(_id, _title, source="Table 5.4", thesis=", ".join(map(str, TABLE_5_4[_name])), tolerance="exact", name=_name)(load)
 
 
 @result(

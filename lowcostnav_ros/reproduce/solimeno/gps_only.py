@@ -7,15 +7,12 @@ velocities (Figure 7.10) and its lag in high dynamics (Table 7.2), so either has
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight, fly
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LAGGING = {"pv": 8e-4, "pva": 1e-4}
 """Driving density of the velocity (m^2/s^3) or acceleration (m^2/s^5) that gives the accuracies of Table 7.2."""
@@ -170,7 +167,7 @@ def pv_high(context: Context) -> Outcome:
     tolerance="within 5 % of PV in low dynamics",
 )
 def pva_low(context: Context) -> Outcome:
-    """q_a = 1e-4 m^2/s^5; both filters hear the same satellites, so the ratio hardly depends on the seed."""
+    """q_a = 1e-4 m^2/s^5; both filters receive the same satellites, so the ratio hardly depends on the seed."""
     flights, pv = lagging(context, "pva", "LD"), lagging(context, "pv", "LD")
     each = 100.0 * (each_3d(flights) / each_3d(pv) - 1.0)
     ratio = 100.0 * (norm(mean_rms(flights)) / norm(mean_rms(pv)) - 1.0)
@@ -203,7 +200,7 @@ def consistent(context: Context, model: str, dataset: str) -> str:
     return f"{text}NEES position {scores[0]:.1f}, velocity {scores[1]:.1f} of 3"
 
 
-def draw_errors(figure: "Figure", flight: Flight, first: int) -> None:
+def draw_errors(figure: Any, flight: Flight, first: int) -> None:
     """North, east and down errors of three columns over time with their three sigmas."""
     unit = {0: "m", 3: "m/s"}[first]
     for k, (axes, name) in enumerate(zip(figure.subplots(3, 1, sharex=True), ("north", "east", "down"), strict=True)):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +13,10 @@ from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.physics.strapdown import literal_step, strapdown_step
+from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
 from lowcostnav_ros.reproduce.solimeno.flights import GRADES, imu_of, truth_of
 from lowcostnav_ros.sensors.imu_profile import ImuProfile
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MIDDLE, COMPENSATED, LITERAL = 0, 1, 2
 """Mid-interval quantities; the same with coning and sculling compensation; the printed first-order algorithm."""
@@ -100,47 +98,43 @@ def _ideal_all(context: Context, scheme: int = MIDDLE) -> dict[str, np.ndarray]:
     return context.once(f"solimeno.ideal.{scheme}", lambda: {name: ideal(name, scheme=scheme) for name in SETS})
 
 
-def _ideal_outcome(context: Context, column: int, unit: str, scale: float, within: dict[str, float]) -> Outcome:
-    plain, better = _ideal_all(context), _ideal_all(context, COMPENSATED)
-    parts = [f"{name} {scale * plain[name][column]:.3g} ({scale * better[name][column]:.2g})" for name in SETS]
-    good = all(plain[name][column] <= limit for name, limit in within.items())
-    return judged(f"{', '.join(parts)} {unit}; in brackets with coning and sculling compensation", good)
-
-
 @result(
     "SR1",
     "Position error of the mechanisation with an ideal IMU",
     source="section 7.2, Figure 7.2",
     thesis="0.5 mm at most in ten minutes; recomputed for our flights, 100 Hz: LD-gentle 0.52 mm, HD 9.4 mm, LD 56 mm",
     tolerance="2 mm on LD-gentle, 0.1 m on LD and HD",
+    column=0,
+    unit="mm",
+    within={"LD-gentle": 2e-3, "LD": 0.1, "HD": 0.1},
 )
-def ideal_position(context: Context) -> Outcome:
-    """Three datasets at 100 Hz."""
-    return _ideal_outcome(context, 0, "mm", 1e3, {"LD-gentle": 2e-3, "LD": 0.1, "HD": 0.1})
-
-
 @result(
     "SR2",
     "Velocity error of the mechanisation with an ideal IMU",
     source="section 7.2, Figure 7.3",
     thesis="0.002 mm/s; recomputed for our flights: LD-gentle 0.0019 mm/s, HD 0.042 mm/s",
     tolerance="0.2 mm/s",
+    column=1,
+    unit="mm/s",
+    within=dict.fromkeys(SETS, 2e-4),
 )
-def ideal_velocity(context: Context) -> Outcome:
-    """Three datasets at 100 Hz."""
-    return _ideal_outcome(context, 1, "mm/s", 1e3, dict.fromkeys(SETS, 2e-4))
-
-
 @result(
     "SR3",
     "Attitude error of the mechanisation with an ideal IMU",
     source="section 7.2, Figure 7.4",
     thesis="5e-7 deg; recomputed for our flights: LD-gentle 4e-8 deg, HD 1.2e-6 deg, LD 4e-6 deg",
     tolerance="1e-5 deg",
+    column=2,
+    unit="deg",
+    within=dict.fromkeys(SETS, 1e-5),
 )
-def ideal_attitude(context: Context) -> Outcome:
+def ideal_imu(context: Context, column: int, unit: str, within: dict[str, float]) -> Outcome:
     """Three datasets at 100 Hz."""
-    return _ideal_outcome(context, 2, "deg", 1.0, dict.fromkeys(SETS, 1e-5))
+    scale = 1.0 if unit == "deg" else 1e3
+    plain, better = _ideal_all(context), _ideal_all(context, COMPENSATED)
+    parts = [f"{name} {scale * plain[name][column]:.3g} ({scale * better[name][column]:.2g})" for name in SETS]
+    good = all(plain[name][column] <= limit for name, limit in within.items())
+    return judged(f"{', '.join(parts)} {unit}; in brackets with coning and sculling compensation", good)
 
 
 @result(
@@ -174,46 +168,22 @@ def _star(function: Callable, arguments: Sequence) -> Any:
     return function(*arguments)
 
 
-def _uncalibrated(context: Context, grade: str, low_km: float, high_km: float) -> Outcome:
+def uncalibrated(context: Context, grade: str, low_km: float, high_km: float) -> Outcome:
+    """Position error at the end."""
     end = {g: float(e.max()) / 1e3 for g, e in _drifts(context, False).items()}
     text = f"{end[grade]:.0f} km" + ("" if grade == "fog" else f", {end[grade] / end['fog']:.0f} times the FOG's")
     return judged(text, low_km <= end[grade] <= high_km, figure=partial(draw_drift, drifts=_drifts(context, False)))
 
 
-@result(
-    "SR5",
-    "Unaided FOG-INS, turn-on biases left in, largest error in 600 s",
-    source="section 7.2, Figure 7.5",
-    thesis="about 10 km; recomputed 11 to 14 km",
-    tolerance="5 to 25 km (median of seeds and flights)",
-)
-def drift_fog(context: Context) -> Outcome:
-    """Position error at the end."""
-    return _uncalibrated(context, "fog", 5.0, 25.0)
-
-
-@result(
-    "SR6",
-    "Unaided MEMS-INS, turn-on biases left in, largest error in 600 s",
-    source="section 7.2, Figure 7.5",
-    thesis="about 20 times the FOG, 200 km; recomputed 83 to 94 km",
-    tolerance="50 to 400 km (median of seeds and flights)",
-)
-def drift_mems(context: Context) -> Outcome:
-    """Position error at the end."""
-    return _uncalibrated(context, "mems", 50.0, 400.0)
-
-
-@result(
-    "SR7",
-    "Unaided low-cost INS, turn-on biases left in, largest error in 600 s",
-    source="section 7.2, Figure 7.5",
-    thesis="about 200 times the FOG, 2000 km; recomputed 1340 to 1930 km",
-    tolerance="1000 to 4000 km (median of seeds and flights)",
-)
-def drift_crista(context: Context) -> Outcome:
-    """Position error at the end."""
-    return _uncalibrated(context, "crista", 1000.0, 4000.0)
+for _id, _grade, _name, _low, _high, _printed in (
+    ("SR5", "fog", "FOG", 5.0, 25.0, "about 10 km; recomputed 11 to 14 km"),
+    ("SR6", "mems", "MEMS", 50.0, 400.0, "about 20 times the FOG, 200 km; recomputed 83 to 94 km"),
+    ("SR7", "crista", "low-cost", 1000.0, 4000.0, "about 200 times the FOG, 2000 km; recomputed 1340 to 1930 km"),
+):
+    _title = f"Unaided {_name}{' ' if _grade == 'crista' else '-'}INS, turn-on biases left in, largest error in 600 s"
+    _tolerance = f"{_low:g} to {_high:g} km (median of seeds and flights)"
+    _given = {"grade": _grade, "low_km": _low, "high_km": _high}
+    result(_id, _title, source="section 7.2, Figure 7.5", thesis=_printed, tolerance=_tolerance, **_given)(uncalibrated)
 
 
 KNOWN_AT_60_S = {"fog": 4.0, "mems": 90.0, "crista": 500.0}
@@ -239,12 +209,10 @@ def drift_known(context: Context) -> Outcome:
     return judged(text, ordered and all(1.0 / 3.0 < r < 3.0 for r in ratios), figure=partial(draw_drift, drifts=drifts))
 
 
-def draw_drift(figure: "Figure", drifts: dict[str, np.ndarray]) -> None:
+def draw_drift(figure: Any, drifts: dict[str, np.ndarray]) -> None:
     """Figures 7.5 and 7.6: position error of the three grades over time."""
-    axes = figure.subplots()
+    made = axes(figure, x="time [s]", y="position error, median [km]", title="Inertial navigation without aid")
     for grade, name in GRADE_NAMES.items():
         t_s = 0.01 * np.arange(len(drifts[grade]))
-        axes.semilogy(t_s[100::50], drifts[grade][100::50] / 1e3, label=name)
-    axes.set(xlabel="time [s]", ylabel="position error, median [km]", title="Inertial navigation without aid")
-    axes.grid(alpha=0.3, which="both")
-    axes.legend()
+        made.semilogy(t_s[100::50], drifts[grade][100::50] / 1e3, label=name)
+    legend(made)

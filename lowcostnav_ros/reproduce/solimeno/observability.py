@@ -1,14 +1,14 @@
-"""How many states the satellites can tell, by coupling, flight and number of satellites, in the INS/GPS thesis (SR37 to SR43).
+"""How many states are observable, by coupling, flight and number of satellites, in the INS/GPS thesis (SR37 to SR43).
 
 The rank is that of the continuous dynamics F at the true state, with the mean specific force and rate of the last tenth of a second, and of
 the rows of the satellites in use there: no chance enters, so one flight is enough.  Ranks along the filter's own noisy state stand beside
-them where they differ.  What tells the last states apart is small, such as the differing correlation times of the axes.
+them where they differ.  What makes the last states observable is small, such as the differing correlation times of the axes.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,23 +23,11 @@ from lowcostnav_ros.estimation.satellite_model import satellite_model
 from lowcostnav_ros.navigators.gnss_only import GnssOnly
 from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss
 from lowcostnav_ros.physics.rotation import quat_to_dcm
+from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
-from lowcostnav_ros.reproduce.solimeno.flights import (
-    GAPS_S,
-    Case,
-    epochs_of,
-    fed,
-    gps_only_settings,
-    imu_of,
-    inertial_settings,
-    navigator_of,
-    started,
-    truth_of,
-)
+from lowcostnav_ros.reproduce.solimeno import flights
+from lowcostnav_ros.reproduce.solimeno.flights import GAPS_S, Case, epochs_of, truth_of
 from lowcostnav_ros.studies.observability import Watch, geodetic_units, observability
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PERIOD_S = 5.0
 MEAN_OVER = 10
@@ -49,7 +37,7 @@ MEAN_OVER = 10
 def layout_of(case: Case) -> Layout:
     """The states of a case's filter."""
     imu = imu_settings(load_imu_profile(case.grade).filter_noise())
-    return InsGnss(inertial_settings(case, imu)).layout
+    return InsGnss(flights.inertial_settings(case, imu)).layout
 
 
 def true_dynamics(truth: TruthBlock, row: int, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
@@ -90,12 +78,12 @@ def true_ranks(case: Case) -> tuple[np.ndarray, np.ndarray]:
 def flown_ranks(case: Case) -> tuple[np.ndarray, np.ndarray]:
     """Time, s, and rank at the filter's own state, every :data:`PERIOD_S`; nothing where nothing was fused."""
     truth, profile = truth_of(case.dataset, case.duration_s), load_imu_profile(case.grade)
-    navigator = started(navigator_of(case, profile), truth, case)
+    navigator = flights.started(flights.navigator_of(case, profile), truth, case)
     watch = Watch(navigator, PERIOD_S)
     aids: Sequence = epochs_of(case, truth)
     if case.navigator == "loose":
-        aids = [replace(s, source=SOLUTION) for s in GnssOnly(gps_only_settings(case)).feed_all(aids)]
-    fed(navigator, imu_of(profile, truth, case.seed), aids)
+        aids = [replace(s, source=SOLUTION) for s in GnssOnly(flights.gps_only_settings(case)).feed_all(aids)]
+    flights.fed(navigator, flights.imu_of(profile, truth, case.seed), aids)
     found = watch.finish()
     return (np.array([o.stamp_ns for o in found]) - truth.stamps_ns[0]) * 1e-9, np.array([o.rank for o in found])
 
@@ -209,11 +197,10 @@ def both(context: Context) -> Outcome:
     return judged(f"{spread(more)}; GPS alone {spread(alone)}", within)
 
 
-def draw_ranks(found: dict[str, tuple[np.ndarray, np.ndarray]], figure: "Figure") -> None:
+def draw_ranks(found: dict[str, tuple[np.ndarray, np.ndarray]], figure: Any) -> None:
     """Figure 7.27: rank over time."""
-    axes = figure.subplots()
+    made = axes(figure, x="time [s]", y="observable states of 29", title="Tight coupling, all satellites")
     for name, (t_s, values) in found.items():
-        axes.step(t_s, values, where="post", label=name)
-    axes.set(xlabel="time [s]", ylabel="observable states of 29", ylim=(0, 29), title="Tight coupling, all satellites")
-    axes.grid(alpha=0.3)
-    axes.legend()
+        made.step(t_s, values, where="post", label=name)
+    made.set(ylim=(0, 29))
+    legend(made)
