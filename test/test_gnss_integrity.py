@@ -74,7 +74,7 @@ def test_one_satellite_that_lies_is_found_named_and_left_out(kind, fault, within
     assert f"G{number:02d} is left out" in navigator.receiver.integrity.status.reason
     assert reports[-1][1].verdict == "excluded" and reports[-1][1].hpl_m > 0.0
     assert flight.worst(FAULT_S, DURATION_S) < worst_m
-    assert navigator.aid("gnss_range").satellites[f"G{number:02d}: left out by the integrity test"] > 10
+    assert navigator.aid("gnss_range").satellites[f"G{number:02d}: excluded by the integrity test"] > 10
 
 
 @pytest.mark.parametrize("kind", ["tight", "pva"])

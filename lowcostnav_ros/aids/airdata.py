@@ -49,10 +49,9 @@ class AirDataAid(Aid):
         ]
 
     def attach(self, host: Host) -> None:
-        """Find the wind, which all air data share, and the own airspeed error."""
+        """Find the wind, which all air data share."""
         super().attach(host)
         self._wind = host.layout["wind"]
-        self._teaching = host.layout.mask("wind", self.own("airspeed_bias"))
 
     def air_n(self, host: Host) -> np.ndarray:
         """Predicted air-relative velocity (3,), m/s NED."""
@@ -94,7 +93,7 @@ class SideslipAid(AirDataAid):
     name, labels = "sideslip", ("lateral_mps",)
 
     def innovation(self, measurement: AirVelocity, host: Host) -> Innovation | str:
-        """y = v_lateral - (C' (v - w))_y; not before the wind is known well enough to say which way the air comes from."""
+        """y = v_lateral - (C' (v - w))_y; not before the wind is known well enough for a direction of the air."""
         tas = float(np.linalg.norm(measurement.vel_b))
         if tas < self.settings.minimum_mps:
             return SLOW

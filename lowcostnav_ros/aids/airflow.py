@@ -22,7 +22,7 @@ from lowcostnav_ros.physics.rotation import skew
 
 SMALLEST_SPEED = 1.0
 VANE_SHARE = 0.5 * DEGREE
-"""Smallest error of a vane believed, rad: position error and mounting."""
+"""Smallest error of a vane, rad: position error and mounting."""
 
 
 @dataclass(frozen=True)
@@ -77,10 +77,9 @@ class AirflowAid(Aid):
         ]
 
     def attach(self, host: Host) -> None:
-        """Find wind and updraught, which all air data share, and the own errors."""
+        """Find wind and updraught, which all air data share."""
         super().attach(host)
         self._wind, self._updraught = host.layout["wind"], host.layout["updraught"]
-        self._teaching = host.layout.mask("wind", "updraught", *map(self.own, self.teaches[2:]))
 
     def wind_n(self, host: Host) -> np.ndarray:
         """Estimated wind (3,), m/s, NED."""

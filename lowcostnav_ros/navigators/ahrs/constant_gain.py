@@ -5,7 +5,7 @@
     vector_matching  GPS velocity and magnetic field as vectors, Kalman gain (its Jacobian changes with every measurement)
     switched         accelerometers and magnetometer alone
 
-When its GPS is silent, each goes on as ``switched``: level and magnetic heading in steady flight, gyros alone in manoeuvres
+Without its GPS each goes on as ``switched``: level and magnetic heading in steady flight, gyros alone in manoeuvres
 (Gebre-Egziabher 2004, sections 4.11 and 4.12).  Mean and covariance are carried by the inertial core of all navigators, so the horizon,
 the low-latency output and the sigmas mean the same as in the full filter; for ``euler`` the angles are formed where they are compared.
 """
@@ -39,11 +39,11 @@ HELD_NS = 1_000_000_000
 class SwitchedFilter(Filter):
     """Accelerometers and magnetometer in steady flight, gyros alone in manoeuvres."""
 
-    unused = ("airflow", "gps_attitude")
+    unused: ClassVar[tuple[str, ...]] = ("airflow", "gps_attitude")
 
     def __init__(self, host: Reference) -> None:
         super().__init__(host)
-        self.level: ConstantLevelAid = host.aid("accelerometer_level")
+        self.level = host.aids_of(ConstantLevelAid)[0]
         self._levelling = host.channel_of(self.level)
         self._paced = [host.channel_of(aid) for aid in host.aids if isinstance(aid, ConstantLevelAid | ConstantQuaternionAid)]
 
@@ -130,7 +130,7 @@ class VectorMatchingFilter(SwitchedFilter):
 
     def __init__(self, host: Reference) -> None:
         super().__init__(host)
-        self._forces = [aid for aid in host.aids if isinstance(aid, ForceMatchAid)]
+        self._forces = host.aids_of(ForceMatchAid)
 
     @classmethod
     def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
@@ -155,7 +155,7 @@ class VectorMatchingFilter(SwitchedFilter):
             force.follow(block, start, stop)
 
     def applies(self, aid: Aid, measurement: Measurement) -> bool:
-        """The field as a vector while GPS velocity tells the other one."""
+        """The field as a vector while GPS velocity gives the other one."""
         if isinstance(aid, FieldMatchAid):
             return self.gps_good(measurement.stamp_ns)
         return super().applies(aid, measurement)

@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Protocol
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.estimation.aiding import Aid, Host
-from lowcostnav_ros.navigators.base import Channel
+from lowcostnav_ros.navigators.base import AidType, Channel
 
 IMU = "imu/data_raw"
 LEVEL_TIMEOUT_S = 5.0
@@ -16,7 +16,7 @@ class Reference(Host, Protocol):
 
     aids: list[Aid]
 
-    def aid(self, name: str) -> Aid | None: ...
+    def aids_of(self, kind: type[AidType]) -> list[AidType]: ...
     def channel_of(self, aid: Aid) -> Channel: ...
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool: ...
     def fresh(self, sensor: str, now_ns: int, seconds: float | None = None) -> bool:
@@ -31,7 +31,7 @@ class Filter(ABC):
     needs : tuple of str
         Sensors it cannot do without.
     unused : tuple of str
-        Sensors it has no use for: they are not listened to.
+        Sensors it has no use for: their topics are not subscribed to.
     """
 
     needs: ClassVar[tuple[str, ...]] = ("level",)
@@ -47,21 +47,21 @@ class Filter(ABC):
 
     @abstractmethod
     def begin(self, t_ns: int) -> None:
-        """An attitude was found: begin."""
+        """Called when an attitude was found."""
 
     @abstractmethod
     def follow(self, block: ImuBlock, start: int, stop: int) -> None:
-        """Samples ``start`` to ``stop`` have moved the core."""
+        """Called when samples ``start`` to ``stop`` have moved the core."""
 
     @abstractmethod
     def keep(self, now_ns: int) -> None:
         """Called at every output: what is to be done without measurements."""
 
     def applies(self, aid: Aid, measurement: Measurement) -> bool:
-        """Whether an aid has a part to play now."""
+        """Whether an aid is to be used now."""
         return True
 
-    def before(self, aid: Aid, measurement: Measurement) -> None:  # noqa: B027 - few filters have a use for it
+    def before(self, aid: Aid, measurement: Measurement) -> None:  # noqa: B027 - most filters have nothing to do then
         """Called before an aid is run on a measurement."""
 
     @abstractmethod

@@ -23,7 +23,7 @@ class FullFilter(Filter):
 
     def __init__(self, host: Reference) -> None:
         super().__init__(host)
-        self.level: SteadyFlightAid = host.aid("accelerometer_level")
+        self.level = host.aids_of(SteadyFlightAid)[0]
 
     def begin(self, t_ns: int) -> None:
         """Begin with the velocity that was measured."""
@@ -53,7 +53,7 @@ class FullFilter(Filter):
         return aid is not self.level
 
     def before(self, aid: Aid, measurement: Measurement) -> None:
-        """A velocity that was counted from zero begins anew at a measured one."""
+        """A velocity that was counted from zero is reset to a measured one."""
         if self.level.since_ns is None:
             return
         core = self.host.core
