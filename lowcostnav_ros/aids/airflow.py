@@ -76,15 +76,10 @@ class AirflowAid(Aid):
             *(gauss_markov(own(n), [f"{own(n)}_rad"], Kind.FREE, sigma * DEGREE, tau) for n, sigma, tau in angles),
         ]
 
-    def attach(self, host: Host) -> None:
-        """Find wind and updraught, which all air data share."""
-        super().attach(host)
-        self._wind, self._updraught = host.layout["wind"], host.layout["updraught"]
-
     def wind_n(self, host: Host) -> np.ndarray:
         """Estimated wind (3,), m/s, NED."""
-        estimate = host.core.estimate
-        return np.concatenate((estimate[self._wind], estimate[self._updraught]))
+        estimate, layout = host.core.estimate, host.layout
+        return np.concatenate((estimate[layout["wind"]], estimate[layout["updraught"]]))
 
     def fast_enough(self, measurement: AirVelocity) -> bool:
         """Whether it flies fast enough for the measurement to be used."""
@@ -113,7 +108,7 @@ class AirflowAid(Aid):
         to_u = np.vstack((air_n / speed, C.T[1:]))
         H[:, host.core.velocity_rows] = to_u
         H[1:, host.core.attitude_rows] = (C.T @ skew(air_n))[1:]
-        H[:, self._wind], H[:, self._updraught] = -to_u[:, :2], -to_u[:, 2:]
+        H[:, host.layout["wind"]], H[:, host.layout["updraught"]] = -to_u[:, :2], -to_u[:, 2:]
         bias = host.layout[self.own("airspeed_bias")].start
         H[0, bias] = 1.0
         return H, np.array([speed + host.core.estimate[bias], *(C.T @ air_n)[1:]])

@@ -332,6 +332,14 @@ class Aid(ABC):
         return False
 
 
+def reset_to(host: Host, rows: slice, y: np.ndarray, covariance: np.ndarray) -> None:
+    """Reset some states to a measured value: correction ``y`` (m,), covariance (m, m), no correlation with other states."""
+    kalman.reset_block(host.P, rows, covariance)
+    dx = np.zeros(host.layout.size)
+    dx[rows] = y
+    host.correct(dx)
+
+
 def floored(cov: np.ndarray, scale: float, floor: float) -> np.ndarray:
     """Covariance (m, m) scaled by the sigma factor ``scale``, no variance below ``floor`` squared."""
     out = cov * (scale * scale)

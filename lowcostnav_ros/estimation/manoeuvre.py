@@ -172,7 +172,7 @@ def follow_switch_block(t_ns, memory, limits, stamps, f, w, start, stop, down_b,
 
 
 class RateSwitch:
-    """Follow the inertial samples; say whether flight has been steady, and the mean specific force of that time."""
+    """Follow the inertial samples: whether flight has been steady, and the mean specific force of that time."""
 
     def __init__(self, level: SteadyLimits, rates: RateSwitchSettings) -> None:
         self.limits = switch_limits(level, rates)

@@ -107,7 +107,7 @@ class InsGnss(InertialNavigator):
         return (IMU, EPOCH) if self.tight else (IMU, self.solution_source or "gps/fix", self.solution_source or "gps/vel")
 
     def blocks(self) -> list[Block]:
-        """Sensor errors that the IMU does not have are left out; the thesis's tuning lets the position wander."""
+        """Sensor errors that the IMU does not have are no states; the thesis's tuning lets the position wander."""
         core, *others = (block for block in super().blocks() if any(block.sigma0))
         if self.settings.tuning == "thesis":
             core = replace(core, psd=THESIS_POSITION_PSD + core.psd[3:])

@@ -35,7 +35,7 @@ class Blend:
         self.position, self.velocity, self.attitude = self.position * factor, self.velocity * factor, self.attitude * factor
 
     def bridge(self, old: NavSolution, new: NavSolution) -> None:
-        """Add to the offsets what lies between the source flown so far and the one flown from now on, both at one stamp."""
+        """Add to the offsets what lies between the source published so far and the one from now on, both at one stamp."""
         self.position = self.position + difference_n(*old.place, *new.place)
         if old.vel_n is not None and new.vel_n is not None:
             self.velocity = self.velocity + old.vel_n - new.vel_n

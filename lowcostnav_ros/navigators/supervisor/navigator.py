@@ -31,13 +31,6 @@ LANDED = 0.5
 
 
 @dataclass(frozen=True)
-class SupervisorHorizon(HorizonSettings):
-    """The fusion horizon, longer than those of the navigators it subscribes to."""
-
-    lag_s: float = setting(0.5, "Judging stays this far behind the newest stamp to outlast transport.", unit="s", minimum=0.0, maximum=10.0)
-
-
-@dataclass(frozen=True)
 class GpsHealthSettings:
     """When GPS is trusted."""
 
@@ -59,7 +52,7 @@ class SupervisorSettings:
     blend_s: float = setting(3.0, "Time constant with which the difference at a change dies away.", unit="s", minimum=0.01, maximum=60.0)
     jump_m: float = setting(15.0, "A solution that jumps farther than this is blended like a change.", unit="m", minimum=0.1, maximum=1e4)
     alert_nm: float = setting(0.5, "Estimated horizontal sigma above which an alert is raised.", unit="NM", minimum=0.01, maximum=100.0)
-    horizon: SupervisorHorizon = group(SupervisorHorizon)
+    horizon: HorizonSettings = group(HorizonSettings, lag_s=0.5)  # longer than those of the navigators it subscribes to
     gps: GpsHealthSettings = group(GpsHealthSettings)
 
 
