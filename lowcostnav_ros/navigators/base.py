@@ -252,6 +252,10 @@ class Navigator(ABC):
         """The channels of all sources, those applied at the outputs first."""
         return [*self.clocked, *chain.from_iterable(self.channels.values())]
 
+    def channel_of(self, aid: Aid) -> Channel:
+        """The channel that leads to one of its aids."""
+        return next(channel for channel in self.all_channels() if aid in channel.aids)
+
     def restart_channels(self) -> None:
         """Take the next measurement of every channel, whenever it comes."""
         for channel in self.all_channels():

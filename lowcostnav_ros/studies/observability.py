@@ -82,7 +82,7 @@ class Watch:
         self.found: list[Observability] = []
         self._rows: list[np.ndarray] = []
         self._F = np.empty((0, 0))
-        self._stamp_ns: int | None = None
+        self._stamp_ns = -1
         self._next_ns = 0
         self._on_aid = navigator.on_aid
         navigator.on_aid = self._watched
@@ -99,7 +99,8 @@ class Watch:
             self._stamp_ns = status.stamp_ns
         if status.accepted and status.stamp_ns >= self._next_ns:
             aid = next(aid for aid in self.navigator.aids if aid.status is status)
-            self._rows.append(aid.applied.H)
+            if aid.applied is not None:
+                self._rows.append(aid.applied.H)
             self._F = self.navigator.core.dynamics()
         if self._on_aid is not None:
             self._on_aid(status)

@@ -29,7 +29,8 @@ from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.cores.imu_errors import typical
 from lowcostnav_ros.estimation.aiding import Aid
-from lowcostnav_ros.navigators.ahrs.filter import IMU, LEVEL_TIMEOUT_S, Filter, Reference
+from lowcostnav_ros.navigators.ahrs.filter import IMU, LEVEL_TIMEOUT_S, Filter
+from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.starts.attitude_core import hold_velocity
 
 HELD_NS = 1_000_000_000
@@ -41,7 +42,7 @@ class SwitchedFilter(Filter):
 
     unused: ClassVar[tuple[str, ...]] = ("airflow", "gps_attitude")
 
-    def __init__(self, host: Reference) -> None:
+    def __init__(self, host: Navigator) -> None:
         super().__init__(host)
         self.level = host.aids_of(ConstantLevelAid)[0]
         self._levelling = host.channel_of(self.level)
@@ -87,7 +88,7 @@ class SwitchedFilter(Filter):
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether GPS attitude was accepted within the time-out."""
-        return self.host.fresh("gps_attitude", stamp_ns)
+        return self.fresh("gps_attitude", stamp_ns)
 
     def held(self, heading: str) -> str:
         """How GPS holds the attitude, for people."""
@@ -97,7 +98,7 @@ class SwitchedFilter(Filter):
         """By GPS, by steady flight, or neither."""
         if self.gps_good(now_ns):
             return Mode.CALIBRATING, self.held(heading)
-        if self.host.fresh("level", now_ns, LEVEL_TIMEOUT_S):
+        if self.fresh("level", now_ns, LEVEL_TIMEOUT_S):
             return Mode.COASTING, "levelled in steady flight" + heading
         return Mode.GYRO_ONLY, "manoeuvring: gyros alone since the last steady flight"
 
@@ -128,7 +129,7 @@ class VectorMatchingFilter(SwitchedFilter):
 
     needs = ("level", "gps")
 
-    def __init__(self, host: Reference) -> None:
+    def __init__(self, host: Navigator) -> None:
         super().__init__(host)
         self._forces = host.aids_of(ForceMatchAid)
 
@@ -162,7 +163,7 @@ class VectorMatchingFilter(SwitchedFilter):
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether a GPS velocity was used within the time-out."""
-        return self.host.fresh("gps", stamp_ns)
+        return self.fresh("gps", stamp_ns)
 
     def held(self, heading: str) -> str:
         """How GPS holds the attitude, for people."""

@@ -38,7 +38,7 @@ from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.navigators.ahrs.filter import IMU
 from lowcostnav_ros.navigators.ahrs.settings import FILTERS, AhrsOwnSettings
-from lowcostnav_ros.navigators.base import Channel, Navigator
+from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.settings import kind_of, listed
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference
@@ -103,7 +103,6 @@ class Ahrs(Navigator):
         slowest_mps = None if airflow is None else airflow.settings.minimum_mps
         self.alignment = Alignment(settings.alignment, settings.imu, settings.level, heading_deg, slowest_mps)
         self.filter = self._kind(self)
-        self._timeouts = {kind_of(key): getattr(own, "timeout_s", 0.0) for key, own in listed(settings)}
         self._restart()
 
     # its list ----------------------------------------------------------------------------------------------------------------
@@ -122,10 +121,6 @@ class Ahrs(Navigator):
             form.source = source
         super()._connect([form for form, _ in made])
 
-    def channel_of(self, aid: Aid) -> Channel:
-        """The channel that leads to one of its aids."""
-        return next(channel for channel in self.all_channels() if aid in channel.aids)
-
     def applies(self, aid: Aid, measurement: Measurement) -> bool:
         """As its filter rules."""
         return self.filter.applies(aid, measurement)
@@ -136,25 +131,19 @@ class Ahrs(Navigator):
         self.filter.before(aid, measurement)
         used = super().use_aid(aid, measurement)
         if used:
-            self._used_ns[kind_of(aid.key)] = measurement.stamp_ns
+            self.filter.used_ns[kind_of(aid.key)] = measurement.stamp_ns
         return used
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether GPS holds the solution."""
         return self.filter.gps_good(stamp_ns)
 
-    def fresh(self, sensor: str, now_ns: int, seconds: float | None = None) -> bool:
-        """Whether a sensor, or another of its kind, was used within its time-out, or within ``seconds``."""
-        if sensor not in self._used_ns:
-            return False
-        return now_ns - self._used_ns[sensor] <= 1e9 * (self._timeouts[sensor] if seconds is None else seconds)
-
     # measurements ------------------------------------------------------------------------------------------------------------
 
     def _restart(self) -> None:
         self._aligned = False
         self._imu_ns: int | None = None
-        self._used_ns: dict[str, int] = {}
+        self.filter.used_ns = {}
         self._position_held_ns = -(10**18)
         self._kept: tuple[np.ndarray, np.ndarray] | None = None
         self.restart_channels()
@@ -242,7 +231,7 @@ class Ahrs(Navigator):
         begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
         self._aligned, self._kept = True, None
         began_with = {"level": True, "gps": first.gps is not None, "airflow": first.air is not None, "magnetic": first.is_magnetic}
-        self._used_ns = {sensor: first.t_ns for sensor, was_used in began_with.items() if was_used}
+        self.filter.used_ns = {sensor: first.t_ns for sensor, was_used in began_with.items() if was_used}
         self.filter.begin(first.t_ns)
         self._judge()
 
@@ -284,7 +273,7 @@ class Ahrs(Navigator):
         if tilt_sigma_deg > limit:
             self.mode, self.reason = Mode.FAILED, f"roll or pitch sigma {tilt_sigma_deg:.0f} deg is above {limit:.0f} deg"
         else:
-            has_heading = self.fresh("magnetic", self.core.t_ns, HEADING_TIMEOUT_S)
+            has_heading = self.filter.fresh("magnetic", self.core.t_ns, HEADING_TIMEOUT_S)
             self.mode, self.reason = self.filter.mode(self.core.t_ns, "" if has_heading else ", no magnetic heading")
 
     def _predict(self) -> NavSolution | None:
