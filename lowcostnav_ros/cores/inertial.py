@@ -347,7 +347,8 @@ class InertialCore:
         swing_n = C @ np.cross(self.rate_b, lever_b)
         H = np.zeros((3, self.layout.size))
         H[:, VEL], H[:, ATT] = np.eye(3), -skew(swing_n)
-        self.layout.fill(H, Kind.GYRO_BIAS, C @ skew(lever_b))
+        if "gyro_bias" in self.layout:
+            H[:, self.layout["gyro_bias"]] = C @ skew(lever_b)
         return VelocitySeen(self.nav[3:6], swing_n, H)
 
     def wind_n(self) -> np.ndarray:
