@@ -125,5 +125,5 @@ def _error(truth: TruthBlock, solutions: list[NavSolution], at_s: float) -> Outa
     row = int(np.searchsorted(truth.stamps_ns, last.stamp_ns))
     north, east, down = difference_n(last.lat, last.lon, last.height, truth.lat[row], truth.lon[row], truth.height[row])
     heading = wrap(quat_to_euler(last.q_nb)[2] - quat_to_euler(truth.q_nb[row])[2])
-    sigma, heading_sigma = math.sqrt(last.cov_pos[0, 0] + last.cov_pos[1, 1]), math.sqrt(last.cov_att[2, 2])
+    sigma, heading_sigma = last.horizontal_sigma_m, math.sqrt(last.cov_att[2, 2])
     return OutageError(math.hypot(north, east), abs(float(down)), abs(math.degrees(heading)), sigma, math.degrees(heading_sigma))

@@ -234,7 +234,7 @@ def test_airspeed_that_collapses_without_gps_is_not_believed_to_be_a_landing():
     error = np.linalg.norm(error_at(flight, out[-1])[0:2])
     assert error > 2500.0
     assert error < 3.0 * nav.status().sigmas["position_horizontal_m"]
-    assert "landed, or it failed" in nav.status().reason
+    assert "landed, or airspeed failed" in nav.status().reason
 
 
 def test_on_the_ground_nothing_is_learned_about_the_wind():

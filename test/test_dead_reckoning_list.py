@@ -104,7 +104,7 @@ def test_a_restart_forgets_what_was_received_and_keeps_the_counters():
     assert fused["dme"] > 2 and nav.aid("dme").slots.index("AAA") is not None
     nav.reset("asked to")
     assert {aid.status.name: aid.status.fused for aid in nav.aids} == fused
-    assert nav.core.t_ns is None and nav.aid("dme").slots.index("AAA") is None and not nav.gps_good(START_NS)
+    assert not nav.core.started and nav.aid("dme").slots.index("AAA") is None and not nav.gps_good(START_NS)
     again = made(stations=stations).feed_all(stream)
     anew = nav.feed_all(stream)
     assert [s.stamp_ns for s in anew] == [s.stamp_ns for s in again]

@@ -71,10 +71,10 @@ def test_one_satellite_that_lies_is_found_named_and_left_out(kind, fault, within
     took_s = first(reports, lambda r: f"G{number:02d}" in r.excluded)
     assert 0.0 <= took_s < within_s
     assert list(navigator.receiver.integrity.status.excluded) == [f"G{number:02d}"]
-    assert f"G{number:02d} is left out" in navigator.receiver.integrity.status.reason
+    assert f"G{number:02d} is excluded" in navigator.receiver.integrity.status.reason
     assert reports[-1][1].verdict == "excluded" and reports[-1][1].hpl_m > 0.0
     assert flight.worst(FAULT_S, DURATION_S) < worst_m
-    assert navigator.aid("gnss_range").satellites[f"G{number:02d}: left out by the integrity test"] > 10
+    assert navigator.aid("gnss_range").satellites[f"G{number:02d}: excluded by the integrity test"] > 10
 
 
 @pytest.mark.parametrize("kind", ["tight", "pva"])
@@ -115,7 +115,7 @@ def test_five_satellites_whose_fault_the_gate_lets_pass_contradict_each_other():
     heard = [dataclasses.replace(e, pseudorange_m=e.pseudorange_m + lie * max(0.0, 0.1 * k - FAULT_S)) for k, e in enumerate(five)]
     _, _, reports = fly(heard)
     faulty = [r for _, r in reports if r.verdict == "faulty"]
-    assert faulty and "cannot tell which; 6 are needed" in faulty[-1].reason
+    assert faulty and "do not show which; 6 are needed" in faulty[-1].reason
     assert all(r.lasting_hpl_m is None for r in faulty)
 
 
@@ -156,7 +156,7 @@ def test_after_the_alarm_the_satellites_may_be_left_out():
     heard = epochs(spoofing=[FAULT_S, 5.0, 0.0, 0.0, 0.0, 0.0])
     _, followed, _ = fly(heard)
     navigator, coasted, _ = fly(heard, on_alarm="coast")
-    assert navigator.mode == "coasting" and "not trusted since the alarm" in navigator.aid("gnss_range").status.reason
+    assert navigator.mode == "coasting" and "not used since the alarm" in navigator.aid("gnss_range").status.reason
     assert followed.worst(DURATION_S - 1.0, DURATION_S) > 150.0
     assert coasted.worst(DURATION_S - 1.0, DURATION_S) < 0.5 * followed.worst(DURATION_S - 1.0, DURATION_S)
 

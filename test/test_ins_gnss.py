@@ -196,7 +196,7 @@ def test_a_satellite_that_lies_is_left_out_by_name_and_the_others_carry_on():
 
     liar = epochs_of(CASE, truth_of("HD", SHORT_S))[-1].sat_id[2]
     navigator, flight = after(30.0, fault)
-    assert navigator.aid("gnss_range").satellites[f"G{liar:02d}: left out by the integrity test"] > 250
+    assert navigator.aid("gnss_range").satellites[f"G{liar:02d}: excluded by the integrity test"] > 250
     assert list(navigator.receiver.integrity.status.excluded) == [f"G{liar:02d}"]
     assert flight.worst(30.0, 60.0) < 4.0
     assert navigator.mode == "gps"

@@ -140,7 +140,7 @@ def shortened(epoch, satellites):
 def test_the_command_takes_every_navigator_with_a_filter_of_its_own(bag, capsys):
     assert cli.main(["observability", str(bag), "--navigator", "gnss_only", "--period", "2"]) == 0
     assert "gnss_only: rank" in capsys.readouterr().out
-    for name, sentence in (("ahrs", "told position"), ("supervisor", "no filter of its own"), ("gnss_onli", "did you mean 'gnss_only'")):
+    for name, sentence in (("ahrs", "takes position"), ("supervisor", "no filter of its own"), ("gnss_onli", "did you mean 'gnss_only'")):
         assert cli.main(["observability", str(bag), "--navigator", name]) == 2
         assert sentence in capsys.readouterr().err
 

@@ -7,7 +7,7 @@ import pytest
 
 from lowcostnav_ros.base.measurements import SlantRange
 from lowcostnav_ros.cores.imu_errors import ImuSettings
-from lowcostnav_ros.cores.reckoning_inputs import HeldInputs
+from lowcostnav_ros.cores.reckoning import HeldInputs
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning
 from lowcostnav_ros.physics.earth import LocalFrame, difference_n

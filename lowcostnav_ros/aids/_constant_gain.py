@@ -55,10 +55,10 @@ class ConstantGainSettings:
 
 def tunings(g: ConstantGainSettings) -> tuple[Tuning, Tuning]:
     """Tuning for GPS attitude, and for level and magnetic heading."""
-    gyro = (g.gyro_sigma_dps, g.drift_dps, g.drift_tau_s)
-    gps = Tuning(g.gps_alpha, gyro[0], g.gps_beta, gyro[1], gyro[2], True, (g.gps_sigma_deg,) * 3, g.gps_period_s)
+    gyro, drift = g.gyro_sigma_dps, (g.drift_dps, g.drift_tau_s)
     angles = (g.level_sigma_deg, g.level_sigma_deg, g.heading_sigma_deg)
-    return gps, Tuning(g.level_alpha, gyro[0], g.level_beta, gyro[1], gyro[2], False, angles, g.level_period_s)
+    gps = Tuning(g.gps_alpha, gyro, g.gps_beta, *drift, True, (g.gps_sigma_deg,) * 3, g.gps_period_s)
+    return gps, Tuning(g.level_alpha, gyro, g.level_beta, *drift, False, angles, g.level_period_s)
 
 
 @kernel
@@ -70,13 +70,21 @@ def joseph(P, K, H, R):
             P[i, j] = 0.5 * (moved[i, j] + moved[j, i])
 
 
-def fuse_constant(innovation: Innovation, K: np.ndarray, host: Host) -> None:
-    """Apply a gain (n, m): covariance, then correction."""
-    joseph(host.P, K, innovation.H, innovation.R)
-    host.correct(K @ innovation.y)
+class ConstantGainAid(Aid):
+    """Base of the aids with a gain of their own."""
+
+    def gain(self, host: Host) -> np.ndarray:
+        """Gain (n, m) on the innovation; a gyro bias is minus the rate correction of the source."""
+        raise NotImplementedError
+
+    def fuse(self, innovation: Innovation, host: Host) -> None:
+        """Apply the gain: covariance, then correction."""
+        K = self.gain(host)
+        joseph(host.P, K, innovation.H, innovation.R)
+        host.correct(K @ innovation.y)
 
 
-class ConstantQuaternionAid(GpsAttitudeAid):
+class ConstantQuaternionAid(ConstantGainAid, GpsAttitudeAid):
     """GPS attitude with one pair of gains at every attitude: ``phi += L_a y``, ``bias -= L_b C' y``."""
 
     def __init__(self, settings: GpsAttitudeSettings, key: str, tuning: Tuning) -> None:
@@ -85,15 +93,11 @@ class ConstantQuaternionAid(GpsAttitudeAid):
         self.on_angle, self.on_rate = axis_gains(tuning, tuning.angle_sigma_deg[0])
 
     def gain(self, host: Host) -> np.ndarray:
-        """Gain (n, 3) on the innovation; a gyro bias is minus the rate correction of the source."""
+        """Gain (n, 3) on the small rotation."""
         K = np.zeros((host.layout.size, 3))
         K[host.core.attitude_rows] = self.on_angle * np.eye(3)
         K[host.layout["gyro_bias"]] = -self.on_rate * host.core.C_nb().T
         return K
-
-    def fuse(self, innovation: Innovation, host: Host) -> None:
-        """Apply the constant gain."""
-        fuse_constant(innovation, self.gain(host), host)
 
 
 class ScheduledEulerAid(ConstantQuaternionAid):
@@ -106,10 +110,10 @@ class ScheduledEulerAid(ConstantQuaternionAid):
         estimated = np.array(quat_to_euler(host.core.nav[6:10]))
         if abs(estimated[1]) > STEEPEST_EULER:
             return "too steep for Euler angles"
-        measured = np.array(quat_to_euler(measurement.q_nb))
-        J = euler_jacobian_n(*estimated)
-        base = super().innovation(measurement, host)
-        return Innovation(wrap(measured - estimated), J @ base.H, J @ base.R @ J.T, measured)
+        measured, J = np.array(quat_to_euler(measurement.q_nb)), euler_jacobian_n(*estimated)
+        H = np.zeros((3, host.layout.size))
+        H[:, host.core.attitude_rows] = np.eye(3)
+        return Innovation(wrap(measured - estimated), J @ H, J @ self.seen(measurement, host)[1] @ J.T, measured)
 
     def gain(self, host: Host) -> np.ndarray:
         """Gain (n, 3) on Euler differences; angle corrections are turned back to phi_n."""
@@ -121,7 +125,7 @@ class ScheduledEulerAid(ConstantQuaternionAid):
         return K
 
 
-class ConstantLevelAid(Aid):
+class ConstantLevelAid(ConstantGainAid):
     """Level by the mean specific force of a steady span: ``phi_N = -f_E / g``, ``phi_E = f_N / g``."""
 
     name, labels, views = "accelerometer_level", ("north_rad", "east_rad"), (AttitudeView,)
@@ -144,27 +148,27 @@ class ConstantLevelAid(Aid):
         H[:, host.layout["accel_bias"]] = np.vstack((-C[1], C[0])) / STANDARD_GRAVITY
         return Innovation(y, H, np.eye(2) * (self.settings.acceleration_mps2 / STANDARD_GRAVITY) ** 2, y.copy())
 
-    def fuse(self, innovation: Innovation, host: Host) -> None:
-        """Apply the constant gain."""
+    def gain(self, host: Host) -> np.ndarray:
+        """Gain (n, 2) on the tilt."""
         K, tilt = np.zeros((host.layout.size, 2)), host.core.attitude_rows.start
         K[tilt, 0], K[tilt + 1, 1] = self.on_angle, self.on_angle
         K[host.layout["gyro_bias"]] = -self.on_rate * host.core.C_nb().T[:, :2]
-        fuse_constant(innovation, K, host)
+        return K
 
 
-class ConstantHeadingAid(MagneticAid):
+class ConstantHeadingAid(ConstantGainAid, MagneticAid):
     """Magnetic heading with a constant gain on the rotation about the vertical; its slow error is carried, not estimated."""
 
     def __init__(self, settings: MagneticSettings, key: str, tuning: Tuning) -> None:
         super().__init__(settings, key)
         self.on_angle, self.on_rate = axis_gains(tuning, tuning.angle_sigma_deg[2])
 
-    def fuse(self, innovation: Innovation, host: Host) -> None:
-        """Apply the constant gain."""
+    def gain(self, host: Host) -> np.ndarray:
+        """Gain (n, 1) on the heading."""
         K = np.zeros((host.layout.size, 1))
         K[host.core.attitude_rows.stop - 1, 0] = self.on_angle
         K[host.layout["gyro_bias"], 0] = -self.on_rate * host.core.C_nb()[2]
-        fuse_constant(innovation, K, host)
+        return K
 
 
 class VectorAid(Aid):
@@ -182,7 +186,7 @@ class VectorAid(Aid):
 class FieldMatchAid(VectorAid):
     """Direction of the magnetic field as a vector; what calibration left of it is a slow error in b that is carried, not moved.
 
-    ``reference`` gives the field expected at the place last known; its host hands it over.
+    ``reference`` gives the field expected at the place last known; its host sets it.
     """
 
     name, labels = "magnetic_vector", ("north", "east", "down")
@@ -243,7 +247,7 @@ class ForceMatchAid(VectorAid):
             self.window.gather(block, start, stop)
 
     def due(self, measurement: GpsVelocity) -> bool:
-        """Whether the span is long enough to tell an acceleration, and no longer than that is of use."""
+        """Whether the span is long enough for an acceleration, and short enough for its mean to be one."""
         return self._velocity is not None and SHORTEST_SPAN_S <= self.window.seconds <= LONGEST_SPAN_S
 
     def after(self, measurement: GpsVelocity, host: Host) -> None:

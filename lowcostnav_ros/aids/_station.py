@@ -17,10 +17,7 @@ class StationAid(Aid):
 
     views = (Place,)
     bias_block: str
-
-    def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
-        super().__init__(settings, key, stations)
-        self._used_ns: dict[str, int] = {}
+    _used_ns: dict[str, int] = {}
 
     @property
     def bias_sigma(self) -> float:
@@ -37,6 +34,11 @@ class StationAid(Aid):
         super().restart()
         self.slots = StationSlots(self._rows, self.bias_sigma)
         self._used_ns = {}
+
+    def words(self, now_ns: int) -> str:
+        """The stations used lately."""
+        stations = self.used_lately(now_ns)
+        return f"{self.name.upper()} {', '.join(stations)}" if stations else ""
 
     def used_lately(self, now_ns: int) -> list[str]:
         """Stations with a reading used within the time-out, by ident."""
@@ -55,7 +57,7 @@ class StationAid(Aid):
         station = self.station_of(measurement)
         return station if isinstance(station, str) else ""
 
-    def prepare(self, measurement: Any, innovation: Innovation, host: Any) -> Innovation:
+    def prepare(self, measurement: Any, innovation: Innovation, host: Host) -> Innovation:
         """Assign a state to a station that has none, and form the innovation with it: only a reading that is used takes another's state."""
         is_new = self._rows is not None and self.slots.index(measurement.station) is None
         self.slots.take(measurement.station, measurement.stamp_ns, host.P, host.core.estimate)

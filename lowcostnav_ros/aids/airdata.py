@@ -48,17 +48,11 @@ class AirDataAid(Aid):
             gauss_markov(bias, [f"{bias}_mps"], Kind.AIRSPEED_BIAS, air.bias_mps, air.bias_tau_s),
         ]
 
-    def attach(self, host: Host) -> None:
-        """Find the wind, which all air data share, and the own airspeed error."""
-        super().attach(host)
-        self._wind = host.layout["wind"]
-        self._teaching = host.layout.mask("wind", self.own("airspeed_bias"))
-
     def air_n(self, host: Host) -> np.ndarray:
         """Predicted air-relative velocity (3,), m/s NED."""
         core = host.core
         air_n: np.ndarray = core.nav[3:6].copy()
-        air_n[:2] -= core.estimate[self._wind]
+        air_n[:2] -= core.estimate[host.layout["wind"]]
         return air_n
 
 
@@ -79,7 +73,7 @@ class AirspeedAid(AirDataAid):
         bias = host.layout[self.own("airspeed_bias")]
         H = np.zeros((1, host.layout.size))
         H[0, host.core.velocity_rows] = air_n / speed
-        H[0, self._wind] = -air_n[:2] / speed
+        H[0, host.layout["wind"]] = -air_n[:2] / speed
         H[0, bias] = 1.0
         y = tas - speed - host.core.estimate[bias][0]
         stated = measurement.cov_b[0, 0] - self.settings.bias_mps**2  # what the message states beyond the slow error, a state here
@@ -94,16 +88,16 @@ class SideslipAid(AirDataAid):
     name, labels = "sideslip", ("lateral_mps",)
 
     def innovation(self, measurement: AirVelocity, host: Host) -> Innovation | str:
-        """y = v_lateral - (C' (v - w))_y; not before the wind is known well enough to say which way the air comes from."""
+        """y = v_lateral - (C' (v - w))_y; not before the wind is known well enough for a direction of the air."""
         tas = float(np.linalg.norm(measurement.vel_b))
         if tas < self.settings.minimum_mps:
             return SLOW
-        if float(np.sqrt(np.diag(host.P)[self._wind].max())) > 0.5 * tas:
+        if float(np.sqrt(np.diag(host.P)[host.layout["wind"]].max())) > 0.5 * tas:
             return "wind not known yet"
         air_n, C = self.air_n(host), host.core.C_nb()
         H = np.zeros((1, host.layout.size))
         H[0, host.core.velocity_rows], H[0, host.core.attitude_rows] = C.T[1], (C.T @ skew(air_n))[1]
-        H[0, self._wind] = -C.T[1, :2]
+        H[0, host.layout["wind"]] = -C.T[1, :2]
         measured = measurement.cov_b[1, 1] < UNKNOWN_VARIANCE
         lateral = measurement.vel_b[1] if measured else 0.0
         sigma = tas * self.settings.sideslip_deg * DEGREE

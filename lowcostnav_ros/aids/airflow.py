@@ -22,7 +22,7 @@ from lowcostnav_ros.physics.rotation import skew
 
 SMALLEST_SPEED = 1.0
 VANE_SHARE = 0.5 * DEGREE
-"""Smallest error of a vane believed, rad: position error and mounting."""
+"""Smallest error of a vane, rad: position error and mounting."""
 
 
 @dataclass(frozen=True)
@@ -76,16 +76,10 @@ class AirflowAid(Aid):
             *(gauss_markov(own(n), [f"{own(n)}_rad"], Kind.FREE, sigma * DEGREE, tau) for n, sigma, tau in angles),
         ]
 
-    def attach(self, host: Host) -> None:
-        """Find wind and updraught, which all air data share, and the own errors."""
-        super().attach(host)
-        self._wind, self._updraught = host.layout["wind"], host.layout["updraught"]
-        self._teaching = host.layout.mask("wind", "updraught", *map(self.own, self.teaches[2:]))
-
     def wind_n(self, host: Host) -> np.ndarray:
         """Estimated wind (3,), m/s, NED."""
-        estimate = host.core.estimate
-        return np.concatenate((estimate[self._wind], estimate[self._updraught]))
+        estimate, layout = host.core.estimate, host.layout
+        return np.concatenate((estimate[layout["wind"]], estimate[layout["updraught"]]))
 
     def fast_enough(self, measurement: AirVelocity) -> bool:
         """Whether it flies fast enough for the measurement to be used."""
@@ -114,7 +108,7 @@ class AirflowAid(Aid):
         to_u = np.vstack((air_n / speed, C.T[1:]))
         H[:, host.core.velocity_rows] = to_u
         H[1:, host.core.attitude_rows] = (C.T @ skew(air_n))[1:]
-        H[:, self._wind], H[:, self._updraught] = -to_u[:, :2], -to_u[:, 2:]
+        H[:, host.layout["wind"]], H[:, host.layout["updraught"]] = -to_u[:, :2], -to_u[:, 2:]
         bias = host.layout[self.own("airspeed_bias")].start
         H[0, bias] = 1.0
         return H, np.array([speed + host.core.estimate[bias], *(C.T @ air_n)[1:]])

@@ -37,15 +37,10 @@ class BaroAid(Aid):
         name = self.own("baro_bias")
         return [random_walk(name, [f"{name}_m"], Kind.HELD, self.settings.bias_m, self.settings.walk_m_rts)]
 
-    def attach(self, host: Host) -> None:
-        """Find the difference between the two."""
-        super().attach(host)
-        self._bias = host.layout[self.own("baro_bias")].start
-
     def innovation(self, measurement: Pressure, host: Host) -> Innovation | str:
         """y = h_pressure - (h + b); height is minus the down error, so H = -1 on down and 1 on the bias."""
         altitude = float(pressure_altitude(measurement.pressure_pa))
-        bias, core = self._bias, host.core
+        bias, core = host.layout[self.own("baro_bias")].start, host.core
         H = np.zeros((1, host.layout.size))
         H[0, 2], H[0, bias] = -1.0, 1.0
         y = core.height_residual(altitude, core.estimate[bias])

@@ -61,21 +61,16 @@ class DmeAid(StationAid):
         kind = Kind.HELD if dme.bias == "consider" else Kind.FREE
         return [along_way(name, labels, kind, self.bias_sigma, dme.bias_distance_nm * NAUTICAL_MILE)]
 
-    def words(self, now_ns: int) -> str:
-        """The stations used lately."""
-        stations = self.used_lately(now_ns)
-        return f"DME {', '.join(stations)}" if stations else ""
-
     def is_last(self, stamp_ns: int, test_ratio: float, host: Host) -> bool:
         """Whether DME is all there is, and the range not far beyond the gate."""
         return test_ratio < FAR_BEYOND and not host.gps_good(stamp_ns)
 
     def refusal(self, measurement: SlantRange, host: Host) -> str:
         """Why a range cannot be used at all; empty when it can."""
-        station = self.station_of(measurement)
-        if isinstance(station, str):
-            return station
-        if not station.has_dme:
+        reason = super().refusal(measurement, host)
+        if reason:
+            return reason
+        if not self.stations[measurement.station].has_dme:
             return "station has no DME"
         return "over the station" if self._seen(measurement, host)[0] <= 0.0 else ""
 
@@ -108,8 +103,8 @@ class DmeAid(StationAid):
         return free
 
     def _seen(self, measurement: SlantRange, host: Host) -> tuple[float, np.ndarray]:
-        station = self.stations[measurement.station]
-        return range_and_direction(*host.core.nav[:3], station.lat, station.lon, station.height)
+        station, nav = self.stations[measurement.station], host.core.nav
+        return range_and_direction(nav[0], nav[1], nav[2], station.lat, station.lon, station.height)
 
     def _repetition(self, measurement: SlantRange, speed_mps: float) -> float:
         """Factor on the variance of a range bias that is not a state, for the time since the station's last reply."""

@@ -17,21 +17,18 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.inertial import VEL
 from lowcostnav_ros.cores.views import Place, Velocity
-from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import (
-    BEYOND_GATE,
-    NOT_FINITE,
-    RECOVERED,
-    Aid,
-    Decision,
-    GateSettings,
-    Host,
-    Innovation,
-    Sensor,
-    SensorSettings,
-)
+from lowcostnav_ros.estimation import aiding, kalman
+from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings
 from lowcostnav_ros.estimation.error_state import Block, Kind, chain, random_walk
-from lowcostnav_ros.estimation.satellite_integrity import LEFT_OUT, RANGE, RATE, GnssIntegrity, IntegritySettings, Satellites, slots_of
+from lowcostnav_ros.estimation.satellite_integrity import (
+    EXCLUDED_BY_TEST,
+    RANGE,
+    RATE,
+    GnssIntegrity,
+    IntegritySettings,
+    Satellites,
+    slots_of,
+)
 from lowcostnav_ros.estimation.satellite_model import (
     Observations,
     common_part,
@@ -52,7 +49,7 @@ THESIS_POSITION_PSD = (6.0, 6.0, 90.0)
 CLOCK_SIGMA_M, CLOCK_SIGMA_MPS = 100.0, 10.0
 """Sigmas of a clock just seeded from the median innovation of an epoch."""
 UNKNOWN_DRIFT_MPS = 1000.0
-"""1-sigma of the drift of a clock nobody has measured: three parts in a million, a common crystal."""
+"""1-sigma of the drift of a clock not yet measured: three parts in a million, a common crystal."""
 NOTHING = np.zeros(0, dtype=np.int64)
 JUMP_SIGMAS = 8.0
 """A clock jump moves most satellites together by more than this many sigmas, and apart by less."""
@@ -65,13 +62,13 @@ class GnssSettings(SensorSettings):
     systems: str = setting("GE", "Letters of the systems used: G GPS, E Galileo.")
     oscillator: str = setting("compensated_crystal", "Receiver oscillator.", choices=tuple(CLOCKS))
     mask_deg: float = setting(5.0, "Lowest elevation used.", unit="deg", minimum=0.0, maximum=60.0)
-    minimum_cn0: float = setting(0.0, "Weakest signal used where the receiver tells.", unit="dB-Hz", minimum=0.0, maximum=60.0)
+    minimum_cn0: float = setting(0.0, "Weakest signal used where the receiver reports it.", unit="dB-Hz", minimum=0.0, maximum=60.0)
     doppler: bool = setting(True, "Use Dopplers.")
     range_sigma_scale: float = setting(1.0, "Factor on the stated sigma of a pseudorange.", minimum=0.1, maximum=100.0)
     doppler_sigma_scale: float = setting(1.0, "Factor on the stated sigma of a Doppler.", minimum=0.1, maximum=100.0)
     common_error: bool = setting(False, "Part of the range noise is common to all satellites and grows towards the horizon.")
     system_offset_m: float = setting(0.0, "Sigma of Galileo's clock against that of GPS; 0 takes them as one.", unit="m", minimum=0.0)
-    screening: bool = setting(True, "Leave out satellites whose innovation is beyond the gate.")
+    screening: bool = setting(True, "Exclude satellites whose innovation is beyond the gate.")
     gate: GateSettings = group(GateSettings)
     integrity: IntegritySettings = group(IntegritySettings)
 
@@ -91,7 +88,8 @@ class Receiver:
     """
 
     def __init__(self, settings: GnssSettings) -> None:
-        self._settings, self._host = settings, None
+        self._settings = settings
+        self._host: Host | None = None
         self.lever_b = np.zeros(3)
         self.clock_known = [False, False]
 
@@ -166,7 +164,7 @@ class SatelliteAid(Aid):
             return "no usable satellite"
         return Innovation(obs.y, obs.H, noise_covariance(obs.r, obs.common), np.array([float(len(obs.rows))]))
 
-    def process(self, measurement: GnssEpoch, host: Any) -> bool:
+    def process(self, measurement: GnssEpoch, host: Host) -> bool:
         """Judge and fuse one epoch; return whether anything of it was used."""
         status, self.used, self.applied, self.decision = self.status, NOTHING, None, None
         integrity = self.receiver.integrity
@@ -176,20 +174,20 @@ class SatelliteAid(Aid):
         if not obs.rows.size:
             return self._refused("no usable satellite")
         if not np.isfinite(obs.y).all():
-            return self._refused(NOT_FINITE)
+            return self._refused(aiding.NOT_FINITE)
         slots = slots_of(measurement, obs.rows)
         excluded = integrity.is_excluded(slots)
         if integrity.distrusted or excluded.all():
-            return self._refused("satellites not trusted since the alarm" if integrity.distrusted else LEFT_OUT)
+            return self._refused("satellites not used since the alarm" if integrity.distrusted else EXCLUDED_BY_TEST)
         self._seed(obs, host)
         S = scalar_variances(host.P, obs.H, obs.r)
         if not np.isfinite(S).all():
-            return self._refused(NOT_FINITE)
+            return self._refused(aiding.NOT_FINITE)
         ratios = obs.y**2 / (S * self.threshold) if self.settings.screening else np.zeros(len(S))
         self._report(obs, ratios, ~excluded, host)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
-        believed = np.sort(ratios[~excluded])
-        decision, reason = self.control(measurement.stamp_ns, float(believed[(len(believed) - 1) // 2]), host)
+        ordered = np.sort(ratios[~excluded])
+        decision, reason = self.control(measurement.stamp_ns, float(ordered[(len(ordered) - 1) // 2]), host)
         self.decision = decision
         if decision is Decision.REJECT:
             return self._refused(reason)
@@ -197,7 +195,7 @@ class SatelliteAid(Aid):
         if decision is Decision.RECOVER:
             good = ~excluded
             obs.r = obs.r + obs.y**2
-            status.rejected[RECOVERED] += 1
+            status.rejected[aiding.RECOVERED] += 1
             integrity.contradicted(measurement.stamp_ns, self.gate.recovery_s)
         else:
             passed = (ratios <= 1.0) & ~excluded
@@ -205,8 +203,8 @@ class SatelliteAid(Aid):
             if not good.any():
                 return self._refused("satellites contradict each other")
             if not good.all():
-                self.count(measurement, [(row, BEYOND_GATE) for row in obs.rows[~passed & ~excluded]])
-                self.count(measurement, [(row, LEFT_OUT) for row in obs.rows[excluded | (passed & ~good)]])
+                self.count(measurement, [(row, aiding.BEYOND_GATE) for row in obs.rows[~passed & ~excluded]])
+                self.count(measurement, [(row, EXCLUDED_BY_TEST) for row in obs.rows[excluded | (passed & ~good)]])
         self._apply(obs, good, host)
         self.used = obs.rows[good]
         status.accepted, status.accepted_ns = True, measurement.stamp_ns
@@ -223,7 +221,7 @@ class SatelliteAid(Aid):
         good = integrity.compare(self.kind, sats, obs.y, shared, noise_covariance(obs.r, obs.common), passed)
         if integrity.watches and good.any():
             S = kalman.innovation_covariance(host.P, obs.H[good], obs.covariance(good))
-            integrity.testify(self.kind, epoch.stamp_ns, obs.y[good], shared[good, :4], S)
+            integrity.check_against_inertial(self.kind, epoch.stamp_ns, obs.y[good], shared[good, :4], S)
         return good
 
     def _apply(self, obs: Observations, good: np.ndarray, host: Host) -> None:
@@ -363,10 +361,7 @@ class RangeRateAid(SatelliteAid):
         H = H[rows]
         H[:, drift] = 1.0
         if lever_b.any():
-            turn = H[:, VEL] @ quat_to_dcm(host.core.nav[6:10]) @ skew(lever_b)
-            for block in ("gyro_bias", "gyro_drift"):
-                if block in host.layout:
-                    H[:, host.layout[block]] = turn
+            host.layout.fill(H, Kind.GYRO_BIAS, H[:, VEL] @ quat_to_dcm(host.core.nav[6:10]) @ skew(lever_b))
         y = epoch.doppler_mps[rows] - rates[rows] - host.core.estimate[drift]
         r = (self.settings.doppler_sigma_scale * epoch.sigma_mps[rows]) ** 2
         return self._stepped(Observations(rows, y, H, r, np.zeros(len(rows)), others), host)

@@ -9,8 +9,7 @@ from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.cores.inertial import POS
 from lowcostnav_ros.cores.views import Attitude, Place, Velocity
-from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Host, Innovation, Sensor, SensorSettings, each, floored
+from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Host, Innovation, Sensor, SensorSettings, each, floored, reset_to
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import skew
@@ -25,7 +24,7 @@ class GpsVelocitySettings(SensorSettings):
     latency_s: float = setting(0.2, "Longest delay between validity and arrival of a fix.", unit="s", minimum=0.0, maximum=5.0)
     sigma_scale: float = setting(1.0, "Factor on the receiver's stated sigma.", minimum=0.1, maximum=100.0)
     velocity_floor_mps: float = setting(0.05, "Smallest velocity sigma used.", unit="m/s", minimum=0.0, maximum=1e2)
-    correlation_s: float = setting(0.0, "Correlation time of receiver errors: fast fixes say little.", unit="s", minimum=0.0, maximum=600.0)
+    correlation_s: float = setting(0.0, "Correlation time of receiver errors: fast fixes add little.", unit="s", minimum=0.0, maximum=600.0)
     period_s: float = setting(0.0, "Use at most one fix in this time; 0 uses all.", unit="s", minimum=0.0, maximum=60.0)
     timeout_s: float = setting(2.5, "No accepted fix for this long is an outage.", unit="s", minimum=0.1, maximum=600.0)
     gate: GateSettings = group(GateSettings)
@@ -86,11 +85,8 @@ class PositionAid(Aid):
         return Innovation(y, H, factor * self.noise(measurement), observation)
 
     def recover(self, measurement: GpsPosition, innovation: Innovation, host: Host) -> None:
-        """Take the position from GPS afresh: a long disagreement says our position, not our attitude or wind, is lost."""
-        kalman.reset_block(host.P, POS, self.noise(measurement))
-        dx = np.zeros(host.layout.size)
-        dx[POS] = innovation.y
-        host.correct(dx)
+        """Reset the position to that of GPS: after a long disagreement it is the position that is wrong, not attitude or wind."""
+        reset_to(host, POS, innovation.y, self.noise(measurement))
 
 
 class VelocityAid(Aid):
@@ -116,15 +112,11 @@ class VelocityAid(Aid):
         return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n)
 
     def recover(self, measurement: GpsVelocity, innovation: Innovation, host: Host) -> None:
-        """Take the velocity from GPS afresh, leaving attitude and biases alone."""
-        rows = host.core.velocity_rows
-        if rows is None:
+        """Reset the velocity to that of GPS; attitude and biases stay."""
+        if host.core.velocity_rows is None:
             super().recover(measurement, innovation, host)
-            return
-        kalman.reset_block(host.P, rows, innovation.R)
-        dx = np.zeros(host.layout.size)
-        dx[rows] = innovation.y
-        host.correct(dx)
+        else:
+            reset_to(host, host.core.velocity_rows, innovation.y, innovation.R)
 
 
 GPS_VELOCITY = Sensor("gps", GpsVelocitySettings, each(VelocityAid))

@@ -9,8 +9,7 @@ from lowcostnav_ros.base.measurements import Attitude
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.views import Attitude as AttitudeView
-from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Host, Innovation, Sensor, SensorSettings, each, floored
+from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Host, Innovation, Sensor, SensorSettings, each, floored, reset_to
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 
 
@@ -20,7 +19,7 @@ class GpsAttitudeSettings(SensorSettings):
 
     enabled: bool = setting(True, "Use GPS attitude; an attitude filter made for it always does.")
     sigma_scale: float = setting(1.0, "Factor on the receiver's stated sigma.", minimum=0.1, maximum=100.0)
-    floor_deg: float = setting(0.05, "Smallest sigma believed.", unit="deg", minimum=0.001, maximum=10.0)
+    floor_deg: float = setting(0.05, "Smallest sigma used.", unit="deg", minimum=0.001, maximum=10.0)
     period_s: float = setting(0.0, "Use at most one attitude in this time; 0 uses all.", unit="s", minimum=0.0, maximum=60.0)
     timeout_s: float = setting(2.5, "No accepted attitude for this long is an outage.", unit="s", minimum=0.1, maximum=60.0)
     gate: GateSettings = group(GateSettings)
@@ -45,12 +44,8 @@ class GpsAttitudeAid(Aid):
         return Innovation(y, H, R, y.copy())
 
     def recover(self, measurement: Attitude, innovation: Innovation, host: Host) -> None:
-        """Take the attitude from GPS afresh: it does not drift, so a long disagreement is ours."""
-        phi_n, R = self.seen(measurement, host)
-        kalman.reset_block(host.P, host.core.attitude_rows, R)
-        dx = np.zeros(host.layout.size)
-        dx[host.core.attitude_rows] = phi_n
-        host.correct(dx)
+        """Reset the attitude to that of GPS: it does not drift, so after a long disagreement the estimate is wrong."""
+        reset_to(host, host.core.attitude_rows, *self.seen(measurement, host))
 
 
 GPS_ATTITUDE = AIDS.register("gps_attitude", Sensor("gps_attitude", GpsAttitudeSettings, each(GpsAttitudeAid), quiet=True), __name__)

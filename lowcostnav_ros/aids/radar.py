@@ -1,6 +1,6 @@
 """Ground radar: horizontal position fixes sent up a data link (Gebre-Egziabher 2004, sections 6.2 and 8.2).
 
-They come as any navigator's fixes do and are off until their topic is set.  A stamp says when the fix held; what comes later than the
+They come as any navigator's fixes do and are off until their topic is set.  A stamp is when the fix held; what comes later than the
 fusion horizon allows is dropped by name, so the ground carries a fix on to the time of sending.
 """
 

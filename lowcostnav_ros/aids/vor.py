@@ -3,8 +3,8 @@
 The error of a radial has three parts, modelled as what they are:
 
 - what is left of the station's *alignment* lasts: a state per station (Gauss-Markov, long), estimated while GPS is good;
-- *course bends* change along the way: noise with a correlation distance, of which radials in quick succession repeat one draw.  No state
-  could follow them, so their variance is multiplied by the factor that leaves the information such radials really hold;
+- *course bends* change along the way: noise with a correlation distance, of which radials in quick succession repeat one sample.  No state
+  could follow them, so their variance is multiplied by the factor that leaves the information such radials hold;
 - *receiver noise* is white.
 
 While GPS is good a radial moves the station's own state and nothing else: GPS observes the position better.
@@ -66,13 +66,8 @@ class VorAid(StationAid):
         return [gauss_markov(name, labels, Kind.FREE, self.bias_sigma, self.settings.bias_tau_s)]
 
     def due(self, measurement: VorBearing) -> bool:
-        """Whether the last radial used of this station is a period ago; its errors are slow, more would only feign certainty."""
+        """Whether the last radial used of this station is a period ago; its errors are slow, so that more would not add information."""
         return not 0.0 <= self.since_station_s(measurement) < self.settings.period_s - 1e-3
-
-    def words(self, now_ns: int) -> str:
-        """The stations used lately."""
-        stations = self.used_lately(now_ns)
-        return f"VOR {', '.join(stations)}" if stations else ""
 
     def free(self, stamp_ns: int, host: Host) -> np.ndarray | None:
         """The station's own state while GPS is good, else what a bearing may move."""
@@ -81,11 +76,8 @@ class VorAid(StationAid):
 
     def refusal(self, measurement: VorBearing, host: Host) -> str:
         """Why a radial cannot be used at all; empty when it can."""
-        station = self.station_of(measurement)
-        if isinstance(station, str):
-            return station
         lat, lon, height = host.core.nav[:3]
-        return out_of_service(station, lat, lon, height)
+        return super().refusal(measurement, host) or out_of_service(self.stations[measurement.station], lat, lon, height)
 
     def innovation(self, measurement: VorBearing, host: Host) -> Innovation | str:
         """y = radial + declination - (bearing + alignment error), wrapped; H is the gradient of the bearing and 1 on the error."""

@@ -1,6 +1,6 @@
 """Wind reported from the ground by data link (Gebre-Egziabher 2004, sections 6.2 and 8.2); off until its topic is set.
 
-A stamp says when the value held; what comes later than the fusion horizon allows is dropped by name.
+A stamp is when the value held; what comes later than the fusion horizon allows is dropped by name.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class WindUplinkSettings(SensorSettings):
 
 
 class WindUplinkAid(Aid):
-    """Wind as the ground reports it, m/s; reports repeat one forecast error for long, so many of them say little more than one."""
+    """Wind as the ground reports it, m/s; many reports repeat one forecast error and add little to the first."""
 
     name, labels = "wind_uplink", ("wind_north_mps", "wind_east_mps")
     measurement, topic, views = NavSolution, "uplink/wind", (AirMass,)

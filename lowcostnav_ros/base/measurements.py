@@ -5,8 +5,10 @@ values in NED/FRD and a covariance.  Live nodes, bags and simulations make the s
 recording are the same thing to everything downstream.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
+from typing import cast
 
 import numpy as np
 
@@ -280,3 +282,23 @@ class NavSolution(Measurement):
     mode: str = ""
     states: dict | None = None
     integrity: Integrity | None = None
+
+    @property
+    def has_position(self) -> bool:
+        """Whether it has a position with its covariance; only then do the following properties mean anything."""
+        return self.lat is not None and self.cov_pos is not None
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """Lat, lon, height."""
+        return cast("tuple[float, float, float]", (self.lat, self.lon, self.height))
+
+    @property
+    def place_cov(self) -> np.ndarray:
+        """Covariance (3, 3) of the position, m^2 NED."""
+        return cast("np.ndarray", self.cov_pos)
+
+    @property
+    def horizontal_sigma_m(self) -> float:
+        """Estimated horizontal error, m: root of the sum of both variances."""
+        return math.sqrt(self.place_cov[0, 0] + self.place_cov[1, 1])

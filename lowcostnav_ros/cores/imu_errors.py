@@ -27,18 +27,18 @@ class ImuSettings:
     of automotive grade.
     """
 
-    profile: str = setting("", "IMU profile (config/profiles, or a file): its numbers, save those below that are not the default.")
+    profile: str = setting("", "IMU profile (config/profiles, or a file): overrides the values below that are left at their defaults.")
     gyro_noise_dps_rthz: PerAxis = _axes(0.012, "Gyro white noise.", "deg/s/sqrt(Hz)", 1e-7, 10.0)
     gyro_bias_dps: PerAxis = _axes(0.05, "Gyro in-run bias, Gauss-Markov sigma.", "deg/s", maximum=10.0)
     gyro_bias_tau_s: PerAxis = _axes(300.0, "Correlation time of the gyro bias.", "s", 1.0)
     gyro_turn_on_dps: PerAxis = _axes(0.1, "Gyro turn-on bias sigma.", "deg/s", maximum=10.0)
-    gyro_scale_ppm: PerAxis = _axes(0.0, "Gyro scale-factor sigma; 0 leaves the states out.", "ppm", maximum=1e5)
+    gyro_scale_ppm: PerAxis = _axes(0.0, "Gyro scale-factor sigma; 0: no states.", "ppm", maximum=1e5)
     gyro_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the gyro scale factors.", "s", 1.0)
     accel_noise_mg_rthz: PerAxis = _axes(0.25, "Accelerometer white noise.", "milli-g/sqrt(Hz)", 1e-6, 1e3)
     accel_bias_mg: PerAxis = _axes(1.2, "Accelerometer in-run bias, Gauss-Markov sigma.", "milli-g", maximum=1e3)
     accel_bias_tau_s: PerAxis = _axes(100.0, "Correlation time of the accelerometer bias.", "s", 1.0)
     accel_turn_on_mg: PerAxis = _axes(5.0, "Accelerometer turn-on bias sigma.", "milli-g", maximum=1e3)
-    accel_scale_ppm: PerAxis = _axes(0.0, "Accelerometer scale-factor sigma; 0 leaves them out.", "ppm", maximum=1e5)
+    accel_scale_ppm: PerAxis = _axes(0.0, "Accelerometer scale-factor sigma; 0: no states.", "ppm", maximum=1e5)
     accel_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the accelerometer scale factors.", "s", 1.0)
 
 
@@ -95,13 +95,11 @@ def bias_blocks(imu: ImuSettings, *, split_turn_on: bool = False) -> list[Block]
     time, so in the short form the drift is a random walk with the drift's short-term growth, 2 sigma^2 / tau.
     """
     blocks = []
-    drift = of_axes(imu.accel_bias_mg) * MILLI_G, of_axes(imu.gyro_bias_dps) * DEGREE
-    turn_ons = of_axes(imu.accel_turn_on_mg) * MILLI_G, of_axes(imu.gyro_turn_on_dps) * DEGREE
-    sensors = (
-        ("accel", "mps2", Kind.ACCEL_BIAS, drift[0], of_axes(imu.accel_bias_tau_s), turn_ons[0]),
-        ("gyro", "radps", Kind.GYRO_BIAS, drift[1], of_axes(imu.gyro_bias_tau_s), turn_ons[1]),
-    )
-    for name, unit, kind, sigma, tau, turn_on in sensors:
+    accel = (imu.accel_bias_mg, imu.accel_turn_on_mg, imu.accel_bias_tau_s)
+    gyro = (imu.gyro_bias_dps, imu.gyro_turn_on_dps, imu.gyro_bias_tau_s)
+    sensors = (("accel", "mps2", Kind.ACCEL_BIAS, MILLI_G, accel), ("gyro", "radps", Kind.GYRO_BIAS, DEGREE, gyro))
+    for name, unit, kind, scale, values in sensors:
+        sigma, turn_on, tau = of_axes(values[0]) * scale, of_axes(values[1]) * scale, of_axes(values[2])
         labels = [f"{name}_bias_{axis}_{unit}" for axis in XYZ]
         if split_turn_on:
             blocks.append(gauss_markov(f"{name}_drift", [f"{name}_drift_{axis}_{unit}" for axis in XYZ], kind, sigma, tau))
@@ -110,11 +108,10 @@ def bias_blocks(imu: ImuSettings, *, split_turn_on: bool = False) -> list[Block]
             blocks.append(random_walk(f"{name}_bias", labels, kind, np.hypot(turn_on, sigma), sigma * np.sqrt(2.0 / tau)))
         else:
             blocks.append(gauss_markov(f"{name}_bias", labels, kind, sigma, tau))
-    scales = (
+    for name, kind, ppm, tau_s in (
         ("accel", Kind.ACCEL_SCALE, of_axes(imu.accel_scale_ppm), imu.accel_scale_tau_s),
         ("gyro", Kind.GYRO_SCALE, of_axes(imu.gyro_scale_ppm), imu.gyro_scale_tau_s),
-    )
-    for name, kind, ppm, tau_s in scales:
+    ):
         if ppm.any():
             blocks.append(gauss_markov(f"{name}_scale", [f"{name}_scale_{axis}" for axis in XYZ], kind, 1e-6 * ppm, tau_s))
     return blocks

@@ -28,6 +28,9 @@ POS, VEL, ATT = slice(0, 3), slice(3, 6), slice(6, 9)
 CORE = 9
 COVARIANCE_STEP_NS = 100_000_000
 GAP_NS = HOLE_NS
+ACCEL_BIAS, GYRO_BIAS, ACCEL_SCALE, GYRO_SCALE, CHAIN = map(
+    int, (Kind.ACCEL_BIAS, Kind.GYRO_BIAS, Kind.ACCEL_SCALE, Kind.GYRO_SCALE, Kind.CHAIN)
+)
 
 
 @kernel
@@ -77,15 +80,15 @@ def inertial_dynamics(nav, f_n, f_b, w_b, C, kind, axis, rate):
         F[i, i] = -rate[i]
         k = axis[i]
         for r in range(3):
-            if kind[i] == 1:
+            if kind[i] == ACCEL_BIAS:
                 F[3 + r, i] = -C[r, k]
-            elif kind[i] == 2:
+            elif kind[i] == GYRO_BIAS:
                 F[6 + r, i] = -C[r, k]
-            elif kind[i] == 3:
+            elif kind[i] == ACCEL_SCALE:
                 F[3 + r, i] = -C[r, k] * f_b[k]
-            elif kind[i] == 4:
+            elif kind[i] == GYRO_SCALE:
                 F[6 + r, i] = -C[r, k] * w_b[k]
-        if kind[i] == 10 and k > 0:
+        if kind[i] == CHAIN and k > 0:
             F[i - 1, i] = 1.0
     return F
 
@@ -115,7 +118,7 @@ def sensor_errors(estimate, kind, axis):
     """Sum the estimated sensor errors over the blocks: rows accel bias, gyro bias, accel scale, gyro scale, shape (4, 3)."""
     total = np.zeros((4, 3))
     for i in range(CORE, kind.shape[0]):
-        if 1 <= kind[i] <= 4:
+        if ACCEL_BIAS <= kind[i] <= GYRO_SCALE:
             total[kind[i] - 1, axis[i]] += estimate[i]
     return total
 
@@ -135,7 +138,7 @@ def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd):
     for i in range(CORE, kind.shape[0]):
         if rate[i] > 0.0:
             estimate[i] *= np.exp(-rate[i] * dt)
-        if kind[i] == 10 and axis[i] > 0:
+        if kind[i] == CHAIN and axis[i] > 0:
             estimate[i - 1] += estimate[i] * dt
     sums[:] = 0.0
 
@@ -193,9 +196,9 @@ def predict_mean(t_ns, nav, last, errors, stamps, f_m, w_m):
 def turn_covariance(P, heading):
     """Turn the covariance of tilt and heading errors with a correction of the heading, rad, in place.
 
-    How the attitude errors hang together with the sensor errors was gathered along the heading believed until now, and belongs to the
+    How the attitude errors hang together with the sensor errors was gathered along the heading estimated until now, and belongs to the
     body.  Left in n through a large correction (a low-cost unit before its first turn), those correlations point where the sensor no
-    longer is, and the filter takes for observed what is not.  So far the left-invariant filter (Barrau and Bonnabel, IEEE TAC 62, 2017);
+    longer is, and the filter treats as observed what is not.  So far the left-invariant filter (Barrau and Bonnabel, IEEE TAC 62, 2017);
     position and velocity stay, and so does what a tilt would turn: aids measure them in n, and an ellipsoid that is flat, as a barometer
     leaves it in an outage, would be thinned along its length.
     """
@@ -251,7 +254,7 @@ class InertialCore:
         self._last[:] = 0.0
         self._sums[:] = 0.0
 
-    def advance(self, block, start: int, output_ns: int) -> int:
+    def advance(self, block: ImuBlock, start: int, output_ns: int) -> int:
         """Run samples of an ImuBlock from index ``start``; return the next index (an output is due when short of the end)."""
         layout = self.layout
         layout.pace(self.speed_mps)
@@ -287,7 +290,7 @@ class InertialCore:
         e = self.errors()
         return (specific_force_b - e[0]) / (1.0 + e[2]), (angular_rate_b - e[1]) / (1.0 + e[3])
 
-    def predicted(self, block) -> tuple[int, np.ndarray]:
+    def predicted(self, block: ImuBlock | None) -> tuple[int, np.ndarray]:
         """Mean state at the end of ``block`` (samples beyond the horizon, or None), leaving this state alone."""
         nav = self.nav.copy()
         if block is None:

@@ -66,7 +66,7 @@ def predict(nav, estimate, P, moving, kind, axis, rate, psd, dt):
 class MotionCore:
     """Mean and covariance of the filter, in the form the satellite aids expect of an inertial core.
 
-    ``nav`` (10,): lat, lon [rad], height [m], velocity NED [m/s], a level attitude nobody uses; ``estimate`` (n,): acceleration and clock.
+    ``nav`` (10,): lat, lon [rad], height [m], velocity NED [m/s], an unused level attitude; ``estimate`` (n,): acceleration and clock.
     """
 
     velocity_rows = VEL

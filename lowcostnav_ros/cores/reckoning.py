@@ -1,22 +1,176 @@
-"""The reckoning core: airspeed along the heading plus wind, with mean and covariance, and how both move between measurements."""
+"""The reckoning core: airspeed along the heading plus wind, with mean and covariance, and how both move between measurements.
+
+Settings are in the units of data sheets; their defaults are the error models of Gebre-Egziabher (2004): table 6.1 gives wind 5 m/s over
+400 s, heading 2.5 deg over 120 s plus 0.8 deg white and airspeed 2.6 m/s over 400 s.
+"""
 
 import copy
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude
+from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores import reckoning_model as model
-from lowcostnav_ros.cores.reckoning_inputs import HeldInputs
-from lowcostnav_ros.cores.reckoning_model import CLIMB, CORE, DEG, POS
-from lowcostnav_ros.cores.reckoning_settings import ReckoningSettings
+from lowcostnav_ros.cores.reckoning_model import CLIMB, CORE, POS
 from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.error_state import Kind, Layout
+from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.rotation import quat_rotate
 
 LOST_S = 10.0
 """Without attitude or airspeed the unknown velocity is as large as the last airspeed and stays correlated this long."""
+LONGEST_TURN_S = 0.5
+"""An attitude is turned on with its own rate for this long at most; after that it is held."""
+LANDED = 0.8
+"""Share of the minimum airspeed below which an aircraft that was flying counts as landed; the step keeps gusts from toggling it."""
+
+
+@dataclass(frozen=True)
+class HeadingSettings:
+    """Errors of the heading that comes in."""
+
+    bias_deg: float = setting(2.5, "Slowly varying heading error, Gauss-Markov sigma.", unit="deg", minimum=0.0, maximum=45.0)
+    bias_tau_s: float = setting(120.0, "Correlation time of the heading error.", unit="s", minimum=1.0)
+    offset_deg: float = setting(3.0, "Constant heading error (mounting), sigma; 0: no state.", unit="deg", minimum=0.0, maximum=45.0)
+    noise_deg: float = setting(0.8, "White heading noise, sigma at 1 Hz.", unit="deg", minimum=0.0, maximum=45.0)
+    timeout_s: float = setting(1.0, "Attitude older than this has timed out.", unit="s", minimum=0.05, maximum=30.0)
+
+
+@dataclass(frozen=True)
+class AirspeedSettings:
+    """Errors of the true airspeed that comes in, and the air data that a pitot tube alone does not give."""
+
+    bias_mps: float = setting(2.6, "Airspeed error, Gauss-Markov sigma; 0: no state.", unit="m/s", minimum=0.0, maximum=50.0)
+    bias_tau_s: float = setting(400.0, "Correlation time of the airspeed error.", unit="s", minimum=1.0)
+    scale: float = setting(0.03, "Constant scale-factor error, sigma as a fraction; 0: no state.", minimum=0.0, maximum=0.5)
+    noise_mps: float = setting(0.3, "White airspeed noise, sigma at 1 Hz.", unit="m/s", minimum=0.0, maximum=10.0)
+    incidence_deg: float = setting(0.0, "Incidence in level flight, used without a vane.", unit="deg", minimum=-20.0, maximum=20.0)
+    slip_deg: float = setting(0.0, "Steady sideslip, air from the right positive, no vane.", unit="deg", minimum=-20.0, maximum=20.0)
+    minimum_mps: float = setting(8.0, "Below this airspeed the aircraft counts as on the ground.", unit="m/s", minimum=0.1, maximum=100.0)
+    timeout_s: float = setting(2.0, "Airspeed older than this has timed out.", unit="s", minimum=0.05, maximum=30.0)
+
+
+@dataclass(frozen=True)
+class WindSettings:
+    """What the air mass does along the flight."""
+
+    sigma_mps: float = setting(5.0, "Variation of each component, Gauss-Markov sigma.", unit="m/s", minimum=0.01, maximum=50.0)
+    tau_s: float = setting(400.0, "Correlation time of the variation.", unit="s", minimum=1.0)
+    mean_mps: float = setting(10.0, "Constant part, sigma before GPS; 0: no state.", unit="m/s", minimum=0.0, maximum=100.0)
+    gust_mps: float = setting(1.0, "Turbulence that is not estimated, sigma of each component.", unit="m/s", minimum=0.0, maximum=20.0)
+    gust_tau_s: float = setting(5.0, "Correlation time of the turbulence.", unit="s", minimum=0.1, maximum=100.0)
+
+
+@dataclass(frozen=True)
+class HeightSettings:
+    """The vertical channel."""
+
+    climb_mps: float = setting(3.0, "Vertical speed, Gauss-Markov sigma.", unit="m/s", minimum=0.1, maximum=50.0)
+    climb_tau_s: float = setting(15.0, "Correlation time of the vertical speed.", unit="s", minimum=0.5, maximum=600.0)
+
+
+@dataclass(frozen=True)
+class ReckoningSettings:
+    """What the core is made of."""
+
+    model: str = setting("full", "Error model: full, or position and wind with range bias as noise (G53).", choices=("full", "reduced"))
+    ground_walk_mps: float = setting(5.0, "Unknown motion below minimum airspeed, sigma at 1 Hz.", unit="m/s", minimum=0.0, maximum=50.0)
+    heading: HeadingSettings = group(HeadingSettings)
+    airspeed: AirspeedSettings = group(AirspeedSettings)
+    wind: WindSettings = group(WindSettings)
+    height: HeightSettings = group(HeightSettings)
+
+
+def core_blocks(settings: ReckoningSettings) -> list[Block]:
+    """Position north, east, down and vertical velocity; the wind; heading and airspeed errors in the full model."""
+    wind, height, heading, airspeed = settings.wind, settings.height, settings.heading, settings.airspeed
+    labels = ("position_north_m", "position_east_m", "position_down_m", "velocity_down_mps")
+    climb = 2.0 * height.climb_mps**2 / height.climb_tau_s
+    tau_s = (np.inf, np.inf, np.inf, height.climb_tau_s)
+    blocks = [
+        Block("core", labels, Kind.CORE, (10.0, 10.0, 10.0, height.climb_mps), tau_s, (0.0, 0.0, 0.0, climb)),
+        gauss_markov("wind", _ne("wind_variation"), Kind.WIND, wind.sigma_mps, wind.tau_s),
+    ]
+    if wind.mean_mps > 0.0:
+        blocks.append(random_walk("wind_mean", _ne("wind_mean"), Kind.WIND, wind.mean_mps))
+    if settings.model == "reduced":
+        return blocks
+    if heading.bias_deg > 0.0:
+        label = ["heading_bias_rad"]
+        blocks.append(gauss_markov("heading_bias", label, Kind.HEADING_BIAS, heading.bias_deg * DEGREE, heading.bias_tau_s))
+    if heading.offset_deg > 0.0:
+        blocks.append(random_walk("heading_offset", ["heading_offset_rad"], Kind.HEADING_BIAS, heading.offset_deg * DEGREE))
+    if airspeed.scale > 0.0:
+        blocks.append(random_walk("airspeed_scale", ["airspeed_scale"], Kind.AIRSPEED_SCALE, airspeed.scale))
+    if airspeed.bias_mps > 0.0:
+        blocks.append(gauss_markov("airspeed_bias", ["airspeed_bias_mps"], Kind.AIRSPEED_BIAS, airspeed.bias_mps, airspeed.bias_tau_s))
+    return blocks
+
+
+def _ne(name: str) -> list[str]:
+    return [f"{name}_{axis}_mps" for axis in ("north", "east")]
+
+
+@dataclass(slots=True)
+class HeldInputs:
+    """Last attitude and air data; ``vel_b`` (3,) m/s air-relative, FRD; ``speed`` true airspeed as measured, m/s."""
+
+    q_nb: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
+    rate_b: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    force_b: np.ndarray | None = None
+    cov_att: np.ndarray = field(default_factory=lambda: np.eye(3))
+    attitude_ns: int | None = None
+    vel_b: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    speed: float = 0.0
+    air_ns: int | None = None
+    airborne: bool = False
+    fastest: float = 0.0  # while airborne and since GPS last saw the aircraft on the ground, m/s
+
+    def take_attitude(self, attitude: Attitude) -> None:
+        """Hold a new attitude."""
+        self.q_nb, self.cov_att, self.attitude_ns = attitude.q_nb, attitude.cov_att, attitude.stamp_ns
+        self.rate_b = np.zeros(3) if attitude.angular_rate_b is None else attitude.angular_rate_b
+        self.force_b = attitude.specific_force_b
+
+    def take_air(self, air: AirVelocity, settings: AirspeedSettings) -> None:
+        """Hold a new air-relative velocity and decide whether the aircraft flies."""
+        self.vel_b = body_velocity(air, settings)
+        self.speed, self.air_ns = math.sqrt(self.vel_b @ self.vel_b), air.stamp_ns
+        self.airborne = self.speed >= settings.minimum_mps * (LANDED if self.airborne else 1.0)
+        if self.airborne:
+            self.fastest = max(self.fastest, self.speed)
+
+    def air_n(self, t_ns: int) -> np.ndarray:
+        """Air-relative velocity (3,) in n at a time, the attitude turned on with its rate."""
+        age_s = 0.0 if self.attitude_ns is None else 1e-9 * (t_ns - self.attitude_ns)
+        return model.air_velocity_n(self.q_nb, self.rate_b, min(max(age_s, 0.0), LONGEST_TURN_S), self.vel_b)
+
+    def timed_out(self, t_ns: int, attitude_s: float, air_s: float) -> str:
+        """Which input is older than it may be at ``t_ns``, in words; empty when both are fresh."""
+        for what, stamp_ns, limit_s in (("attitude", self.attitude_ns, attitude_s), ("airspeed", self.air_ns, air_s)):
+            if stamp_ns is None:
+                return f"no {what} yet"
+            if t_ns - stamp_ns > 1e9 * limit_s:
+                return f"no {what} for {1e-9 * (t_ns - stamp_ns):.0f} s"
+        return ""
+
+
+def body_velocity(air: AirVelocity, settings: AirspeedSettings) -> np.ndarray:
+    """Air-relative velocity (3,) m/s in b: as measured with vanes, else true airspeed turned by the set incidence and slip."""
+    tas = float(air.vel_b[0])
+    out = np.array([tas, air.vel_b[1], air.vel_b[2]])
+    incidence, slip = settings.incidence_deg * DEGREE, settings.slip_deg * DEGREE
+    if air.cov_b[1, 1] >= UNKNOWN_VARIANCE:
+        out[1] = tas * math.sin(slip)
+        out[0] *= math.cos(slip)
+    if air.cov_b[2, 2] >= UNKNOWN_VARIANCE:
+        out[2] = out[0] * math.sin(incidence)
+        out[0] *= math.cos(incidence)
+    return out
 
 
 class ReckoningCore:
@@ -32,8 +186,9 @@ class ReckoningCore:
     estimate : ndarray (n,)
         Estimates of the states in ``layout``; the first three are unused (they live in ``nav``).
     P : ndarray (n, n)
-    t_ns : int or None
-        Time of the mean; None before the start.
+    t_ns : int
+        Time of the mean.
+    started : bool
     wind_rows : ndarray (2, n)
         Sum all that makes up the wind, north and east.
     ranging : ndarray (n,)
@@ -45,7 +200,7 @@ class ReckoningCore:
     def __init__(self, settings: ReckoningSettings, layout: Layout) -> None:
         self.settings, self.layout, self.held = settings, layout, HeldInputs()
         self.nav, self.estimate, self.P = np.zeros(3), np.zeros(layout.size), layout.initial_covariance()
-        self.t_ns: int | None = None
+        self.t_ns, self.started = 0, False
         self.guard_actions = 0
         self._sums = np.zeros(7)
         self._mean_rate = np.zeros(layout.size) if settings.model == "reduced" else layout.rate
@@ -56,7 +211,7 @@ class ReckoningCore:
 
     def start(self, t_ns: int, nav: np.ndarray, cov_n: np.ndarray) -> None:
         """Begin at a position (lat, lon [rad], height [m]) with its covariance (3, 3), NED m^2."""
-        self.nav[:], self.t_ns = nav, int(t_ns)
+        self.nav[:], self.t_ns, self.started = nav, int(t_ns), True
         kalman.reset_block(self.P, POS, cov_n)
 
     def know_wind(self, wind_n: np.ndarray, sigma: float) -> None:
@@ -67,7 +222,7 @@ class ReckoningCore:
         self.correct(kalman.update(self.P, y, H, max(sigma, 1e-6) ** 2 * np.eye(2), np.ones(self.layout.size)))
 
     def branch(self) -> "ReckoningCore":
-        """Return a copy whose mean and inputs may be moved on alone; the covariance is shared and must not be settled."""
+        """A copy whose mean and inputs may be moved on alone; the covariance is shared and must not be settled."""
         twin = copy.copy(self)
         twin.nav, twin.estimate, twin._sums, twin.held = self.nav.copy(), self.estimate.copy(), self._sums.copy(), copy.copy(self.held)
         return twin
@@ -88,12 +243,12 @@ class ReckoningCore:
         if sums[0] <= 0.0:
             return
         layout.pace(math.hypot(sums[1], sums[2]) / sums[0])
-        heading, airspeed = (settings.heading.noise_deg * DEG) ** 2, settings.airspeed.noise_mps**2
+        heading, airspeed = (settings.heading.noise_deg * DEGREE) ** 2, settings.airspeed.noise_mps**2
         model.carry_covariance(self.P, sums, layout.kind, layout.axis, layout.rate, layout.psd, heading, airspeed, self._walk())
 
     def correct(self, dx: np.ndarray) -> None:
         """Inject a correction (n,): the estimate moves, the error state is zero again."""
-        self.nav[:] = displace(*self.nav, dx[POS])
+        self.nav[:] = displace(self.nav[0], self.nav[1], self.nav[2], dx[POS])
         self.estimate[CLIMB:] += dx[CLIMB:]
         self.guard_actions += kalman.guard_covariance(self.P, self._floor, self._ceiling)
 
@@ -103,7 +258,7 @@ class ReckoningCore:
         return self.held.timed_out(self.t_ns if t_ns is None else t_ns, settings.heading.timeout_s, settings.airspeed.timeout_s)
 
     def totals(self) -> np.ndarray:
-        """Return the estimates summed by what they act on (5,): wind north, east, heading bias, airspeed scale, airspeed bias."""
+        """The estimates summed by what they act on (5,): wind north, east, heading bias, airspeed scale, airspeed bias."""
         return model.sum_estimates(self.estimate, self.layout.kind, self.layout.axis)
 
     def velocity(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -118,7 +273,7 @@ class ReckoningCore:
             air = model.corrected_air(air_n, total)
             out[0:2] = air + total[0:2]
         out[2] = self.estimate[CLIMB]
-        noise = model.unmodelled_velocity(air_n, settings.heading.noise_deg * DEG, settings.airspeed.noise_mps, settings.wind.gust_mps)
+        noise = model.unmodelled_velocity(air_n, settings.heading.noise_deg * DEGREE, settings.airspeed.noise_mps, settings.wind.gust_mps)
         return out, model.coupling(air[0], air[1], float(held.airborne), layout.kind, layout.axis), noise
 
     def dynamics(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Dead reckoning: the motion of the mean and the exact evolution of its error covariance.
+"""Compiled dynamics of dead reckoning: the motion of the mean and the exact evolution of its error covariance.
 
 Mean: position moves with the air-relative velocity plus wind, p' = R(psi) a (1 + s + b/V) + w, where ``a`` is the horizontal part of
 C_nb v_b as measured, psi the heading bias, s and b scale and bias of the airspeed.  Error state, true minus estimated
@@ -17,47 +17,15 @@ import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.small_matrices import turned
-from lowcostnav_ros.cores.reckoning_settings import ReckoningSettings
-from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov, random_walk
+from lowcostnav_ros.estimation.error_state import Kind
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.rotation import quat_from_rotvec, quat_multiply, quat_rotate
 
 CORE = 4
 POS, CLIMB = slice(0, 3), 3
-NM = 1852.0
-DEG = math.pi / 180.0
+WIND, SCALE, BIAS, HEADING = int(Kind.WIND), int(Kind.AIRSPEED_SCALE), int(Kind.AIRSPEED_BIAS), int(Kind.HEADING_BIAS)
 SHORT = 1.0e-2
 """Step over correlation time below which the closed forms lose digits and their series is used."""
-
-
-def core_blocks(settings: ReckoningSettings) -> list[Block]:
-    """Position north, east, down and vertical velocity; the wind; heading and airspeed errors in the full model."""
-    wind, height, heading, airspeed = settings.wind, settings.height, settings.heading, settings.airspeed
-    labels = ("position_north_m", "position_east_m", "position_down_m", "velocity_down_mps")
-    climb = 2.0 * height.climb_mps**2 / height.climb_tau_s
-    tau_s = (np.inf, np.inf, np.inf, height.climb_tau_s)
-    blocks = [
-        Block("core", labels, Kind.CORE, (10.0, 10.0, 10.0, height.climb_mps), tau_s, (0.0, 0.0, 0.0, climb)),
-        gauss_markov("wind", _ne("wind_variation"), Kind.WIND, wind.sigma_mps, wind.tau_s),
-    ]
-    if wind.mean_mps > 0.0:
-        blocks.append(random_walk("wind_mean", _ne("wind_mean"), Kind.WIND, wind.mean_mps))
-    if settings.model == "reduced":
-        return blocks
-    if heading.bias_deg > 0.0:
-        label = ["heading_bias_rad"]
-        blocks.append(gauss_markov("heading_bias", label, Kind.HEADING_BIAS, heading.bias_deg * DEG, heading.bias_tau_s))
-    if heading.offset_deg > 0.0:
-        blocks.append(random_walk("heading_offset", ["heading_offset_rad"], Kind.HEADING_BIAS, heading.offset_deg * DEG))
-    if airspeed.scale > 0.0:
-        blocks.append(random_walk("airspeed_scale", ["airspeed_scale"], Kind.AIRSPEED_SCALE, airspeed.scale))
-    if airspeed.bias_mps > 0.0:
-        blocks.append(gauss_markov("airspeed_bias", ["airspeed_bias_mps"], Kind.AIRSPEED_BIAS, airspeed.bias_mps, airspeed.bias_tau_s))
-    return blocks
-
-
-def _ne(name: str) -> list[str]:
-    return [f"{name}_{axis}_mps" for axis in ("north", "east")]
 
 
 @kernel
@@ -71,13 +39,13 @@ def sum_estimates(estimate, kind, axis):
     """Sum the estimates by what they act on, shape (5,): wind north, wind east, heading bias, airspeed scale, airspeed bias."""
     total = np.zeros(5)
     for i in range(CORE, kind.shape[0]):
-        if kind[i] == 5:
+        if kind[i] == WIND:
             total[axis[i]] += estimate[i]
-        elif kind[i] == 6:
+        elif kind[i] == SCALE:
             total[3] += estimate[i]
-        elif kind[i] == 7:
+        elif kind[i] == BIAS:
             total[4] += estimate[i]
-        elif kind[i] == 8:
+        elif kind[i] == HEADING:
             total[2] += estimate[i]
     return total
 
@@ -86,7 +54,7 @@ def sum_estimates(estimate, kind, axis):
 def sigmas_of_sums(P, kind):
     """Sigmas (3,) of the sums of the heading biases, the airspeed scales and the airspeed biases."""
     out = np.zeros(3)
-    for k, wanted in enumerate((8, 6, 7)):
+    for k, wanted in enumerate((HEADING, SCALE, BIAS)):
         total = 0.0
         for j in range(P.shape[0]):
             if kind[j] == wanted:
@@ -147,13 +115,13 @@ def coupling(a_n, a_e, airborne, kind, axis):
     if airborne == 0.0 or speed == 0.0:
         return G
     for i in range(CORE, n):
-        if kind[i] == 5:
+        if kind[i] == WIND:
             G[axis[i], i] = airborne
-        elif kind[i] == 6:
+        elif kind[i] == SCALE:
             G[0, i], G[1, i] = a_n, a_e
-        elif kind[i] == 7:
+        elif kind[i] == BIAS:
             G[0, i], G[1, i] = airborne * a_n / speed, airborne * a_e / speed
-        elif kind[i] == 8:
+        elif kind[i] == HEADING:
             G[0, i], G[1, i] = -a_e, a_n
     return G
 

@@ -1,4 +1,4 @@
-"""What aids see of a core: small typed views.  A core that lacks one cannot take the aids that ask for it, and the constructor says so."""
+"""What aids see of a core: small typed views.  A core that lacks one cannot take the aids that ask for it: their constructor refuses it."""
 
 from typing import NamedTuple, Protocol, runtime_checkable
 

@@ -125,17 +125,18 @@ class Host(Protocol):
 
     name: str
     layout: Layout
+    core: Any
 
-    @property
-    def core(self) -> Any: ...
     @property
     def P(self) -> np.ndarray: ...
     def correct(self, dx: np.ndarray) -> None: ...
     def gps_good(self, stamp_ns: int) -> bool: ...
 
 
+SHARED = ("wind", "updraught")
+"""Blocks of the air mass: one for all sensors."""
 NAMED_S = 120.0
-"""What the ground sent is named this long after it was used."""
+"""Uplinked data is named in a reason this long after it was used."""
 SLACK_NS = 1e6
 """Jitter of stamps that does not make a measurement miss its period."""
 
@@ -166,7 +167,7 @@ class Aid(ABC):
     period_s : float
         At most one measurement in this time, unless it thins itself.
     source : str
-        Topic it listens to: its own, unless its sensor's settings say another.
+        Topic it subscribes to: its own, unless its sensor's settings name another.
     applied : Innovation or None
         What was fused last.
     decision : Decision or None
@@ -200,7 +201,7 @@ class Aid(ABC):
     def own(self, name: str) -> str:
         """A name of this aid, of its blocks or their labels; a second sensor's carry its key (``baro2_height``)."""
         sensor = self.key.rstrip("0123456789")
-        if sensor == self.key:
+        if sensor == self.key or name in SHARED:
             return name
         return self.key + name[len(sensor) :] if name.startswith(sensor) else f"{self.key}_{name}"
 
@@ -227,6 +228,11 @@ class Aid(ABC):
         """Forget what was received; the counters stay."""
         self.status.accepted_ns = self._rejecting_since_ns = None
 
+    def is_fresh(self, now_ns: int) -> bool:
+        """Whether it used a measurement within the time-out of its sensor."""
+        age_s = self.status.age_s(now_ns)
+        return age_s is not None and age_s <= self.settings.timeout_s
+
     def since_s(self, measurement: Measurement) -> float:
         """Seconds since it last used a measurement, ``inf`` before the first."""
         age_s = self.status.age_s(measurement.stamp_ns)
@@ -234,19 +240,19 @@ class Aid(ABC):
 
     # the verbs ---------------------------------------------------------------------------------------------------------------
 
-    def due(self, measurement: Measurement) -> bool:
+    def due(self, measurement: Any) -> bool:
         """Whether a measurement is wanted at all now, beyond the period of its sensor."""
         return True
 
     @abstractmethod
-    def innovation(self, measurement: Any, host: Any) -> Innovation | str:
+    def innovation(self, measurement: Any, host: Host) -> Innovation | str:
         """Measured minus predicted, or the reason why there is none (one short phrase).  Changes nothing."""
 
     def after(self, measurement: Any, host: Host) -> None:  # noqa: B027 - most aids have nothing to do then
         """Called once all aids of its channel have had a measurement."""
 
     def words(self, now_ns: int) -> str:
-        """What it contributes now, for people; empty for nothing to say."""
+        """What it contributes now, for people; empty for nothing."""
         return ""
 
     def ago(self, what: str, now_ns: int) -> str:
@@ -262,7 +268,7 @@ class Aid(ABC):
         """Whether a :attr:`last_resort` is the last there is."""
         return not host.gps_good(stamp_ns)
 
-    def control(self, stamp_ns: int, test_ratio: float, host: Any) -> tuple[Decision, str]:
+    def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """Decide what to do with an innovation of this test ratio, and why when it is not fused."""
         if test_ratio <= 1.0:
             self._rejecting_since_ns = None
@@ -276,7 +282,7 @@ class Aid(ABC):
             return Decision.RECOVER, RECOVERED
         return Decision.REJECT, BEYOND_GATE
 
-    def prepare(self, measurement: Any, innovation: Innovation, host: Any) -> Innovation:
+    def prepare(self, measurement: Any, innovation: Innovation, host: Host) -> Innovation:
         """Called once a measurement is to be used: may assign a state to its station; returns the innovation to fuse."""
         return innovation
 
@@ -286,11 +292,11 @@ class Aid(ABC):
         host.correct(kalman.update(host.P, innovation.y, innovation.H, innovation.R, free))
 
     def recover(self, measurement: Any, innovation: Innovation, host: Host) -> None:
-        """After a long run of rejections: widen the noise until the innovation is believable, and fuse."""
+        """After a long run of rejections: widen the noise until the innovation passes the gate, and fuse."""
         innovation.R = innovation.R + np.outer(innovation.y, innovation.y)
         self.fuse(innovation, host)
 
-    def process(self, measurement: Any, host: Any) -> bool:
+    def process(self, measurement: Any, host: Host) -> bool:
         """Run the three verbs on one measurement; return whether it was used."""
         status, self.applied, self.decision = self.status, None, None
         status.stamp_ns = measurement.stamp_ns
@@ -326,6 +332,14 @@ class Aid(ABC):
         return False
 
 
+def reset_to(host: Host, rows: slice, y: np.ndarray, covariance: np.ndarray) -> None:
+    """Reset some states to a measured value: correction ``y`` (m,), covariance (m, m), no correlation with other states."""
+    kalman.reset_block(host.P, rows, covariance)
+    dx = np.zeros(host.layout.size)
+    dx[rows] = y
+    host.correct(dx)
+
+
 def floored(cov: np.ndarray, scale: float, floor: float) -> np.ndarray:
     """Covariance (m, m) scaled by the sigma factor ``scale``, no variance below ``floor`` squared."""
     out = cov * (scale * scale)
@@ -353,7 +367,8 @@ class Sensor:
     defaults : mapping
         Values in place of the settings' own defaults.
     quiet : bool
-        Listened to only when enabled; the topics of others are listened to even then, so that a switch cuts no inertial sample elsewhere.
+        Subscribed to only when enabled; the topics of others are subscribed to even when disabled, so that ``enabled`` does not change
+        where inertial samples are cut.
     """
 
     name: str
@@ -367,7 +382,7 @@ class Sensor:
         return replace(self, defaults={**self.defaults, **defaults})
 
     def build(self, settings: Any, key: str, stations: Any) -> list[Aid]:
-        """Make its aids; those of a second sensor listen to topics with its number in the first word (``gps2/fix``).
+        """Make its aids; those of a second sensor take topics with its number in the first word (``gps2/fix``).
 
         Raises
         ------
@@ -399,7 +414,7 @@ def each(*aids: type[Aid]) -> Maker:
 
 
 def unique(blocks: Iterable[Block]) -> list[Block]:
-    """Blocks in order, of several of one name the first: the wind is one, whatever feels it."""
+    """Blocks in order, of several of one name the first: the wind is one, whatever depends on it."""
     found: dict[str, Block] = {}
     for block in blocks:
         found.setdefault(block.name, block)

@@ -161,6 +161,11 @@ class Layout:
             self.rate[rows] = max(speed_mps, SLOWEST_MPS) / block.distance_m
             self.psd[rows] = 2.0 * block.sigma0[0] ** 2 * self.rate[rows]
 
+    def fill(self, H: np.ndarray, kind: Kind, columns: np.ndarray) -> None:
+        """Give all states of one kind their columns (m, 3) of a Jacobian ``H`` (m, n), axis by axis, in place."""
+        rows = self.kind == kind
+        H[:, rows] = columns[:, self.axis[rows]]
+
     def components(self, kind: Kind, count: int) -> np.ndarray:
         """Rows (count, n) that sum the states of one kind, axis by axis."""
         return np.array([(self.kind == kind) & (self.axis == axis) for axis in range(count)], dtype=float)

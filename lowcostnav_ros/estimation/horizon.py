@@ -2,7 +2,7 @@
 
 The fused solution thereby depends on the set of measurements alone.  Inertial samples may arrive one by one or in blocks of any
 cut; an aid that falls inside a sample's interval gets that sample split at its stamp, so it is fused at its own time.  An aid in a
-hole of the inertial data gets nothing: whoever carries the state sees that it has not reached the aid's stamp.
+hole of the inertial data gets nothing: the navigator sees that its state has not reached the aid's stamp.
 """
 
 import heapq
@@ -16,13 +16,13 @@ TIME_JUMP_NS = 10_000_000_000
 """A stamp this far from the newest is not lateness: it is a bad stamp, or a restarted clock when it persists (default)."""
 
 JUMP_VOTES = 3
-"""So many stamps in a row must agree before the time base is believed to have jumped."""
+"""So many stamps in a row must agree before the time base counts as jumped."""
 
 HOLE_NS = 500_000_000
 """Longest interval one inertial sample may stand for; a longer one is a hole in the data, and no aid is fused inside it."""
 
 MAX_WAITING = 20_000
-"""Aids held while inertial data is silent; beyond it the oldest go, counted."""
+"""Aids held while there is no inertial data; beyond it the oldest are dropped and counted."""
 
 TIME_JUMPED = "time jumped"
 
@@ -37,7 +37,7 @@ class FusionHorizon:
     inertial : str or None
         Source of the :class:`ImuBlock` stream that carries the state; nothing is handed over beyond its newest sample.
     jump_ns : int
-        A stamp this far from the newest is suspected; more than the interval of a source that is heard alone.
+        A stamp this far from the newest is suspected; more than the interval of a sole source.
     """
 
     def __init__(self, lag_ns: int, inertial: str | None = None, jump_ns: int = TIME_JUMP_NS) -> None:

@@ -1,5 +1,7 @@
 """A window of inertial samples: turn, specific force and rate summed since its beginning, however the samples are cut into blocks."""
 
+from typing import cast
+
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
@@ -65,6 +67,11 @@ class InertialWindow:
         self.t_ns, self._sums = t_ns, np.zeros(WINDOW_SIZE)
         self._sums[0] = 1.0
         self.turn, self.force_b0, self.rate_b = self._sums[0:4], self._sums[4:7], self._sums[7:10]
+
+    @property
+    def end_ns(self) -> int:
+        """Time reached, of a window that has begun."""
+        return cast("int", self.t_ns)
 
     @property
     def seconds(self) -> float:

@@ -1,4 +1,4 @@
-"""Watch the innovations of a filter over longer times: do its sources, all together, still say what the prediction says?
+"""Watch the innovations of a filter over longer times: do its sources, all together, still agree with the prediction?
 
 A consistent filter has white innovations of covariance S.  Let G be the columns of H that hold what the sources measure together
 (position and clock, velocity and drift).  Each epoch gives information N = G' S^-1 G and its vector z = G' S^-1 y; over a window with
@@ -26,7 +26,7 @@ from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul, 
 from lowcostnav_ros.estimation import kalman
 
 UNSEEN = 1e-6
-"""What is added to an information matrix, as a share of its trace, so that a direction nothing has measured does no harm."""
+"""What is added to an information matrix, as a share of its trace, so that a direction not measured yet does no harm."""
 
 
 @kernel
@@ -119,7 +119,7 @@ class InnovationWatch:
         self._last_ns: int | None = None
 
     def observe(self, stamp_ns: int, y: np.ndarray, G: np.ndarray, S: np.ndarray) -> Disagreement | None:
-        """Take the innovations y (n,) of an epoch with the columns G (n, m) and their covariance S (n, n); say if they disagree."""
+        """Add the innovations y (n,) of an epoch with the columns G (n, m) and their covariance S (n, n); return a disagreement."""
         dt = 0.0 if self._last_ns is None else 1e-9 * (stamp_ns - self._last_ns)
         self._last_ns = stamp_ns
         statistics = watch(y, G, S, dt, self.times, self.floor, self.zeta, self.first, self.second)

@@ -1,4 +1,4 @@
-"""Manoeuvre switches: whether flight is steady enough for accelerometers and magnetometer to be believed.
+"""Manoeuvre switches: whether flight is steady enough for levelling and magnetic heading.
 
 A turn is known by its yaw rate and by more than one g (Gebre-Egziabher 2004, section 4.6: 0.5 deg/s and 1.05 g).  In a coordinated turn
 the accelerometers show the floor of the cabin, not the vertical, so levelling must stop.  Low-pass and hysteresis keep gyro noise from
@@ -172,7 +172,7 @@ def follow_switch_block(t_ns, memory, limits, stamps, f, w, start, stop, down_b,
 
 
 class RateSwitch:
-    """Follow the inertial samples; say whether flight has been steady, and the mean specific force of that time."""
+    """Follow the inertial samples: whether flight has been steady, and the mean specific force of that time."""
 
     def __init__(self, level: SteadyLimits, rates: RateSwitchSettings) -> None:
         self.limits = switch_limits(level, rates)

@@ -15,9 +15,9 @@ from lowcostnav_ros.gnss.parity import HEALTHY, judge, parity
 
 SLOTS = 128
 GAP_NS = 5_000_000_000
-"""A satellite silent for longer starts its means anew."""
+"""After no data from a satellite for so long its means are reset."""
 RETURNING_SIGMAS = 3.0
-"""A satellite that was left out agrees again when every mean of it is within so many sigmas of what the others say."""
+"""An excluded satellite agrees again when every mean of it is within so many sigmas of the fit of the others."""
 
 
 @kernel
@@ -94,7 +94,7 @@ def judge_windows(mean, factor, slots, trusted, G, R, slow_sigma, limits):
 
 @kernel
 def strays(mean, factor, slots, trusted, G, R, slow_sigma):
-    """Largest distance, in sigmas, of each mean from what the trusted satellites say, over the windows longer than an epoch; (n,)."""
+    """Largest distance, in sigmas, of each mean from the fit of the trusted satellites, over the windows longer than an epoch; (n,)."""
     n, out = slots.shape[0], np.zeros(slots.shape[0])
     rows = np.flatnonzero(trusted)
     for i in range(min(1, mean.shape[0] - 1), mean.shape[0]):

@@ -1,11 +1,11 @@
-"""Integrity of a navigator that uses satellites one by one: which of them lies, how far off the position can be unnoticed, and whether all
-of them together still agree with the inertial sensors.
+"""Integrity of a navigator that uses satellites one by one: which of them is faulty, how large a position
+error can stay undetected, and whether all of them together still agree with the inertial sensors.
 
 Two independent questions, asked before an epoch is fused:
 
 - Do the satellites agree with each other?  Parity of their innovations, of the epoch (snapshot RAIM) and of means over longer times, for
-  pseudoranges and Dopplers.  One that does not is left out until it has agreed again for a while.  The protection level is the error of the
-  least-squares position, a bound of the filter's, that one further fault can cause without being noticed.
+  pseudoranges and Dopplers.  One that does not is excluded until it has agreed again for a while.  The protection level is the error of the
+  least-squares position, a bound of the filter's, that one further fault can cause undetected.
 - Do they agree with the prediction?  A common ramp (a spoofer, a wrong clock) passes the first question; it shows in the mean innovations.
 """
 
@@ -23,7 +23,7 @@ from lowcostnav_ros.gnss.raim import EXCLUDED, FAULTY, HEALTHY, NOT_POSSIBLE
 from lowcostnav_ros.gnss.signals import GALILEO, SPEED_OF_LIGHT, name
 
 RANGE, RATE = "range", "rate"
-LEFT_OUT = "left out by the integrity test"
+EXCLUDED_BY_TEST = "excluded by the integrity test"
 MAX_DRIFT_MPS = 3000.0
 """Clock drift beyond which a clock runs away: ten parts in a million, four times a common crystal's limit."""
 VALID_NS = 1_500_000_000
@@ -39,15 +39,15 @@ UNITS = {RANGE: "m", RATE: "m/s"}
 class IntegritySettings:
     """Integrity tests of the satellites."""
 
-    enabled: bool = setting(True, "Test the satellites against each other and leave out one that lies.")
+    enabled: bool = setting(True, "Test the satellites against each other and exclude a faulty one.")
     false_alarm_probability: float = setting(1e-8, "Probability that a healthy epoch fails a test.", minimum=1e-12, maximum=0.1)
     missed_detection_probability: float = setting(
-        1e-3, "Probability that a fault of the size of the protection level goes unnoticed.", minimum=1e-9, maximum=0.5
+        1e-3, "Probability that a fault of the size of the protection level stays undetected.", minimum=1e-9, maximum=0.5
     )
     windows_s: list = setting([10.0, 60.0], "Means over these times are tested, too, for faults that grow slowly.", unit="s", minimum=0.5)
     slow_error_m: float = setting(1.0, "Slow range error of a healthy satellite, 1 sigma.", unit="m", minimum=0.0, maximum=100.0)
     slow_error_mps: float = setting(0.02, "Slow Doppler error of a healthy satellite, 1 sigma.", unit="m/s", minimum=0.0, maximum=10.0)
-    readmit_s: float = setting(60.0, "A satellite left out is used again after agreeing this long.", unit="s", minimum=0.0, maximum=3600.0)
+    readmit_s: float = setting(60.0, "An excluded satellite is used again after agreeing this long.", unit="s", minimum=0.0, maximum=3600.0)
     inertial: bool = setting(True, "Test all satellites together against the inertial sensors (spoofing).")
     inertial_windows_s: list = setting([1.0, 10.0, 60.0], "Windows of that test; 0 is one epoch.", unit="s", minimum=0.0)
     inertial_after_s: float = setting(30.0, "That test begins this long after alignment.", unit="s", minimum=0.0, maximum=3600.0)
@@ -76,7 +76,7 @@ class GnssIntegrity:
     ----------
     settings : IntegritySettings
     inertial : bool
-        Whether the prediction rests on inertial sensors, so that it can testify against all satellites.
+        Whether the prediction rests on inertial sensors, so that all satellites can be tested against it.
     """
 
     def __init__(self, settings: IntegritySettings, *, inertial: bool) -> None:
@@ -94,8 +94,10 @@ class GnssIntegrity:
 
     def clear(self) -> None:
         """Forget everything: exclusions, means, the alarm."""
-        for part in (*self.windows.values(), *self.watches.values()):
-            part.clear()
+        for windows in self.windows.values():
+            windows.clear()
+        for watch in self.watches.values():
+            watch.clear()
         self.status = Integrity(reason="no epoch yet" if self.settings.enabled else "the tests are switched off")
         self._tested_ns: int | None = None
         self._first_ns: int | None = None
@@ -104,7 +106,7 @@ class GnssIntegrity:
         self._excluded = np.zeros(SLOTS, dtype=bool)
 
     def is_excluded(self, slots: np.ndarray) -> np.ndarray:
-        """Which satellites, by :func:`slots_of`, are left out at present, bool (n,)."""
+        """Which satellites, by :func:`slots_of`, are excluded at present, bool (n,)."""
         return self._excluded[slots]
 
     @property
@@ -113,7 +115,7 @@ class GnssIntegrity:
         return bool(self.status.alarm) and self.settings.on_alarm == "coast"
 
     def report(self, now_ns: int) -> Integrity:
-        """What the tests say at a stamp; a verdict does not outlast the epochs it was made of."""
+        """Result of the tests at a stamp; a verdict does not outlast the epochs it was made of."""
         out = self.status.snapshot()
         if self._tested_ns is not None and now_ns - self._tested_ns > VALID_NS:
             out.verdict, out.reason = NOT_POSSIBLE, f"no epoch tested for {1e-9 * (now_ns - self._tested_ns):.0f} s"
@@ -140,17 +142,17 @@ class GnssIntegrity:
         Returns
         -------
         ndarray of bool, shape (n,)
-            Those to be fused; none when they contradict each other at once and it cannot be told which lies.
+            Those to be fused; none when they contradict each other at once and the faulty one cannot be identified.
         """
         windows, slots, stamp_ns = self.windows[kind], sats.slots, sats.epoch.stamp_ns
         if kind == RANGE:
             self._tested_ns = stamp_ns
             self._protect(parity.UNTESTED, NO_STATEMENT, full=False)
         if not windows.gather(stamp_ns, slots, y, G, R, passed):
-            self._report(kind, parity.UNTESTED, "", np.count_nonzero(passed))
+            self._report(kind, parity.UNTESTED, "", int(np.count_nonzero(passed)))
             return passed
         good, (window, verdict, row, steepness) = self._judge(kind, sats, passed, G, R)
-        self._report(kind, verdict, "" if row < 0 else sats.name(row), np.count_nonzero(good))
+        self._report(kind, verdict, "" if row < 0 else sats.name(row), int(np.count_nonzero(good)))
         if kind == RANGE:
             self._protect(verdict, steepness, full=windows.is_full(slots[good]))
         self._readmit(kind, sats, good, G, R)
@@ -158,7 +160,7 @@ class GnssIntegrity:
         return np.zeros(len(slots), dtype=bool) if at_once else good
 
     def _judge(self, kind: str, sats: Satellites, passed: np.ndarray, G: np.ndarray, R: np.ndarray) -> tuple:
-        """Leave out whom the tests name, one after the other; return who is left of those that passed, and their judgement."""
+        """Exclude the satellites that the tests identify, one after the other; return those left that passed, and their judgement."""
         windows, slots = self.windows[kind], sats.slots
         judged = ~self._excluded[slots]
         found = windows.judge(slots, judged, G, R)
@@ -171,7 +173,7 @@ class GnssIntegrity:
         good = passed & judged
         return good, found if np.array_equal(good, judged) else windows.judge(slots, good, G, R)
 
-    def testify(self, kind: str, stamp_ns: int, y: np.ndarray, G: np.ndarray, S: np.ndarray) -> None:
+    def check_against_inertial(self, kind: str, stamp_ns: int, y: np.ndarray, G: np.ndarray, S: np.ndarray) -> None:
         """Test all satellites together against the prediction: innovations y (n,), columns G (n, 4), covariance S (n, n)."""
         watch = self.watches.get(kind)
         if self._first_ns is None:
@@ -184,9 +186,10 @@ class GnssIntegrity:
             self._alarm(stamp_ns, sentence(kind, found))
 
     def contradicted(self, stamp_ns: int, for_s: float) -> None:
-        """Note that most satellites were beyond the gate for so long that the filter gives in to them."""
+        """Note that most satellites were beyond the gate for so long that the filter follows them."""
         if self.watches:
-            self._alarm(stamp_ns, f"Most satellites contradicted the inertial sensors for {for_s:.0f} s: spoofing, or a lost filter.")
+            text = f"Most satellites contradicted the inertial sensors for {for_s:.0f} s: possible spoofing or filter divergence."
+            self._alarm(stamp_ns, text)
 
     def clock_jumped(self, stamp_ns: int) -> None:
         """Note a jump of the clock that the filter follows; a receiver's own resets are minutes apart."""
@@ -218,14 +221,14 @@ class GnssIntegrity:
         what = "pseudoranges" if kind == RANGE else "Dopplers"
         status.verdict, status.reason = {
             parity.HEALTHY: (HEALTHY, ""),
-            parity.UNTESTED: (NOT_POSSIBLE, f"{count} satellites leave nothing to check with; at least 5 are needed."),
-            parity.TOO_FEW: (FAULTY, f"The {what} contradict each other and {count} satellites cannot tell which; 6 are needed."),
-            parity.AMBIGUOUS: (FAULTY, f"A fault of {worst} looks like one of another satellite from here."),
+            parity.UNTESTED: (NOT_POSSIBLE, f"{count} satellites are too few for a test; at least 5 are needed."),
+            parity.TOO_FEW: (FAULTY, f"The {what} contradict each other and {count} satellites do not show which; 6 are needed."),
+            parity.AMBIGUOUS: (FAULTY, f"A fault of {worst} cannot be distinguished from one of another satellite."),
             parity.SEVERAL: (FAULTY, f"More than one of the {what} contradicts the others."),
             parity.FOUND: (FAULTY, f"The {what} of {worst} contradict the others'."),
         }[verdict]
         if verdict == parity.HEALTHY and status.excluded:
-            status.verdict, status.reason = EXCLUDED, "; ".join(f"{s} is left out: {why}" for s, why in status.excluded.items()) + "."
+            status.verdict, status.reason = EXCLUDED, "; ".join(f"{s} is excluded: {why}" for s, why in status.excluded.items()) + "."
 
     def _protect(self, verdict: int, steepness: np.ndarray, *, full: bool) -> None:
         status, settings = self.status, self.settings
@@ -248,16 +251,16 @@ class GnssIntegrity:
                 self._agreeing_since.pop(slot, None)
             elif stamp_ns - self._agreeing_since.setdefault(slot, stamp_ns) >= 1e9 * self.settings.readmit_s:
                 self._excluded[slot] = False
-                self.status.excluded.pop(sats.name(k), None)
+                self.status.excluded.pop(sats.name(int(k)), None)
 
 
 def sentence(kind: str, found: Disagreement) -> str:
-    """Say by how much satellites and prediction disagree."""
+    """By how much satellites and prediction disagree, in words."""
     worst, unit = found.largest(), UNITS[kind]
     over = f" over {found.window_s:.0f} s" if found.window_s >= 1.0 else ""
     return (
         f"The satellites' {kind}s contradict the inertial sensors{over}: {AXES[worst]} {found.offset[worst]:+.2f} {unit} "
-        f"({abs(found.offset[worst]) / found.sigma[worst]:.0f} sigma); spoofing, the clock, or an IMU unlike its settings."
+        f"({abs(found.offset[worst]) / found.sigma[worst]:.0f} sigma); possible spoofing, clock fault or wrong IMU noise settings."
     )
 
 

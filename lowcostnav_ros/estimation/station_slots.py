@@ -23,10 +23,10 @@ class StationSlots:
 
     def index(self, station: str) -> int | None:
         """State that holds the error of a station, None when no state does."""
-        return None if station not in self._slots else self._rows.start + self._slots[station]
+        return None if self._rows is None or station not in self._slots else self._rows.start + self._slots[station]
 
     def take(self, station: str, now_ns: int, P: np.ndarray, estimate: np.ndarray) -> int | None:
-        """Return the state of a station, assigning it afresh in ``P`` (n, n) and ``estimate`` (n,) if need be; None without states."""
+        """Return the state of a station, resetting it in ``P`` (n, n) and ``estimate`` (n,) if need be; None without states."""
         if self._rows is None:
             return None
         if station not in self._slots:

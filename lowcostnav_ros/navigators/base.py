@@ -4,7 +4,8 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from itertools import chain
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -12,10 +13,12 @@ from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField,
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
-from lowcostnav_ros.estimation.error_state import Block
+from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
+
+AidType = TypeVar("AidType", bound=Aid)
 
 
 @dataclass(frozen=True)
@@ -70,16 +73,12 @@ class Channel:
         self.period_s: float = 0.0 if aids[0].thins_itself else aids[0].period_s
         self._used_ns = -(10**18)
 
-    def restart(self) -> None:
-        """Take the next measurement, whenever it comes."""
-        self._used_ns = -(10**18)
-
-    def begin(self, stamp_ns: int) -> None:
-        """Count the period from here."""
+    def begin(self, stamp_ns: int = -(10**18)) -> None:
+        """Count the period from here; without a stamp, take the next measurement whenever it comes."""
         self._used_ns = stamp_ns
 
     def is_due(self, stamp_ns: int) -> bool:
-        """Whether a period has passed since the last one: its errors are slow, more would only feign certainty."""
+        """Whether a period has passed since the last one: errors are slow, so that more would not add information."""
         return stamp_ns - self._used_ns >= 1e9 * self.period_s - SLACK_NS
 
     def due(self, stamp_ns: int) -> bool:
@@ -95,6 +94,7 @@ class Navigator(ABC):
 
     A navigator is a list of sensors on a core.  A subclass declares the class attributes below and gives ``_fuse(measurement)``,
     ``_predict()``, ``_restart()`` and ``_sigmas()``; settings, state blocks, inputs and the way of a measurement to its aids follow.
+    One with a filter gives its aids a layout and a core by ``_attach``.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Navigator(ABC):
     stations : StationTable or None
         Where ground stations stand; without it every range and radial is refused by name.
     latency_s : float
-        How much later than the settings of its sensors say inputs may come.
+        How much later inputs may come than the settings of its sensors state.
 
     Attributes
     ----------
@@ -121,20 +121,22 @@ class Navigator(ABC):
         The IMU source that carries its state.
     not_observable : str
         Why there is no ``core.dynamics()`` to study its observability with; empty where there is.
-    settings, inputs, aids, core
-        As given; source to whether it is required (a class may declare some); all aids in order; what its aids see, where it has a filter.
+    settings, inputs, aids, layout, core
+        As given; source to whether it is required (a class may declare some); all aids in order; error states and what its aids see, where
+        it has a filter.
     """
 
-    name: ClassVar[str] = ""
+    name: str = ""
     room: ClassVar[str] = ""
     colour: ClassVar[str] = ""
     OwnSettings: ClassVar[type]
     Settings: ClassVar[type]
     sensors: ClassVar[tuple[Sensor, ...]] = ()
-    needs: ClassVar[tuple[str, ...]] = ()
+    needs: tuple[str, ...] = ()
     required: ClassVar[tuple[str, ...]] = ()
     not_observable: ClassVar[str] = ""
     inertial: str | None = None
+    layout: Layout
     core: Any = None
     inputs: Mapping[str, bool] = {}
 
@@ -154,7 +156,7 @@ class Navigator(ABC):
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
         self.origin: LocalFrame | None = None
         self.input_status = {source: InputStatus(source, required) for source, required in self.inputs.items()}
-        self.mode = Mode.INITIALISING
+        self.mode: str = Mode.INITIALISING
         self.reason = "waiting for measurements"
         self.restarts: Counter[str] = Counter()
         self.on_aid: Callable[[AidStatus], None] | None = None
@@ -200,11 +202,11 @@ class Navigator(ABC):
                 self.clocked.append(channel)
 
     def own_inputs(self) -> Iterable[str]:
-        """Sources it listens to beside those of its sensors, in order before them."""
+        """Sources it subscribes to beside those of its sensors, in order before them."""
         return () if self.inertial is None else (self.inertial,)
 
     def wants(self, key: str) -> bool:
-        """Whether a sensor of the list is made at all (a coupling may leave one out)."""
+        """Whether a sensor of the list is made at all (a coupling may not use one)."""
         return True
 
     def required_sources(self) -> Collection[str]:
@@ -223,6 +225,16 @@ class Navigator(ABC):
         """One of its aids, by the name of its record; None where it is not in use."""
         return next((aid for aid in self.aids if aid.status.name == name), None)
 
+    def aids_of(self, kind: type[AidType]) -> list[AidType]:
+        """Its aids of one class, in order."""
+        return [aid for aid in self.aids if isinstance(aid, kind)]
+
+    def _attach(self, layout: Layout, core: Any) -> None:
+        """Take error states and core, and let the aids find theirs in them."""
+        self.layout, self.core = layout, core
+        for aid in self.aids:
+            aid.attach(self)
+
     @property
     def P(self) -> np.ndarray:
         """Covariance of the whole error state."""
@@ -236,13 +248,21 @@ class Navigator(ABC):
         """Whether GPS holds the solution."""
         return False
 
+    def all_channels(self) -> list[Channel]:
+        """The channels of all sources, those applied at the outputs first."""
+        return [*self.clocked, *chain.from_iterable(self.channels.values())]
+
+    def channel_of(self, aid: Aid) -> Channel:
+        """The channel that leads to one of its aids."""
+        return next(channel for channel in self.all_channels() if aid in channel.aids)
+
     def restart_channels(self) -> None:
         """Take the next measurement of every channel, whenever it comes."""
-        for channel in [*self.clocked, *(c for listening in self.channels.values() for c in listening)]:
-            channel.restart()
+        for channel in self.all_channels():
+            channel.begin()
 
     def applies(self, aid: Aid, measurement: Measurement) -> bool:
-        """Whether an aid has a part to play now; a measurement that no aid wants does not begin a period."""
+        """Whether an aid is to be used now; a measurement that no aid uses does not begin a period."""
         return True
 
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
@@ -256,7 +276,7 @@ class Navigator(ABC):
         return used
 
     def use(self, measurement: Measurement) -> list[Aid]:
-        """Give a measurement to all aids that listen to its source; return those that used it."""
+        """Give a measurement to all aids of its source; return those that used it."""
         channels = (c for c in self.channels.get(measurement.source, ()) if isinstance(measurement, c.aids[0].measurement))
         return [aid for channel in channels for aid in self.use_channel(channel, measurement)]
 
@@ -303,7 +323,7 @@ class Navigator(ABC):
         return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, *further)
 
     def reset(self, reason: str) -> None:
-        """Start over: forget the state and what is held, keep the settings, the origin and the counters."""
+        """Restart: forget the state and what is held, keep the settings, the origin and the counters."""
         self.horizon.clear()
         self.realign(reason)
 
@@ -314,7 +334,7 @@ class Navigator(ABC):
         self._restart()
 
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
-        """Run one aid on one measurement and tell the observer, if there is one."""
+        """Run one aid on one measurement and notify the observer, if there is one."""
         used = aid.process(measurement, self)
         if self.on_aid is not None:
             self.on_aid(aid.status)
@@ -323,6 +343,23 @@ class Navigator(ABC):
     def _details(self) -> Mapping[str, str]:
         """Further values for diagnostics, by name."""
         return {}
+
+    def _solution_at(self, t_ns: int, nav: np.ndarray, P: np.ndarray, rows: range, **further: Any) -> NavSolution:
+        """Solution with position, velocity and the states ``rows``; ``nav`` begins with lat, lon, height, velocity and ``P`` likewise."""
+        return NavSolution(
+            *(int(t_ns), self.name, float(nav[0]), float(nav[1]), float(nav[2]), nav[3:6].copy()),
+            cov_pos=P[0:3, 0:3].copy(),
+            cov_vel=P[3:6, 3:6].copy(),
+            mode=self.mode,
+            states=self._states(P, rows),
+            integrity=self._integrity(),
+            **further,
+        )
+
+    def _states(self, P: np.ndarray, rows: range) -> dict[str, tuple[float, float]]:
+        """Estimates of some states with their sigmas, by label."""
+        sigma, labels, estimate = np.sqrt(np.maximum(np.diag(P), 0.0)), self.layout.labels, self.core.estimate
+        return {labels[i]: (float(estimate[i]), float(sigma[i])) for i in rows}
 
     @abstractmethod
     def _fuse(self, item: Measurement) -> None:
@@ -346,9 +383,19 @@ class Navigator(ABC):
             self.origin = LocalFrame(lat, lon, height)
 
     def _integrity(self) -> Integrity | None:
-        """What the integrity tests say, where there are any."""
+        """Result of the integrity tests, where there are any."""
         return None
 
     def _level(self) -> Level:
         """Health, by the mode."""
         return level_of(self.mode)
+
+
+def position_sigmas(P: np.ndarray) -> dict[str, float]:
+    """Sigmas of position and velocity, the first six states of ``P``."""
+    s = np.sqrt(np.maximum(np.diag(P), 0.0))
+    return {
+        "position_horizontal_m": float(np.hypot(s[0], s[1])),
+        "position_down_m": float(s[2]),
+        "velocity_horizontal_mps": float(np.hypot(s[3], s[4])),
+    }

@@ -16,12 +16,11 @@ from lowcostnav_ros.aids.gnss import ENOUGH, EPOCH, GNSS, THESIS_POSITION_PSD, R
 from lowcostnav_ros.base.measurements import GnssEpoch, Integrity, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import group, setting
-from lowcostnav_ros.cores.inertial import POS, VEL
 from lowcostnav_ros.cores.motion import MotionCore
 from lowcostnav_ros.estimation.aiding import Decision, unique
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
+from lowcostnav_ros.navigators.base import HorizonSettings, Navigator, position_sigmas
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.starts.point_solution import point_solution, unknown_velocity
 
@@ -30,7 +29,7 @@ from lowcostnav_ros.starts.point_solution import point_solution, unknown_velocit
 class GnssOnlyOwnSettings:
     """Settings of the satellites-only navigator that are no sensor's."""
 
-    horizon: HorizonSettings = group(HorizonSettings, jump_s=130.0)  # with one source, silence is an outage, not a clock that jumped
+    horizon: HorizonSettings = group(HorizonSettings, jump_s=130.0)  # with one source, no data is an outage, not a clock that jumped
     model: str = setting("pva", "Motion model: velocity (pv) or acceleration (pva) as the driven state.", choices=("pv", "pva"))
     velocity_psd: float = setting(3.0, "Driving density of the velocity (pv).", unit="m^2/s^3", minimum=0.0, maximum=1e4)
     acceleration_psd: float = setting(1.0, "Driving density of the acceleration (pva).", unit="m^2/s^5", minimum=0.0, maximum=1e4)
@@ -39,7 +38,7 @@ class GnssOnlyOwnSettings:
     minimum_satellites: int = setting(ENOUGH, "With fewer the solution is held back and the state only predicted.", minimum=1, maximum=12)
     latency_s: float = setting(0.2, "Longest delay between validity and arrival of an epoch.", unit="s", minimum=0.0, maximum=5.0)
     timeout_s: float = setting(2.5, "No solution for this long is an outage.", unit="s", minimum=0.1, maximum=600.0)
-    restart_s: float = setting(120.0, "An outage beyond this starts the filter afresh.", unit="s", minimum=1.0, maximum=3600.0)
+    restart_s: float = setting(120.0, "An outage beyond this restarts the filter.", unit="s", minimum=1.0, maximum=3600.0)
 
 
 def motion_blocks(settings: Any) -> list[Block]:
@@ -74,11 +73,9 @@ class GnssOnly(Navigator):
 
     def __init__(self, settings: Any, stations: Any = None) -> None:
         super().__init__(settings, stations, settings.latency_s)
-        self.layout = Layout(unique([*motion_blocks(settings), *self.aid_blocks()]))
-        self.core = MotionCore(self.layout)
-        for aid in self.aids:
-            aid.attach(self)
-        self.range_aid: RangeAid = self.aid("gnss_range")
+        layout = Layout(unique([*motion_blocks(settings), *self.aid_blocks()]))
+        self._attach(layout, MotionCore(layout))
+        self.range_aid = self.aids_of(RangeAid)[0]
         self.receiver = self.range_aid.receiver
         self._restart()
 
@@ -89,7 +86,7 @@ class GnssOnly(Navigator):
     def _restart(self) -> None:
         self._started = False
         self.receiver.restart()
-        self._fused_ns: int | None = None
+        self._fused_ns = 0
 
     def _fuse(self, item: Measurement) -> None:
         if not isinstance(item, GnssEpoch):
@@ -97,7 +94,7 @@ class GnssOnly(Navigator):
                 self.core.advance(item.stamp_ns)
                 self.use(item)
             return
-        if self._started and item.stamp_ns - (self._fused_ns or 0) > 1e9 * self.settings.restart_s:
+        if self._started and item.stamp_ns - self._fused_ns > 1e9 * self.settings.restart_s:
             self.realign(f"no solution for {self.settings.restart_s:.0f} s")
         if not self._started and not self._start(item):
             return
@@ -111,7 +108,7 @@ class GnssOnly(Navigator):
                 return
         self._judge(item)
         if self._fused_ns == item.stamp_ns:
-            self._out.append(self._solution(item.stamp_ns, self.core.nav, self.P))
+            self._out.append(self._solution_at(item.stamp_ns, self.core.nav, self.P, range(6, self.layout.size)))
 
     def _start(self, epoch: GnssEpoch) -> bool:
         try:
@@ -138,36 +135,14 @@ class GnssOnly(Navigator):
         if not self._started or self.mode not in (Mode.GPS, Mode.SUSPECT):
             return None
         newest = self.horizon.newest_ns or self.core.t_ns
-        return self._solution(max(newest, self.core.t_ns), *self.core.ahead(newest))
-
-    def _solution(self, t_ns: int, nav: np.ndarray, P: np.ndarray) -> NavSolution:
-        sigma = np.sqrt(np.maximum(np.diag(P), 0.0))
-        return NavSolution(
-            stamp_ns=int(t_ns),
-            source=self.name,
-            lat=float(nav[0]),
-            lon=float(nav[1]),
-            height=float(nav[2]),
-            vel_n=nav[VEL].copy(),
-            cov_pos=P[POS, POS].copy(),
-            cov_vel=P[VEL, VEL].copy(),
-            mode=self.mode,
-            integrity=self._integrity(),
-            states={self.layout.labels[i]: (float(self.core.estimate[i]), float(sigma[i])) for i in range(6, self.layout.size)},
-        )
+        nav, P = self.core.ahead(newest)
+        return self._solution_at(max(newest, self.core.t_ns), nav, P, range(6, self.layout.size))
 
     def _integrity(self) -> Integrity:
         return self.receiver.integrity.report(self.core.t_ns)
 
     def _sigmas(self) -> dict[str, float]:
-        if not self._started:
-            return {}
-        s = np.sqrt(np.maximum(np.diag(self.P), 0.0))
-        return {
-            "position_horizontal_m": float(np.hypot(s[0], s[1])),
-            "position_down_m": float(s[2]),
-            "velocity_horizontal_mps": float(np.hypot(s[3], s[4])),
-        }
+        return position_sigmas(self.P) if self._started else {}
 
 
 GnssOnlySettings = GnssOnly.Settings

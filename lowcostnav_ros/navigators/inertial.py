@@ -5,16 +5,17 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
-from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, POS, VEL, InertialCore
+from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
 from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.error_state import Block, Layout
-from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator
+from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator, position_sigmas
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
 
@@ -57,13 +58,10 @@ class InertialNavigator(Navigator):
 
     def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
         super().__init__(settings, stations, latency_s)
-        self.layout = Layout(self.blocks())
-        self.core = InertialCore(self.layout)
-        gps = getattr(settings, "gps", None)
+        gps, layout = getattr(settings, "gps", None), Layout(self.blocks())
         self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float)
-        for aid in self.aids:
-            aid.attach(self)
-        self.start = GpsStart(settings.alignment, settings.imu, self.layout, self.aid("magnetic_heading"))
+        self._attach(layout, InertialCore(layout))
+        self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
         self._wind_aids = [aid for aid in self.aids if "wind" in aid.teaches]
         self._restart()
 
@@ -95,7 +93,7 @@ class InertialNavigator(Navigator):
     def _fuse(self, item: Measurement) -> None:
         if isinstance(item, ImuBlock):
             self._run(item)
-        elif item.source == self.settings.alignment.master:
+        elif item.source == self.settings.alignment.master and isinstance(item, NavSolution):
             self._transfer(item)
         elif not self._aligned:
             self._prepare(item)
@@ -143,7 +141,7 @@ class InertialNavigator(Navigator):
         now, last = self.core.t_ns, self._fused_fix_ns
         sigma = self._horizontal_sigma()
         if sigma > self.settings.failed_sigma_m:
-            self.mode, self.reason = Mode.FAILED, f"horizontal sigma {sigma:.0f} m is past {self.settings.failed_sigma_m:.0f} m"
+            self.mode, self.reason = Mode.FAILED, f"horizontal sigma {sigma:.0f} m is above {self.settings.failed_sigma_m:.0f} m"
         elif last is not None and now - last <= 1e9 * self.settings.gps.timeout_s:
             self.mode, self.reason = Mode.GPS, "GPS position accepted"
         else:
@@ -182,7 +180,7 @@ class InertialNavigator(Navigator):
         self._aligned, self.reason = True, ""
 
     def _transfer(self, item: NavSolution) -> None:
-        """Start at the state of the master; once aligned it is not listened to."""
+        """Start at the state of the master; once aligned, its solutions are ignored."""
         means = None if self._aligned else self.start.levelling.mean(TRANSFER_SPAN_S)
         if means is None:
             return
@@ -203,38 +201,19 @@ class InertialNavigator(Navigator):
         return self._solution(*self.core.predicted(block), *self.core.latest(block))
 
     def _solution(self, t_ns: int, nav: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
-        P, estimate, layout = self.P, self.core.estimate, self.layout
-        wind = layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
-        sigma = np.sqrt(np.maximum(np.diag(P), 0.0))
-        states = {layout.labels[i]: (float(estimate[i]), float(sigma[i])) for i in range(CORE, layout.size)}
-        return NavSolution(
-            stamp_ns=int(t_ns),
-            source=self.name,
-            lat=float(nav[0]),
-            lon=float(nav[1]),
-            height=float(nav[2]),
-            vel_n=nav[3:6].copy(),
+        P, wind = self.P, self.layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
+        return self._solution_at(
+            *(t_ns, nav, P, range(CORE, self.layout.size)),
             q_nb=nav[6:10].copy(),
             angular_rate_b=rate_b,
             specific_force_b=force_b,
-            cov_pos=P[POS, POS].copy(),
-            cov_vel=P[VEL, VEL].copy(),
             cov_att=P[ATT, ATT].copy(),
-            wind_n=None if wind is None else estimate[wind].copy(),
+            wind_n=None if wind is None else self.core.estimate[wind].copy(),
             cov_wind=None if wind is None else P[wind, wind].copy(),
-            mode=self.mode,
-            states=states,
-            integrity=self._integrity(),
         )
 
     def _sigmas(self) -> dict[str, float]:
         if not self._aligned:
             return {}
-        s = np.sqrt(np.maximum(np.diag(self.P), 0.0))
-        return {
-            "position_horizontal_m": float(np.hypot(s[0], s[1])),
-            "position_down_m": float(s[2]),
-            "velocity_horizontal_mps": float(np.hypot(s[3], s[4])),
-            "tilt_deg": float(np.hypot(s[6], s[7]) / DEGREE),
-            "heading_deg": float(s[8] / DEGREE),
-        }
+        north, east, down = np.sqrt(np.maximum(np.diag(self.P)[ATT], 0.0)) / DEGREE
+        return position_sigmas(self.P) | {"tilt_deg": float(np.hypot(north, east)), "heading_deg": float(down)}

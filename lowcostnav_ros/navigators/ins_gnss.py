@@ -14,7 +14,7 @@ import numpy as np
 
 from lowcostnav_ros.aids.airdata import AIRDATA
 from lowcostnav_ros.aids.baro import BARO
-from lowcostnav_ros.aids.gnss import ENOUGH, EPOCH, GNSS, THESIS_POSITION_PSD, RangeAid, Receiver
+from lowcostnav_ros.aids.gnss import ENOUGH, EPOCH, GNSS, THESIS_POSITION_PSD, RangeAid, RangeRateAid, Receiver
 from lowcostnav_ros.aids.gps import GPS
 from lowcostnav_ros.aids.magnetic import MAGNETIC
 from lowcostnav_ros.aids.vor import VOR
@@ -87,7 +87,7 @@ class InsGnss(InertialNavigator):
         self._screen = RangeAid(settings.gnss)
         self._screen.receiver.lever_b = self.lever_b
         if self.solution_source == EPOCH:
-            self.aids.append(self._screen)  # for its record: it says which satellites no solution was made of
+            self.aids.append(self._screen)  # for its record of the satellites that no solution was made of
         for channel in self.channels.get(EPOCH, ()):
             channel.period_s = settings.gps.period_s
 
@@ -107,7 +107,7 @@ class InsGnss(InertialNavigator):
         return (IMU, EPOCH) if self.tight else (IMU, self.solution_source or "gps/fix", self.solution_source or "gps/vel")
 
     def blocks(self) -> list[Block]:
-        """Sensor errors that the IMU does not have are left out; the thesis's tuning lets the position wander."""
+        """Sensor errors that the IMU does not have are no states; the thesis's tuning lets the position wander."""
         core, *others = (block for block in super().blocks() if any(block.sigma0))
         if self.settings.tuning == "thesis":
             core = replace(core, psd=THESIS_POSITION_PSD + core.psd[3:])
@@ -115,9 +115,9 @@ class InsGnss(InertialNavigator):
 
     def _restart(self) -> None:
         super()._restart()
-        ranges = self.aid("gnss_range")
-        if self.tight and isinstance(ranges, RangeAid):
-            self.receiver = ranges.receiver
+        ranges = self.aids_of(RangeAid)
+        if self.tight and ranges:
+            self.receiver = ranges[0].receiver
             self.receiver.restart()
         self.slope.clear()
         self._solved_ns = -(10**18)
@@ -134,22 +134,22 @@ class InsGnss(InertialNavigator):
     def _adapted(self, item: Measurement) -> Iterator[Measurement]:
         if isinstance(item, GnssEpoch):
             yield from self._solved(item)
-        elif item.lat is None or item.vel_n is None:
-            self.input_status[item.source].reject("no position or no velocity")
-        else:
+        elif isinstance(item, NavSolution):
             yield from self._fix_of(item)
 
-    def _fix_of(self, solution: NavSolution) -> tuple[GpsPosition, GpsVelocity]:
-        """Another navigator's solution as position and velocity of the antenna.
+    def _fix_of(self, solution: NavSolution) -> tuple[Measurement, ...]:
+        """Another navigator's solution as position and velocity of the antenna; nothing where it lacks one.
 
         Errors of sigma s that last tau are worth, every dt, white ones of variance s^2 2 tau/dt: the information then is the same.
         """
-        stamp, source, loose = solution.stamp_ns, solution.source, self.settings.loose
+        stamp, source, loose, vel_n, cov_vel = solution.stamp_ns, solution.source, self.settings.loose, solution.vel_n, solution.cov_vel
+        if not solution.has_position or vel_n is None or cov_vel is None:
+            self.input_status[source].reject("no position or no velocity")
+            return ()
         since_s, self._solved_ns = 1e-9 * (stamp - self._solved_ns), stamp
-        position = solution.cov_pos * max(1.0, 2.0 * loose.position_tau_s / since_s)
-        velocity = solution.cov_vel * max(1.0, 2.0 * loose.velocity_tau_s / since_s)
-        place = (solution.lat, solution.lon, solution.height)
-        return GpsPosition(stamp, source, *place, position), GpsVelocity(stamp, source, solution.vel_n, velocity)
+        position = solution.place_cov * max(1.0, 2.0 * loose.position_tau_s / since_s)
+        velocity = cov_vel * max(1.0, 2.0 * loose.velocity_tau_s / since_s)
+        return GpsPosition(stamp, source, *solution.place, position), GpsVelocity(stamp, source, vel_n, velocity)
 
     def _solved(self, epoch: GnssEpoch) -> tuple[Measurement, ...]:
         """Position and velocity of the antenna from one epoch alone, errors white from epoch to epoch; nothing where there is none."""
@@ -193,7 +193,7 @@ class InsGnss(InertialNavigator):
         if self.receiver is None:
             return
         if self.mode == Mode.GPS:
-            ranges, rates = (len(aid.used) if aid is not None else 0 for aid in map(self.aid, ("gnss_range", "gnss_range_rate")))
+            ranges, rates = (sum(len(aid.used) for aid in self.aids_of(kind)[:1]) for kind in (RangeAid, RangeRateAid))
             self.mode = Mode.GPS if ranges >= ENOUGH else Mode.SPARSE
             self.reason = f"{ranges} satellites" if ranges or not rates else f"no pseudorange, {rates} Dopplers"
         alarm = self.receiver.integrity.status.alarm

@@ -11,7 +11,7 @@ from lowcostnav_ros.base.registry import ClassRegistry
 
 @dataclass(frozen=True)
 class NavigatorLabel:
-    """What a navigator says of itself in its class, which is decorated with ``@navigator`` and has ``Settings`` whose defaults make one.
+    """What a navigator declares in its class, which is decorated with ``@navigator`` and has ``Settings`` whose defaults make one.
 
     ``room`` is the first part of its topics, empty for its name; ``outputs`` its topics where they are not the usual ones; ``colour`` and
     ``dash`` how reports draw it, empty for any; ``healthy_modes`` those with its full accuracy; ``modes`` those that only it has: for each
@@ -49,4 +49,4 @@ def known_modes() -> dict[str, tuple[str, str]]:
     """Return all modes of all navigators, each with its colour and, where there is less than a position, what there is."""
     labels = [NAVIGATORS.label(name) for name in NAVIGATORS]
     healthy = {mode: (HEALTHY_COLOUR, "") for label in labels for mode in label.healthy_modes}
-    return COMMON_MODES | healthy | {mode: said for label in labels for mode, said in label.modes.items()}
+    return COMMON_MODES | healthy | {mode: look for label in labels for mode, look in label.modes.items()}

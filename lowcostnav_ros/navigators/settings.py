@@ -7,12 +7,23 @@ called ``gps2``, ``baro2`` and has a group of its own.
 import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar, Protocol
 
 from lowcostnav_ros.aids import AIDS
 from lowcostnav_ros.base.registry import RegistryError
 from lowcostnav_ros.base.settings import SettingsError, setting, to_mapping
 from lowcostnav_ros.estimation.aiding import Sensor
+
+
+class Listing(Protocol):
+    """A navigator class, of which settings are derived."""
+
+    __name__: ClassVar[str]
+    __module__: str
+    name: str
+    OwnSettings: ClassVar[type]
+    Settings: ClassVar[type]
+    sensors: ClassVar[tuple[Sensor, ...]]
 
 
 def kind_of(key: str) -> str:
@@ -36,7 +47,7 @@ def sensor_of(key: str, own: Mapping[str, Sensor]) -> Sensor:
 
 
 @cache
-def settings_class(navigator: type, keys: tuple[str, ...]) -> type:
+def settings_class(navigator: type[Listing], keys: tuple[str, ...]) -> type:
     """Settings dataclass of a navigator with the sensors of a list.
 
     Parameters
@@ -68,7 +79,7 @@ def settings_class(navigator: type, keys: tuple[str, ...]) -> type:
     )
 
 
-def _restored(navigator: type, values: dict[str, Any]) -> Any:
+def _restored(navigator: type[Listing], values: dict[str, Any]) -> Any:
     from lowcostnav_ros.base.settings import from_mapping
 
     return from_mapping(navigator.Settings, values)

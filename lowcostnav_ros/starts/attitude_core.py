@@ -1,4 +1,4 @@
-"""How the inertial core of the attitude reference begins: with honest correlations, so that nothing is believed twice."""
+"""How the inertial core of the attitude reference begins: with the correlations that its sources cause, so that none counts twice."""
 
 from dataclasses import dataclass
 

@@ -125,7 +125,7 @@ class Alignment:
             return None
         self.reason = ""
         sigma = np.sqrt(np.maximum(np.diag(measurement.cov_att), 0.0))
-        return FirstAttitude(self._window.t_ns, measurement.q_nb.copy(), float(max(sigma[:2])), float(sigma[2]), False)
+        return FirstAttitude(self._window.end_ns, measurement.q_nb.copy(), float(max(sigma[:2])), float(sigma[2]), False)
 
     def gps(self, measurement: GpsVelocity, local: LocalField | None) -> FirstAttitude | None:
         """Close the window at a GPS velocity when it began with one; else begin there."""
@@ -171,10 +171,10 @@ class Alignment:
             force, rate, steady = window.force_b0 / window.seconds, window.rate_b / window.seconds, self._steady
             bias_sigma = np.hypot(typical(self._imu.gyro_turn_on_dps), typical(self._imu.gyro_bias_dps))
             if np.linalg.norm(rate) > (steady.yaw_rate_dps + 3.0 * bias_sigma) * DEGREE:
-                self.reason = "turning, and neither GPS velocity nor airspeed to tell the acceleration"
+                self.reason = "turning, and neither GPS velocity nor airspeed to give the acceleration"
             elif abs(np.linalg.norm(force) / STANDARD_GRAVITY - 1.0) > steady.force_g:
                 if not self._is_wrong_unit():
-                    self.reason = "accelerating, and neither GPS velocity nor airspeed to tell how much"
+                    self.reason = "accelerating, and neither GPS velocity nor airspeed to give how much"
             else:
                 gravity_n = np.array([0.0, 0.0, -STANDARD_GRAVITY])
                 first = self._solve(force, gravity_n, self.settings.unaided_tilt_deg * DEGREE, local, None)
@@ -189,7 +189,7 @@ class Alignment:
 
     def _limit_ns(self) -> int:
         windows = UNAIDED_WINDOWS if self._anchor is None else STALE_WINDOWS
-        return self._since_ns + round(1e9 * windows * self.settings.window_s)
+        return (self._since_ns or 0) + round(1e9 * windows * self.settings.window_s)
 
     def _is_wrong_unit(self) -> bool:
         wrong = unit_error(self._window.force_b0 / self._window.seconds, self._window.rate_b / self._window.seconds)
@@ -199,7 +199,9 @@ class Alignment:
     def _long_enough(self) -> bool:
         return self._window.seconds >= self.settings.window_s - 1e-6
 
-    def _solve(self, force_b0, force_n, tilt_sigma: float, local: LocalField | None, end) -> FirstAttitude | None:
+    def _solve(
+        self, force_b0: np.ndarray, force_n: np.ndarray, tilt_sigma: float, local: LocalField | None, end: GpsVelocity | AirVelocity | None
+    ) -> FirstAttitude | None:
         """Attitude at the end of the window; tilt and heading depend on each other, so they are found by turns."""
         if self._is_wrong_unit():
             return None
@@ -212,20 +214,21 @@ class Alignment:
         heading = 0.0 if track is None else track
         for _ in range(_PASSES):
             roll, pitch = tilt_from_specific_force(force_b, force_n, heading)
-            if field_b is not None:
+            if field_b is not None and local is not None:
                 heading = magnetic_heading(roll, pitch, field_b, local.declination)
-        sigma = self._magnetic_deg if field_b is not None else self.settings.track_sigma_deg
+        magnetic_deg, track_deg = self._magnetic_deg, self.settings.track_sigma_deg
+        sigma = track_deg if field_b is None or magnetic_deg is None else magnetic_deg
         gps = end if isinstance(end, GpsVelocity) else None
         air = end if isinstance(end, AirVelocity) else None
         self.reason = ""
         q_nb, is_magnetic = euler_to_quat(roll, pitch, heading), field_b is not None
-        return FirstAttitude(self._window.t_ns, q_nb, tilt_sigma, sigma * DEGREE, is_magnetic, gps, air)
+        return FirstAttitude(self._window.end_ns, q_nb, tilt_sigma, sigma * DEGREE, is_magnetic, gps, air)
 
     def _field_at_end(self, local: LocalField | None) -> tuple[np.ndarray | None, str]:
         """Newest magnetic field turned to the end of the window, or why there is none."""
         if self._magnetic_deg is None:
             return None, "magnetometer switched off and no GPS track"
-        if self._field is None or self._window.t_ns - self._field.stamp_ns > FIELD_AGE_NS:
+        if self._field is None or self._window.end_ns - self._field.stamp_ns > FIELD_AGE_NS:
             return None, "no magnetometer and no GPS track"
         if local is None:
             return None, DECLINATION_UNKNOWN
@@ -235,7 +238,7 @@ class Alignment:
         since = quat_multiply(quat_conjugate(self._window.turn), self._field_turn)
         return quat_rotate(since, self._field.field_b), ""
 
-    def _track(self, end) -> float | None:
+    def _track(self, end: Measurement | None) -> float | None:
         if not isinstance(end, GpsVelocity):
             return None
         north, east = end.vel_n[0], end.vel_n[1]

@@ -119,9 +119,13 @@ class GpsStart:
         heading, sigma = self._first_heading(*means, force_n, fix, velocity, still)
         if heading is None:
             return f"levelled; waiting for a heading ({self._no_compass}magnetometer, motion or alignment.heading_deg)"
-        return self._first_state(means[0], force_n, heading, sigma, fix, velocity, still)
+        roll, pitch = tilt_from_specific_force(means[0], force_n, heading)
+        nav = np.array([fix.lat, fix.lon, fix.height, *velocity.vel_n, *euler_to_quat(roll, pitch, heading)])
+        return Start(velocity.stamp_ns, nav, self._first_covariance(sigma, fix, velocity, still), fix.stamp_ns)
 
-    def _first_heading(self, f_b, w_b, force_n, fix: GpsPosition, velocity: GpsVelocity, still: bool) -> tuple[float | None, float]:
+    def _first_heading(
+        self, f_b: np.ndarray, w_b: np.ndarray, force_n: np.ndarray, fix: GpsPosition, velocity: GpsVelocity, still: bool
+    ) -> tuple[float | None, float]:
         choice = self.settings
         if choice.gyrocompass and still:
             sigma, limits = gyrocompass_sigma(self._layout, fix.lat, choice.still_s)
@@ -131,7 +135,7 @@ class GpsStart:
             self._no_compass = f"gyrocompassing not possible: predicted heading sigma {size}, {limits}; "
         if self._magnetic is not None and self._field_b is not None:
             reference = self._magnetic.reference.at(fix.lat, fix.lon, fix.height)
-            if not reference.refusal(self._field_b):
+            if reference is not None and not reference.refusal(self._field_b):
                 heading = 0.0
                 for _ in range(5):  # tilt on the move depends on heading, and heading on tilt
                     roll, pitch = tilt_from_specific_force(f_b, force_n, heading)
@@ -142,9 +146,7 @@ class GpsStart:
             return choice.heading_deg[0] * DEGREE, choice.heading_sigma_deg * DEGREE
         return (None, 0.0) if still else (track, choice.track_sigma_deg * DEGREE)
 
-    def _first_state(self, f_b, force_n, heading, sigma, fix: GpsPosition, velocity: GpsVelocity, still: bool) -> Start:
-        roll, pitch = tilt_from_specific_force(f_b, force_n, heading)
-        nav = np.array([fix.lat, fix.lon, fix.height, *velocity.vel_n, *euler_to_quat(roll, pitch, heading)])
+    def _first_covariance(self, sigma: float, fix: GpsPosition, velocity: GpsVelocity, still: bool) -> np.ndarray:
         lag_s = 1e-9 * (velocity.stamp_ns - fix.stamp_ns)
         accel_sigma = np.hypot(typical(self._imu.accel_turn_on_mg), typical(self._imu.accel_bias_mg)) * 1e-3
         tilt = np.hypot(accel_sigma, (STILL_TILT_DEG if still else self.settings.tilt_sigma_deg) * DEGREE)
@@ -152,4 +154,4 @@ class GpsStart:
         cov[POS, POS] = fix.cov_n + np.eye(3) * (POSITION_VARIANCE + (lag_s * np.linalg.norm(velocity.vel_n)) ** 2)
         cov[VEL, VEL] = velocity.cov_n + np.eye(3) * VELOCITY_SIGMA**2
         cov[ATT, ATT] = np.diag([tilt**2, tilt**2, sigma**2])
-        return Start(velocity.stamp_ns, nav, cov, fix.stamp_ns)
+        return cov

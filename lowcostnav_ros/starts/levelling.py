@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.measurements import NavSolution
+from lowcostnav_ros.base.measurements import ImuBlock, NavSolution
 from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.inertial import ATT, CORE, POS, VEL
@@ -21,7 +21,7 @@ class AlignmentSettings:
     still_s: float = setting(2.0, "Average this long when standing.", unit="s", minimum=0.2, maximum=600.0)
     still_speed_mps: float = setting(0.5, "Below this GPS speed the vehicle stands.", unit="m/s", minimum=0.0, maximum=5.0)
     moving_speed_mps: float = setting(5.0, "Above this GPS speed the track gives the heading.", unit="m/s", minimum=0.5, maximum=100.0)
-    heading_deg: list = setting([], "True heading at the start, where no magnetometer tells; empty: unknown.", unit="deg", minimum=-360.0)
+    heading_deg: list = setting([], "True heading at the start, without a magnetometer; empty: unknown.", unit="deg", minimum=-360.0)
     heading_sigma_deg: float = setting(3.0, "Sigma of that heading.", unit="deg", minimum=0.1, maximum=90.0)
     track_sigma_deg: float = setting(12.0, "Sigma of heading minus track (wind drift).", unit="deg", minimum=0.5, maximum=60.0)
     magnetic_sigma_deg: float = setting(5.0, "Sigma of a heading taken from the magnetometer.", unit="deg", minimum=0.5, maximum=60.0)
@@ -65,14 +65,14 @@ def transferred(solution: NavSolution, sigma_deg: float) -> tuple[np.ndarray, np
     The units are taken as standing side by side with parallel axes but for ``sigma_deg``; a metre and a decimetre per second are allowed
     for the distance between them.
     """
-    parts = (solution.lat, solution.vel_n, solution.q_nb, solution.cov_pos, solution.cov_vel, solution.cov_att)
-    if any(part is None for part in parts):
+    vel_n, q_nb, cov_vel, cov_att = solution.vel_n, solution.q_nb, solution.cov_vel, solution.cov_att
+    if not solution.has_position or vel_n is None or q_nb is None or cov_vel is None or cov_att is None:
         return None
-    nav = np.array([solution.lat, solution.lon, solution.height, *solution.vel_n, *solution.q_nb])
+    nav = np.array([*solution.place, *vel_n, *q_nb])
     cov = np.zeros((CORE, CORE))
-    cov[POS, POS] = solution.cov_pos + np.eye(3) * 1.0**2
-    cov[VEL, VEL] = solution.cov_vel + np.eye(3) * 0.1**2
-    cov[ATT, ATT] = solution.cov_att + np.eye(3) * (sigma_deg * DEGREE) ** 2
+    cov[POS, POS] = solution.place_cov + np.eye(3) * 1.0**2
+    cov[VEL, VEL] = cov_vel + np.eye(3) * 0.1**2
+    cov[ATT, ATT] = cov_att + np.eye(3) * (sigma_deg * DEGREE) ** 2
     return (nav, cov) if np.isfinite(nav).all() and np.isfinite(cov).all() else None
 
 
@@ -82,7 +82,7 @@ def agrees_with_track(heading: float, track: float, choice: AlignmentSettings) -
 
 
 def gyrocompass(force_b: np.ndarray, rate_b: np.ndarray) -> float:
-    """Heading, rad, of a vehicle at rest: where in the level plane its gyros feel the earth's rate point north.
+    """Heading, rad, of a vehicle at rest: the level direction in which its gyros measure the earth's rate.
 
     Parameters
     ----------
@@ -104,12 +104,12 @@ def gyrocompass_sigma(layout: Layout, lat: float, seconds: float) -> tuple[float
     """Sigma of a heading from the earth's rate, rad, and what limits it in words.
 
     sigma^2 = (bias^2 + noise^2 / seconds) / (Omega cos lat)^2 + (tilt tan lat)^2: the gyros' bias and white noise against the horizontal
-    part of the earth's rate, and the tilt the accelerometers' bias leaves, through which the vertical part is felt.
+    part of the earth's rate, and the tilt the accelerometers' bias leaves, through which the vertical part is measured.
 
     Parameters
     ----------
     layout : Layout
-        Error state of the navigator: what its filter believes of the sensors.
+        Error state of the navigator: what its filter expects of the sensors.
     lat : float
         Rad.
     seconds : float
@@ -151,7 +151,7 @@ class Levelling:
         self._stamps = np.empty(0, dtype=np.int64)
         self._samples = np.empty((0, 6))
 
-    def add(self, block) -> None:
+    def add(self, block: ImuBlock) -> None:
         """Take an ImuBlock in, forget what is older than twice the window."""
         self._stamps = np.concatenate((self._stamps, block.stamps_ns))
         self._samples = np.concatenate((self._samples, np.hstack((block.specific_force_b, block.angular_rate_b))))

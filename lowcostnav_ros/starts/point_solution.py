@@ -1,4 +1,4 @@
-"""Where a navigator begins that knows nothing but satellites: a checked point solution, and a velocity even without Dopplers."""
+"""First state of a navigator that has satellites alone: a checked point solution, and a velocity even without Dopplers."""
 
 import numpy as np
 
@@ -13,11 +13,11 @@ SPAN_NS = 10_000_000_000
 ENOUGH_FIXES, ENOUGH_NS = 5, 4_000_000_000
 """A slope takes so many positions over so long."""
 UNKNOWN_MPS = 100.0
-"""1-sigma of each component of a velocity nobody has measured."""
+"""1-sigma of each component of a velocity that was not measured."""
 
 
 def point_solution(epoch: GnssEpoch, *, doppler: bool = True) -> tuple[GpsPosition, GpsVelocity | None]:
-    """Least-squares position and velocity of one epoch, checked: a satellite that contradicts the others is left out of both.
+    """Least-squares position and velocity of one epoch, checked: a satellite that contradicts the others is excluded from both.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def point_solution(epoch: GnssEpoch, *, doppler: bool = True) -> tuple[GpsPositi
     Raises
     ------
     GnssError
-        When there is no position, or the satellites contradict each other and it cannot be told which lies.
+        When there is no position, or the satellites contradict each other and the faulty one cannot be identified.
     """
     checked = raim.check(epoch)
     if checked.verdict == raim.FAULTY:
@@ -38,7 +38,7 @@ def point_solution(epoch: GnssEpoch, *, doppler: bool = True) -> tuple[GpsPositi
     if not doppler:
         return position, None
     rows = np.flatnonzero(epoch.doppler_valid)
-    rows = np.array([row for row in rows if name_of(epoch, row) != checked.excluded], dtype=int)
+    rows = np.array([row for row in rows if name_of(epoch, int(row)) != checked.excluded], dtype=np.int64)
     velocity = solve_velocity(epoch, fix.position_e, rows=rows, probability=1.0 - raim.RaimSettings().false_alarm_probability)
     if velocity.test.verdict == FAILED:
         raise GnssError("The Dopplers contradict each other; wait for an epoch in which they agree.")
@@ -46,7 +46,7 @@ def point_solution(epoch: GnssEpoch, *, doppler: bool = True) -> tuple[GpsPositi
 
 
 def unknown_velocity(position: GpsPosition) -> GpsVelocity:
-    """Zero, and a sigma that says so."""
+    """Zero, with a sigma to match."""
     return GpsVelocity(position.stamp_ns, position.source, np.zeros(3), np.eye(3) * UNKNOWN_MPS**2)
 
 

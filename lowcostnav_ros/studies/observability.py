@@ -82,7 +82,7 @@ class Watch:
         self.found: list[Observability] = []
         self._rows: list[np.ndarray] = []
         self._F = np.empty((0, 0))
-        self._stamp_ns = 0
+        self._stamp_ns = -1
         self._next_ns = 0
         self._on_aid = navigator.on_aid
         navigator.on_aid = self._watched
@@ -98,9 +98,9 @@ class Watch:
             self._judge()
             self._stamp_ns = status.stamp_ns
         if status.accepted and status.stamp_ns >= self._next_ns:
-            applied = next(aid.applied for aid in self.navigator.aids if aid.status is status)
-            if applied is not None:
-                self._rows.append(applied.H)
+            aid = next(aid for aid in self.navigator.aids if aid.status is status)
+            if aid.applied is not None:
+                self._rows.append(aid.applied.H)
             self._F = self.navigator.core.dynamics()
         if self._on_aid is not None:
             self._on_aid(status)

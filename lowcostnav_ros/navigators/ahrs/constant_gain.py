@@ -5,7 +5,7 @@
     vector_matching  GPS velocity and magnetic field as vectors, Kalman gain (its Jacobian changes with every measurement)
     switched         accelerometers and magnetometer alone
 
-When its GPS is silent, each goes on as ``switched``: level and magnetic heading in steady flight, gyros alone in manoeuvres
+Without its GPS each goes on as ``switched``: level and magnetic heading in steady flight, gyros alone in manoeuvres
 (Gebre-Egziabher 2004, sections 4.11 and 4.12).  Mean and covariance are carried by the inertial core of all navigators, so the horizon,
 the low-latency output and the sigmas mean the same as in the full filter; for ``euler`` the angles are formed where they are compared.
 """
@@ -29,7 +29,8 @@ from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.cores.imu_errors import typical
 from lowcostnav_ros.estimation.aiding import Aid
-from lowcostnav_ros.navigators.ahrs.filter import IMU, LEVEL_TIMEOUT_S, Filter, Reference
+from lowcostnav_ros.navigators.ahrs.filter import IMU, LEVEL_TIMEOUT_S, Filter
+from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.starts.attitude_core import hold_velocity
 
 HELD_NS = 1_000_000_000
@@ -39,11 +40,11 @@ HELD_NS = 1_000_000_000
 class SwitchedFilter(Filter):
     """Accelerometers and magnetometer in steady flight, gyros alone in manoeuvres."""
 
-    unused = ("airflow", "gps_attitude")
+    unused: ClassVar[tuple[str, ...]] = ("airflow", "gps_attitude")
 
-    def __init__(self, host: Reference) -> None:
+    def __init__(self, host: Navigator) -> None:
         super().__init__(host)
-        self.level: ConstantLevelAid = host.aid("accelerometer_level")
+        self.level = host.aids_of(ConstantLevelAid)[0]
         self._levelling = host.channel_of(self.level)
         self._paced = [host.channel_of(aid) for aid in host.aids if isinstance(aid, ConstantLevelAid | ConstantQuaternionAid)]
 
@@ -87,7 +88,7 @@ class SwitchedFilter(Filter):
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether GPS attitude was accepted within the time-out."""
-        return self.host.fresh("gps_attitude", stamp_ns)
+        return self.fresh("gps_attitude", stamp_ns)
 
     def held(self, heading: str) -> str:
         """How GPS holds the attitude, for people."""
@@ -97,7 +98,7 @@ class SwitchedFilter(Filter):
         """By GPS, by steady flight, or neither."""
         if self.gps_good(now_ns):
             return Mode.CALIBRATING, self.held(heading)
-        if self.host.fresh("level", now_ns, LEVEL_TIMEOUT_S):
+        if self.fresh("level", now_ns, LEVEL_TIMEOUT_S):
             return Mode.COASTING, "levelled in steady flight" + heading
         return Mode.GYRO_ONLY, "manoeuvring: gyros alone since the last steady flight"
 
@@ -128,9 +129,9 @@ class VectorMatchingFilter(SwitchedFilter):
 
     needs = ("level", "gps")
 
-    def __init__(self, host: Reference) -> None:
+    def __init__(self, host: Navigator) -> None:
         super().__init__(host)
-        self._forces = [aid for aid in host.aids if isinstance(aid, ForceMatchAid)]
+        self._forces = host.aids_of(ForceMatchAid)
 
     @classmethod
     def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
@@ -155,14 +156,14 @@ class VectorMatchingFilter(SwitchedFilter):
             force.follow(block, start, stop)
 
     def applies(self, aid: Aid, measurement: Measurement) -> bool:
-        """The field as a vector while GPS velocity tells the other one."""
+        """The field as a vector while GPS velocity gives the other one."""
         if isinstance(aid, FieldMatchAid):
             return self.gps_good(measurement.stamp_ns)
         return super().applies(aid, measurement)
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether a GPS velocity was used within the time-out."""
-        return self.host.fresh("gps", stamp_ns)
+        return self.fresh("gps", stamp_ns)
 
     def held(self, heading: str) -> str:
         """How GPS holds the attitude, for people."""

@@ -1,26 +1,15 @@
 """What the attitude reference asks of a filter: its list of aids, and the rules of when to apply them."""
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
-from lowcostnav_ros.estimation.aiding import Aid, Host
-from lowcostnav_ros.navigators.base import Channel
+from lowcostnav_ros.estimation.aiding import Aid
+from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.navigators.settings import kind_of, listed
 
 IMU = "imu/data_raw"
 LEVEL_TIMEOUT_S = 5.0
-
-
-class Reference(Host, Protocol):
-    """The navigator that holds a filter."""
-
-    aids: list[Aid]
-
-    def aid(self, name: str) -> Aid | None: ...
-    def channel_of(self, aid: Aid) -> Channel: ...
-    def use_aid(self, aid: Aid, measurement: Measurement) -> bool: ...
-    def fresh(self, sensor: str, now_ns: int, seconds: float | None = None) -> bool:
-        """Whether a sensor was used within its time-out, or within ``seconds``."""
 
 
 class Filter(ABC):
@@ -30,15 +19,24 @@ class Filter(ABC):
     ----------
     needs : tuple of str
         Sensors it cannot do without.
+    used_ns : dict of str to int
+        When each kind of sensor was used last.
     unused : tuple of str
-        Sensors it has no use for: they are not listened to.
+        Sensors it has no use for: their topics are not subscribed to.
     """
 
     needs: ClassVar[tuple[str, ...]] = ("level",)
     unused: ClassVar[tuple[str, ...]] = ()
 
-    def __init__(self, host: Reference) -> None:
-        self.host = host
+    def __init__(self, host: Navigator) -> None:
+        self.host, self.used_ns = host, dict[str, int]()
+        self._timeouts = {kind_of(key): getattr(own, "timeout_s", 0.0) for key, own in listed(host.settings)}
+
+    def fresh(self, sensor: str, now_ns: int, seconds: float | None = None) -> bool:
+        """Whether a sensor, or another of its kind, was used within its time-out, or within ``seconds``."""
+        if sensor not in self.used_ns:
+            return False
+        return now_ns - self.used_ns[sensor] <= 1e9 * (self._timeouts[sensor] if seconds is None else seconds)
 
     @classmethod
     def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
@@ -47,21 +45,21 @@ class Filter(ABC):
 
     @abstractmethod
     def begin(self, t_ns: int) -> None:
-        """An attitude was found: begin."""
+        """Called when an attitude was found."""
 
     @abstractmethod
     def follow(self, block: ImuBlock, start: int, stop: int) -> None:
-        """Samples ``start`` to ``stop`` have moved the core."""
+        """Called when samples ``start`` to ``stop`` have moved the core."""
 
     @abstractmethod
     def keep(self, now_ns: int) -> None:
         """Called at every output: what is to be done without measurements."""
 
     def applies(self, aid: Aid, measurement: Measurement) -> bool:
-        """Whether an aid has a part to play now."""
+        """Whether an aid is to be used now."""
         return True
 
-    def before(self, aid: Aid, measurement: Measurement) -> None:  # noqa: B027 - few filters have a use for it
+    def before(self, aid: Aid, measurement: Measurement) -> None:  # noqa: B027 - most filters have nothing to do then
         """Called before an aid is run on a measurement."""
 
     @abstractmethod

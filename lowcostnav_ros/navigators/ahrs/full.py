@@ -14,16 +14,17 @@ from lowcostnav_ros.aids.level import SteadyFlightAid
 from lowcostnav_ros.base.measurements import AirVelocity, GpsVelocity, ImuBlock, Measurement
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.estimation.aiding import Aid
-from lowcostnav_ros.navigators.ahrs.filter import IMU, LEVEL_TIMEOUT_S, Filter, Reference
+from lowcostnav_ros.navigators.ahrs.filter import IMU, LEVEL_TIMEOUT_S, Filter
+from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.starts.attitude_core import hold_velocity, restart_velocity, restart_velocity_from_air
 
 
 class FullFilter(Filter):
     """Full covariance; see the module head."""
 
-    def __init__(self, host: Reference) -> None:
+    def __init__(self, host: Navigator) -> None:
         super().__init__(host)
-        self.level: SteadyFlightAid = host.aid("accelerometer_level")
+        self.level = host.aids_of(SteadyFlightAid)[0]
 
     def begin(self, t_ns: int) -> None:
         """Begin with the velocity that was measured."""
@@ -38,7 +39,7 @@ class FullFilter(Filter):
         """Judge the motion; level by steady flight when nothing measures velocity."""
         core, level = self.host.core, self.level
         level.switch.decide(core.C_nb(), core.errors()[1])
-        if self.gps_good(now_ns) or self.host.fresh("airflow", now_ns):
+        if self.gps_good(now_ns) or self.fresh("airflow", now_ns):
             level.since_ns = None
             return
         if level.since_ns is not None:
@@ -53,7 +54,7 @@ class FullFilter(Filter):
         return aid is not self.level
 
     def before(self, aid: Aid, measurement: Measurement) -> None:
-        """A velocity that was counted from zero begins anew at a measured one."""
+        """A velocity that was counted from zero is reset to a measured one."""
         if self.level.since_ns is None:
             return
         core = self.host.core
@@ -67,11 +68,11 @@ class FullFilter(Filter):
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether a GPS velocity was accepted within the time-out."""
-        return self.host.fresh("gps", stamp_ns)
+        return self.fresh("gps", stamp_ns)
 
     def mode(self, now_ns: int, heading: str) -> tuple[str, str]:
         """By what shows the acceleration."""
-        fresh = self.host.fresh
+        fresh = self.fresh
         if self.gps_good(now_ns):
             return Mode.CALIBRATING, "GPS velocity gives the acceleration" + heading
         if fresh("gps_attitude", now_ns):

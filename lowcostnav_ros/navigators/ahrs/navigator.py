@@ -3,14 +3,14 @@
 The navigator finds the first attitude, bridges holes in the inertial data, carries mean and covariance on the inertial core and gives the
 outputs; the filter that ``settings.filter`` names says which aids are used and when: that of :mod:`lowcostnav_ros.navigators.ahrs.full`
 weighs everything by a full covariance, those of :mod:`lowcostnav_ros.navigators.ahrs.constant_gain` have the gains of the source, known
-before the flight.  An AHRS owes attitude, heading, rates and specific force; it reports no velocity and no position.
+before the flight.  An AHRS reports attitude, heading, rates and specific force; it reports no velocity and no position.
 
 ``C_true = (I + [phi_n x]) C_est``; see :mod:`lowcostnav_ros.cores.inertial` for the dynamics (Gebre-Egziabher 2004, chapter 4).
 """
 
 import math
 from dataclasses import replace
-from itertools import chain
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,7 @@ from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.navigators.ahrs.filter import IMU
 from lowcostnav_ros.navigators.ahrs.settings import FILTERS, AhrsOwnSettings
-from lowcostnav_ros.navigators.base import Channel, Navigator
+from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.settings import kind_of, listed
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference
@@ -50,12 +50,7 @@ FIX = "gps/fix"
 HEADING_TIMEOUT_S = 5.0
 POSITION_HELD_NS = 10_000_000_000
 NUMBERS = {GpsVelocity: ("vel_n", "cov_n"), AirVelocity: ("vel_b", "cov_b"), Attitude: ("q_nb", "cov_att"), MagneticField: ("field_b",)}
-"""What of a measurement must be finite.  The aids see to it, too, but the first attitude and a velocity that begins anew have no aid."""
-
-
-def rows_of(block: ImuBlock, rows: slice | np.ndarray) -> ImuBlock:
-    """Some rows of a block; its head stamp stays, so that no rows at all are a block too."""
-    return ImuBlock(block.stamp_ns, block.source, block.stamps_ns[rows], block.specific_force_b[rows], block.angular_rate_b[rows])
+"""What of a measurement must be finite.  The aids see to it, too, but the first attitude and the reset of a velocity use no aid."""
 
 
 def unbroken(block: ImuBlock) -> list[ImuBlock]:
@@ -63,9 +58,7 @@ def unbroken(block: ImuBlock) -> list[ImuBlock]:
     if len(block) == 0 or block.stamps_ns[-1] - block.stamps_ns[0] <= GAP_NS:
         return [block]
     cuts = np.flatnonzero(np.diff(block.stamps_ns) > GAP_NS) + 1
-    if not len(cuts):
-        return [block]
-    return [rows_of(block, slice(a, b)) for a, b in zip([0, *cuts], [*cuts, len(block)], strict=True)]
+    return [block[a:b] for a, b in pairwise([0, *cuts, len(block)])]
 
 
 @navigator
@@ -87,7 +80,7 @@ class Ahrs(Navigator):
     name = "ahrs"
     colour = "#b4579a"
     outputs = ("imu/data", "imu/data_fused")
-    not_observable = "it is told position, velocity and acceleration from outside its filter; watch ins_gps, which estimates them"
+    not_observable = "it takes position, velocity and acceleration from outside its filter; study ins_gps, which estimates them"
     inertial = IMU
     OwnSettings = AhrsOwnSettings
     sensors = (GPS_VELOCITY.but(latency_s=0.0), MAGNETIC.but(noise_deg=0.8), AIRFLOW, LEVEL, GPS_ATTITUDE.but(enabled=False))
@@ -99,21 +92,17 @@ class Ahrs(Navigator):
         if "gps_attitude" in self.needs and "gps_attitude" in settings.aids:
             settings = replace(settings, gps_attitude=replace(settings.gps_attitude, enabled=True))
         super().__init__(settings, stations)
-        self.layout = Layout([core_block(settings.imu), *bias_blocks(settings.imu), *self.aid_blocks()])
-        self.core = InertialCore(self.layout)
-        for aid in self.aids:
-            aid.attach(self)
+        layout = Layout([core_block(settings.imu), *bias_blocks(settings.imu), *self.aid_blocks()])
+        self._attach(layout, InertialCore(layout))
         field, heading, airflow = getattr(settings, "magnetic", MagneticSettings()), self.aid("magnetic_heading"), self.aid("airflow")
         self.magnetic = FieldAtPlace(MagneticReference(field.decimal_year, field.declination_deg), settings.place.known())
         for aid in self.aids:
             if hasattr(aid, "reference"):
                 aid.reference = self.magnetic
-        self.alignment = Alignment(
-            *(settings.alignment, settings.imu, settings.level),
-            *(heading and heading.settings.noise_deg, airflow and airflow.settings.minimum_mps),
-        )
+        heading_deg = None if heading is None else heading.settings.noise_deg
+        slowest_mps = None if airflow is None else airflow.settings.minimum_mps
+        self.alignment = Alignment(settings.alignment, settings.imu, settings.level, heading_deg, slowest_mps)
         self.filter = self._kind(self)
-        self._timeouts = {kind_of(key): getattr(own, "timeout_s", 0.0) for key, own in listed(settings)}
         self._restart()
 
     # its list ----------------------------------------------------------------------------------------------------------------
@@ -132,13 +121,6 @@ class Ahrs(Navigator):
             form.source = source
         super()._connect([form for form, _ in made])
 
-    def channel_of(self, aid: Aid) -> Channel:
-        """The channel that leads to one of its aids."""
-        return next(channel for channel in self._all_channels() if aid in channel.aids)
-
-    def _all_channels(self) -> list[Channel]:
-        return [*self.clocked, *chain.from_iterable(self.channels.values())]
-
     def applies(self, aid: Aid, measurement: Measurement) -> bool:
         """As its filter rules."""
         return self.filter.applies(aid, measurement)
@@ -149,29 +131,22 @@ class Ahrs(Navigator):
         self.filter.before(aid, measurement)
         used = super().use_aid(aid, measurement)
         if used:
-            self._used_ns[kind_of(aid.key)] = measurement.stamp_ns
+            self.filter.used_ns[kind_of(aid.key)] = measurement.stamp_ns
         return used
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether GPS holds the solution."""
         return self.filter.gps_good(stamp_ns)
 
-    def fresh(self, sensor: str, now_ns: int, seconds: float | None = None) -> bool:
-        """Whether a sensor, or another of its kind, was used within its time-out, or within ``seconds``."""
-        if sensor not in self._used_ns:
-            return False
-        return now_ns - self._used_ns[sensor] <= 1e9 * (self._timeouts[sensor] if seconds is None else seconds)
-
     # measurements ------------------------------------------------------------------------------------------------------------
 
     def _restart(self) -> None:
         self._aligned = False
         self._imu_ns: int | None = None
-        self._used_ns: dict[str, int] = {}
+        self.filter.used_ns = {}
         self._position_held_ns = -(10**18)
         self._kept: tuple[np.ndarray, np.ndarray] | None = None
-        for channel in self._all_channels():
-            channel.restart()
+        self.restart_channels()
         self.core.rest()
         self.alignment.restart(None)
 
@@ -215,7 +190,7 @@ class Ahrs(Navigator):
             return block
         good = np.isfinite(block.specific_force_b).all(axis=1) & np.isfinite(block.angular_rate_b).all(axis=1)
         self.input_status[IMU].reject("not finite")
-        return rows_of(block, good)
+        return block[good]
 
     def _in_gap(self, block: ImuBlock, start: int) -> bool:
         """Whether the sample at ``start`` ends a hole in the inertial data; if so, align anew, keeping the sensor biases.
@@ -247,7 +222,7 @@ class Ahrs(Navigator):
         return following
 
     def _start(self, first: FirstAttitude | None) -> None:
-        """Begin to navigate when the alignment has an attitude; else say what it waits for."""
+        """Begin to navigate when the alignment has an attitude; else report what it waits for."""
         if first is None:
             self.mode = Mode.FAILED if self.alignment.wrong_unit else Mode.ALIGNING
             self.reason = self.alignment.reason
@@ -256,7 +231,7 @@ class Ahrs(Navigator):
         begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
         self._aligned, self._kept = True, None
         began_with = {"level": True, "gps": first.gps is not None, "airflow": first.air is not None, "magnetic": first.is_magnetic}
-        self._used_ns = {sensor: first.t_ns for sensor, was_used in began_with.items() if was_used}
+        self.filter.used_ns = {sensor: first.t_ns for sensor, was_used in began_with.items() if was_used}
         self.filter.begin(first.t_ns)
         self._judge()
 
@@ -296,9 +271,9 @@ class Ahrs(Navigator):
         """Keep mode and reason in step with what was fused."""
         tilt_sigma_deg, limit = math.sqrt(max(self.P[6, 6], self.P[7, 7], 0.0)) / DEGREE, self.settings.failed_tilt_deg
         if tilt_sigma_deg > limit:
-            self.mode, self.reason = Mode.FAILED, f"roll or pitch sigma {tilt_sigma_deg:.0f} deg is past {limit:.0f} deg"
+            self.mode, self.reason = Mode.FAILED, f"roll or pitch sigma {tilt_sigma_deg:.0f} deg is above {limit:.0f} deg"
         else:
-            has_heading = self.fresh("magnetic", self.core.t_ns, HEADING_TIMEOUT_S)
+            has_heading = self.filter.fresh("magnetic", self.core.t_ns, HEADING_TIMEOUT_S)
             self.mode, self.reason = self.filter.mode(self.core.t_ns, "" if has_heading else ", no magnetic heading")
 
     def _predict(self) -> NavSolution | None:
@@ -308,8 +283,7 @@ class Ahrs(Navigator):
         return self._solution(*self.core.predicted(block), *self.core.latest(block))
 
     def _solution(self, t_ns: int, nav: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
-        sigma, layout = np.sqrt(np.maximum(np.diag(self.P), 0.0)), self.layout
-        reported = range(CORE, layout["heading_bias" if "heading_bias" in layout else "gyro_bias"].stop)
+        last = "heading_bias" if "heading_bias" in self.layout else "gyro_bias"
         return NavSolution(
             stamp_ns=int(t_ns),
             source=self.name,
@@ -318,7 +292,7 @@ class Ahrs(Navigator):
             specific_force_b=force_b,
             cov_att=self.P[ATT, ATT].copy(),
             mode=self.mode,
-            states={layout.labels[i]: (float(self.core.estimate[i]), float(sigma[i])) for i in reported},
+            states=self._states(self.P, range(CORE, self.layout[last].stop)),
         )
 
     def _sigmas(self) -> dict[str, float]:

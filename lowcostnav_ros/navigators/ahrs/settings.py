@@ -21,7 +21,7 @@ FILTERS: dict[str, type[Filter]] = {
     "vector_matching": VectorMatchingFilter,
     "switched": SwitchedFilter,
 }
-"""What ``filter`` may say."""
+"""Values of ``filter``."""
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ class ReceivedStations:
             return ""
         if len(idents) == 1:
             return SINGLE
-        lines = [range_and_direction(*nav, s.lat, s.lon, s.height) for s in (self.stations[i] for i in idents)]
+        lines = [range_and_direction(nav[0], nav[1], nav[2], s.lat, s.lon, s.height) for s in (self.stations[i] for i in idents)]
         directions = np.array([direction for _, direction in lines])
         if collinear_with_track(course, directions):
             return COLLINEAR

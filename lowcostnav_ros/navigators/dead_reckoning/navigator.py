@@ -5,7 +5,7 @@ Gebre-Egziabher (2004), sections 5.3, 6.4, 6.5 and 8.2 (systems G41, G42, G52, G
 """
 
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +18,10 @@ from lowcostnav_ros.aids.vor import VOR, VorAid
 from lowcostnav_ros.aids.wind_uplink import WIND_UPLINK
 from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsPosition, Measurement, NavSolution, SlantRange
 from lowcostnav_ros.base.modes import Level, Mode
-from lowcostnav_ros.cores.reckoning import ReckoningCore
-from lowcostnav_ros.cores.reckoning_model import NM, POS, core_blocks
-from lowcostnav_ros.estimation.aiding import Aid, unique
+from lowcostnav_ros.base.units import NAUTICAL_MILE
+from lowcostnav_ros.cores.reckoning import ReckoningCore, core_blocks
+from lowcostnav_ros.cores.reckoning_model import POS
+from lowcostnav_ros.estimation.aiding import unique
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.dead_reckoning.geometry import ReceivedStations
@@ -49,7 +50,7 @@ class DeadReckoning(Navigator):
         What is wrong with the geometry of the stations received, empty when nothing is.
     """
 
-    name: ClassVar[str] = "dead_reckoning"
+    name = "dead_reckoning"
     colour = "#d55e00"
     modes = {"dme_aided": ("#7570b3", ""), "vor_aided": ("#a17fa6", "")}
     OwnSettings = DeadReckoningOwnSettings
@@ -65,11 +66,9 @@ class DeadReckoning(Navigator):
 
     def __init__(self, settings: Any = None, stations: Any = None) -> None:
         super().__init__(settings or self.Settings(), stations)
-        self.layout = Layout(self.blocks())
-        self.core = ReckoningCore(self.settings, self.layout)
-        for aid in self.aids:
-            aid.attach(self)
-        self._fixes, self._ranges, self._radials = ([a for a in self.aids if isinstance(a, kind)] for kind in (PositionAid, DmeAid, VorAid))
+        layout = Layout(self.blocks())
+        self._attach(layout, ReckoningCore(self.settings, layout))
+        self._fixes, self._ranges, self._radials = self.aids_of(PositionAid), self.aids_of(DmeAid), self.aids_of(VorAid)
         self._others = [aid for aid in self.aids if not isinstance(aid, StationAid)]
         self._restart()
 
@@ -89,18 +88,9 @@ class DeadReckoning(Navigator):
 
     # what aids ask of their host ---------------------------------------------------------------------------------------------
 
-    @property
-    def P(self) -> np.ndarray:
-        """Error covariance (n, n); its states are named by ``layout.labels``."""
-        return self.core.P
-
-    def correct(self, dx: np.ndarray) -> None:
-        """Inject the correction (n,) of an aid."""
-        self.core.correct(dx)
-
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether a fix was accepted within the time-out."""
-        return any(_used_lately(aid, stamp_ns) for aid in self._fixes)
+        return any(aid.is_fresh(stamp_ns) for aid in self._fixes)
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
@@ -120,7 +110,7 @@ class DeadReckoning(Navigator):
             aid.restart()
 
     def _fuse(self, item: Measurement) -> None:
-        if self.core.t_ns is None:
+        if not self.core.started:
             self._align(item)
             return
         self._advance(item.stamp_ns)
@@ -144,7 +134,7 @@ class DeadReckoning(Navigator):
         if outdated:
             self.mode, self.reason = Mode.INITIALISING, outdated
         elif isinstance(item, GpsPosition):
-            vague = 100.0 * self.aid("gps_position").noise(item)  # the fix itself is fused next
+            vague = 100.0 * self._fixes[0].noise(item)  # the fix itself is fused next
             self.core.start(item.stamp_ns, np.array([item.lat, item.lon, item.height]), vague)
             self.set_origin(item.lat, item.lon, item.height)
             self._aid(item)
@@ -179,7 +169,7 @@ class DeadReckoning(Navigator):
     # mode and reason ---------------------------------------------------------------------------------------------------------
 
     def _judge(self) -> None:
-        """Find the mode and say why."""
+        """Find the mode and its reason."""
         core = self.core
         outdated = core.timed_out()
         if outdated:
@@ -193,18 +183,18 @@ class DeadReckoning(Navigator):
             words = (aid.words(core.t_ns) for aid in self._others)
             self.reason += "".join(f"; {each}" for each in words if each)
         if self._alert():
-            sigma, limit = core.horizontal_sigma() / NM, self.settings.alert_nm
+            sigma, limit = core.horizontal_sigma() / NAUTICAL_MILE, self.settings.alert_nm
             self.reason += f"; ALERT: estimated error {sigma:.2f} NM is above {limit:g} NM"
 
     def _judge_outage(self, now_ns: int) -> None:
         ages = [age for aid in self._fixes if (age := aid.status.age_s(now_ns)) is not None]
         gps = f"no GPS for {min(ages):.0f} s" if ages else "no GPS yet"
         if not self.core.held.airborne:
-            slow = f"airspeed below {self.settings.airspeed.minimum_mps:g} m/s: landed, or it failed"
+            slow = f"airspeed below {self.settings.airspeed.minimum_mps:g} m/s: landed, or airspeed failed"
             self.mode, self.reason = Mode.COASTING, f"{gps}; {slow}; position held"
             return
         radials = ", ".join(name for aid in self._radials for name in aid.used_lately(now_ns))
-        if not any(_used_lately(aid, now_ns) for aid in self._ranges):
+        if not any(aid.is_fresh(now_ns) for aid in self._ranges):
             self.geometry = ""
             self.mode, self.reason = Mode.COASTING, f"{gps}; reckoning on airspeed, heading and estimated wind"
             if radials:
@@ -228,7 +218,7 @@ class DeadReckoning(Navigator):
         self.geometry = self._received.judge(now_ns, core.nav, course, lambda u: math.sqrt(u @ core.P[0:2, 0:2] @ u))
 
     def _alert(self) -> bool:
-        return self.core.t_ns is not None and self.core.horizontal_sigma() > self.settings.alert_nm * NM
+        return self.core.started and self.core.horizontal_sigma() > self.settings.alert_nm * NAUTICAL_MILE
 
     def _level(self) -> Level:
         return Level.ERROR if self._alert() else super()._level()
@@ -236,26 +226,21 @@ class DeadReckoning(Navigator):
     # outputs -----------------------------------------------------------------------------------------------------------------
 
     def _predict(self) -> NavSolution | None:
-        if self.core.t_ns is None:
+        if not self.core.started:
             return None
         core = self.core.branch()
         for item in self.horizon.ahead()[1]:
             if isinstance(item, Attitude | AirVelocity):
                 core.move(item.stamp_ns)
                 self._hold(item, core)
-        core.move(self.horizon.newest_ns)
+        core.move(self.horizon.newest_ns or core.t_ns)
         return self._solution(core)
 
     def _solution(self, core: ReckoningCore) -> NavSolution:
         velocity, G, noise = core.velocity()
         total, held = core.totals(), core.held
         return NavSolution(
-            stamp_ns=core.t_ns,
-            source=self.name,
-            lat=float(core.nav[0]),
-            lon=float(core.nav[1]),
-            height=float(core.nav[2]),
-            vel_n=velocity,
+            *(core.t_ns, self.name, float(core.nav[0]), float(core.nav[1]), float(core.nav[2]), velocity),
             q_nb=held.q_nb,
             angular_rate_b=held.rate_b,
             specific_force_b=held.force_b,
@@ -270,7 +255,7 @@ class DeadReckoning(Navigator):
 
     def _sigmas(self) -> dict[str, float]:
         core = self.core
-        if core.t_ns is None:
+        if not core.started:
             return {}
         north, east, down = (math.sqrt(core.P[i, i]) for i in range(3))
         wind = core.wind_covariance()
@@ -282,11 +267,6 @@ class DeadReckoning(Navigator):
             "wind_mps": math.sqrt(wind[0, 0] + wind[1, 1]),
             "heading_bias_deg": math.degrees(core.sigmas()[0]),
         }
-
-
-def _used_lately(aid: Aid, now_ns: int) -> bool:
-    age_s = aid.status.age_s(now_ns)
-    return age_s is not None and age_s <= aid.settings.timeout_s
 
 
 DeadReckoningSettings = DeadReckoning.Settings

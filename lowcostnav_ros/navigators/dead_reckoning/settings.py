@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lowcostnav_ros.base.settings import SettingsError, group, setting
-from lowcostnav_ros.cores.reckoning_settings import ReckoningSettings
+from lowcostnav_ros.cores.reckoning import ReckoningSettings
 from lowcostnav_ros.navigators.base import HorizonSettings
 
 BARO_DRIFT_M, BARO_TAU_S = 23.0, 400.0

@@ -15,8 +15,8 @@ def carried_to(solution: NavSolution, stamp_ns: int) -> NavSolution:
     dt = 1e-9 * (stamp_ns - solution.stamp_ns)
     if dt == 0.0 or solution.vel_n is None:
         return solution
-    lat, lon, height = displace(solution.lat, solution.lon, solution.height, solution.vel_n * dt)
-    cov = solution.cov_pos if solution.cov_vel is None else solution.cov_pos + solution.cov_vel * dt * dt
+    lat, lon, height = displace(*solution.place, solution.vel_n * dt)
+    cov = solution.place_cov if solution.cov_vel is None else solution.place_cov + solution.cov_vel * dt * dt
     return replace(solution, stamp_ns=stamp_ns, lat=lat, lon=lon, height=height, cov_pos=cov)
 
 
@@ -35,8 +35,8 @@ class Blend:
         self.position, self.velocity, self.attitude = self.position * factor, self.velocity * factor, self.attitude * factor
 
     def bridge(self, old: NavSolution, new: NavSolution) -> None:
-        """Add to the offsets what lies between the source flown so far and the one flown from now on, both at one stamp."""
-        self.position = self.position + difference_n(old.lat, old.lon, old.height, new.lat, new.lon, new.height)
+        """Add to the offsets what lies between the source published so far and the one from now on, both at one stamp."""
+        self.position = self.position + difference_n(*old.place, *new.place)
         if old.vel_n is not None and new.vel_n is not None:
             self.velocity = self.velocity + old.vel_n - new.vel_n
         if old.q_nb is not None and new.q_nb is not None:
@@ -45,7 +45,7 @@ class Blend:
 
     def applied(self, source: NavSolution) -> NavSolution:
         """Return the source with the offsets added and, as they are known errors, their squares on its covariances."""
-        lat, lon, height = displace(source.lat, source.lon, source.height, self.position)
+        lat, lon, height = displace(*source.place, self.position)
         vel, q = source.vel_n, source.q_nb
         return replace(
             source,
@@ -54,7 +54,7 @@ class Blend:
             height=height,
             vel_n=None if vel is None else vel + self.velocity,
             q_nb=None if q is None else quat_apply_phi_n(q, self.attitude),
-            cov_pos=source.cov_pos + np.outer(self.position, self.position),
+            cov_pos=source.place_cov + np.outer(self.position, self.position),
             cov_vel=None if source.cov_vel is None else source.cov_vel + np.outer(self.velocity, self.velocity),
             cov_att=None if source.cov_att is None else source.cov_att + np.outer(self.attitude, self.attitude),
         )

@@ -22,9 +22,9 @@ class Gps(Enum):
 
 MODES = (Mode.INITIALISING, Mode.NO_GO, Mode.CALIBRATING, Mode.GPS, Mode.COASTING, Mode.RE_ACQUIRING, Mode.FAILED)
 
-_HEALTHY = {Gps.COARSE: Mode.GPS, Gps.GOOD: Mode.CALIBRATING}
-_LOST_IN_FLIGHT = {Gps.LOST: Mode.COASTING, Gps.SEEN: Mode.RE_ACQUIRING, **_HEALTHY}
-_LOST_ON_GROUND = {Gps.LOST: Mode.NO_GO, Gps.SEEN: Mode.NO_GO, **_HEALTHY}
+_HEALTHY: dict[Gps, str] = {Gps.COARSE: Mode.GPS, Gps.GOOD: Mode.CALIBRATING}
+_LOST_IN_FLIGHT: dict[Gps, str] = {Gps.LOST: Mode.COASTING, Gps.SEEN: Mode.RE_ACQUIRING, **_HEALTHY}
+_LOST_ON_GROUND: dict[Gps, str] = {Gps.LOST: Mode.NO_GO, Gps.SEEN: Mode.NO_GO, **_HEALTHY}
 
 IN_FLIGHT: dict[str, dict[Gps, str]] = dict.fromkeys(MODES, _LOST_IN_FLIGHT)
 """Mode and GPS to the next mode, airborne: what matters there is GPS alone."""
