@@ -206,7 +206,7 @@ def _flatten(values: Mapping[str, Any], known: Mapping[str, Declared], prefix: s
             yield name, value
 
 
-def _build(defaults: S, flat: dict[str, Any], prefix: str) -> S:
+def _build(defaults: Any, flat: dict[str, Any], prefix: str) -> Any:
     arguments = {}
     for field in dataclasses.fields(defaults):
         value = getattr(defaults, field.name)

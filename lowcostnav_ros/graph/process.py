@@ -1,5 +1,6 @@
 """One node process: started, watched, started again when it dies, stopped by SIGINT."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -92,8 +93,10 @@ class NodeProcess:
         for path in params_files:
             self._command += ["--params-file", str(path)]
         self.process: subprocess.Popen | None = None
-        self.restarts, self.exit_code, self.given_up = 0, None, False
-        self._backoff_s, self._started_at, self._restart_at = FIRST_BACKOFF_S, 0.0, None
+        self.restarts, self.given_up = 0, False
+        self.exit_code: int | None = None
+        self._backoff_s, self._started_at = FIRST_BACKOFF_S, 0.0
+        self._restart_at: float | None = None
         self._cpu_last = (0.0, 0.0)
 
     def start(self, stdout: int | None = None) -> None:
@@ -104,6 +107,11 @@ class NodeProcess:
             )  # its own session: Ctrl-C in the terminal reaches the runner, which stops the nodes in order
         self._started_at, self._restart_at = time.monotonic(), None
         self._cpu_last = (0.0, self._started_at)
+
+    @property
+    def stdout(self) -> Any:
+        """Its output as lines, where :meth:`start` was given a pipe."""
+        return None if self.process is None else self.process.stdout
 
     @property
     def alive(self) -> bool:
@@ -121,8 +129,8 @@ class NodeProcess:
             self.restarts += 1
             self.start()
             return Event(self.name, What.STARTED_AGAIN, restarts=self.restarts)
-        self.exit_code = self.process.returncode
-        cause = f"{describe_exit(self.exit_code)}{self._last_words()}"
+        self.exit_code = code = self.process.returncode
+        cause = describe_exit(code) + (self._last_line() if code > 0 else "")
         if not self.respawn or self.exit_code in (Exit.OK, Exit.CANNOT_RUN):
             self.given_up = True
             return Event(self.name, What.DIED, cause, restarts=self.restarts)
@@ -135,7 +143,7 @@ class NodeProcess:
     def interrupt(self) -> None:
         """Ask it to end (SIGINT) and never start it again."""
         self.given_up = True
-        if self.alive:
+        if self.process is not None and self.alive:
             self.process.send_signal(signal.SIGINT)
 
     def wait(self, timeout_s: float) -> bool:
@@ -152,11 +160,8 @@ class NodeProcess:
 
     def cpu_seconds(self) -> float:
         """Processor time used since its start, s (0 when it does not run)."""
-        try:
-            fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
-        except (OSError, AttributeError):
-            return 0.0
-        return (int(fields[11]) + int(fields[12])) / TICKS
+        fields = self._proc("stat").rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / TICKS if fields else 0.0
 
     def cpu_share(self) -> float:
         """Share of one core since the last call."""
@@ -167,17 +172,21 @@ class NodeProcess:
 
     def rss_mb(self) -> float:
         """Resident memory, MB (0 when it does not run)."""
-        try:
-            return int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1]) * PAGE_MB
-        except (OSError, AttributeError):
-            return 0.0
+        fields = self._proc("statm").split()
+        return int(fields[1]) * PAGE_MB if fields else 0.0
 
-    def _last_words(self) -> str:
-        try:
-            lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
-        except OSError:
-            return ""
-        return f" ({lines[-1].strip().rstrip('.')})" if lines and self.exit_code > 0 else ""
+    def _proc(self, file: str) -> str:
+        """Content of a file of the kernel on this process, empty when it does not run."""
+        with contextlib.suppress(OSError):
+            return "" if self.process is None else Path(f"/proc/{self.process.pid}/{file}").read_text()
+        return ""
+
+    def _last_line(self) -> str:
+        lines = []
+        with contextlib.suppress(OSError):
+            lines = self.log.read_text(errors="replace").splitlines()
+        lines = [line.strip() for line in lines if line.strip()]
+        return f" ({lines[-1].rstrip('.')})" if lines else ""
 
 
 def describe_exit(code: int) -> str:

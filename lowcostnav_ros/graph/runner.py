@@ -168,8 +168,8 @@ class GraphRunner:
 
     def _source_state(self, name: str) -> str:
         row = self.rows.get(f"{name}: source")
-        state = row["values"]["state"] if row else "starting"
-        if state == "failed":
+        state: str = row["values"]["state"] if row else "starting"
+        if row and state == "failed":
             raise GraphError(f"{name}: {row['message']}")
         if not self.processes[name].alive:
             raise GraphError(f"{name} ended before the flight did; its log is {self.processes[name].log}.")
@@ -177,7 +177,8 @@ class GraphRunner:
 
     def _drain(self, quiet_s: float = 2.2, longest_s: float = 15.0) -> None:
         """Wait until the counts of two rounds of diagnostics agree: nothing is on its way any more."""
-        before, since = {}, time.monotonic()
+        before: dict[str, Any] = {}
+        since = time.monotonic()
         deadline = since + longest_s
         while time.monotonic() < min(since + quiet_s, deadline):
             self.watch()
@@ -205,7 +206,7 @@ class GraphRunner:
     def _start_monitor(self, environment: dict[str, str]) -> None:
         self._monitor = NodeProcess("monitor", "monitor", [], environment, self.log_dir / "monitor.log")
         self._monitor.start(stdout=subprocess.PIPE)
-        self._reader = threading.Thread(target=self._read, args=(self._monitor.process.stdout,), daemon=True)
+        self._reader = threading.Thread(target=self._read, args=(self._monitor.stdout,), daemon=True)
         self._reader.start()
 
     def _read(self, lines: Any) -> None:

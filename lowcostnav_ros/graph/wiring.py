@@ -7,11 +7,12 @@ from collections import Counter
 from dataclasses import replace
 from typing import Any
 
-from lowcostnav_ros.base.settings import declared, to_mapping
-from lowcostnav_ros.catalogue.config_files import load_settings
+from lowcostnav_ros.base.settings import to_mapping
+from lowcostnav_ros.catalogue.config_files import read_parameters
 from lowcostnav_ros.catalogue.navigator_topics import topics_of
 from lowcostnav_ros.graph.description import Graph, GraphNode, takes_scenario
 from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, RECORDER, SOURCE, kind_of
+from lowcostnav_ros.messages.rules import parse_further
 from lowcostnav_ros.messages.topics import TOPICS
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 
@@ -31,7 +32,8 @@ def inputs_of(node: GraphNode) -> tuple[str, ...]:
     """Topics a node of a graph listens to."""
     kind = kind_of(node.executable)
     if kind == RECORDER:
-        return tuple(node.parameters.get("topics") or recorded_topics())
+        further = parse_further(node.parameters.get("further", []))
+        return tuple(dict.fromkeys([*(node.parameters.get("topics") or recorded_topics()), *further]))
     return tuple(navigator_of(node).inputs) if kind == NAVIGATOR else EXECUTABLES[node.executable].inputs
 
 
@@ -42,13 +44,26 @@ def expected_subscribers(graph: Graph) -> list[str]:
     """
     listeners = _listeners(graph)
     computed = [topic for name in NAVIGATORS for topic in topics_of(name)]
-    published = [topic for topic in listeners if topic in TOPICS and topic not in (*computed, "diagnostics")]
+    published = [topic for topic in listeners if topic in {*TOPICS, *further_topics(graph)} and topic not in (*computed, "diagnostics")]
     return [f"{topic}:{listeners[topic]}" for topic in sorted(published)]
 
 
 def _listeners(graph: Graph) -> Counter:
     """How many nodes of a graph listen to each topic."""
-    return Counter(topic for node in graph.nodes for topic in inputs_of(node))
+    counts = Counter(topic for node in graph.nodes for topic in inputs_of(node))
+    for node in graph.nodes:
+        if kind_of(node.executable) == RECORDER:
+            counts.update(further_topics(graph).keys() - {*inputs_of(node)})
+    return counts
+
+
+def further_topics(graph: Graph) -> dict[str, str]:
+    """Topics of further sensors that the navigators of a graph are configured for, each with the topic of the package it is like."""
+    kinds: dict[str, str] = {}
+    for node in graph.nodes:
+        if kind_of(node.executable) == NAVIGATOR:
+            kinds |= {source: kind for source, kind in navigator_of(node).kinds.items() if source not in TOPICS}
+    return kinds
 
 
 def shared_parameters(graph: Graph, node: GraphNode) -> dict[str, Any]:
@@ -58,6 +73,9 @@ def shared_parameters(graph: Graph, node: GraphNode) -> dict[str, Any]:
         values["qos.listeners"] = [f"{topic}:{count}" for topic, count in sorted(_listeners(graph).items())]
     if graph.scenario and takes_scenario(node.executable):
         values["scenario"] = graph.scenario
+    further = further_topics(graph) if node.executable in ("recorder", "player") else {}
+    if further:
+        values["further"] = [f"{source}:{kind}" for source, kind in further.items()]
     if kind_of(node.executable) == SOURCE:
         values["real_time_factor"] = graph.real_time_factor
         values["start.expected_subscribers"] = expected_subscribers(graph)
@@ -82,20 +100,21 @@ def flown_settings(graph: Graph) -> dict[str, dict[str, Any]]:
     flown = {}
     for node in graph.nodes:
         if kind_of(node.executable) == NAVIGATOR:
-            given = {name: value for name, value in shared_parameters(graph, node).items() if not name.startswith("qos.")}
-            values = to_mapping(_navigator_settings(replace(node, parameters=given)))
+            values = to_mapping(_navigator_settings(replace(node, parameters=shared_parameters(graph, node))))
             flown[node.executable] = {name: value for name, value in values.items() if name != "imu.profile"}
     return flown
 
 
 def _navigator_settings(node: GraphNode) -> Any:
-    from lowcostnav_ros.catalogue.building import complete_settings  # the estimators and their compiler are heavy: who has none is light
+    from lowcostnav_ros.catalogue.building import (  # the estimators and their compiler are heavy: who has none is light
+        complete_settings,
+        is_of_node,
+    )
 
     settings_class = NAVIGATORS[node.executable].Settings
-    base = load_settings(settings_class, node.config, node.name)
-    known = {entry.name for entry in declared(settings_class)}
-    own = {key: value for key, value in node.parameters.items() if key in known}
-    return complete_settings(settings_class, {**to_mapping(base), **own}, node.name)
+    file = {} if node.config is None else read_parameters(node.config, node.name)
+    values = {name: value for name, value in {**file, **node.parameters}.items() if not is_of_node(name)}
+    return complete_settings(settings_class, values, node.name)
 
 
 def navigator_of(node: GraphNode) -> Any:

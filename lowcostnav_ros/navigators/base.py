@@ -123,6 +123,8 @@ class Navigator(ABC):
         Why there is no ``core.dynamics()`` to study its observability with; empty where there is.
     settings, inputs, aids, core
         As given; source to whether it is required (a class may declare some); all aids in order; what its aids see, where it has a filter.
+    frames, kinds : mapping
+        Of the sources of its sensors: further frame ids that are accepted, and the topic of the package whose message each carries.
     """
 
     name: ClassVar[str] = ""
@@ -137,6 +139,8 @@ class Navigator(ABC):
     inertial: str | None = None
     core: Any = None
     inputs: Mapping[str, bool] = {}
+    frames: Mapping[str, tuple[str, ...]] = {}
+    kinds: Mapping[str, str] = {}
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -170,6 +174,7 @@ class Navigator(ABC):
         self.channels: dict[str, list[Channel]] = {}
         self.clocked: list[Channel] = []
         self.frames: dict[str, tuple[str, ...]] = {}
+        self.kinds: dict[str, str] = {}
         sources = {**self.inputs, **{source: False for source in self.own_inputs() if source not in self.inputs}}
         for key in getattr(self.settings, "aids", ()):
             own = getattr(self.settings, key)
@@ -182,6 +187,7 @@ class Navigator(ABC):
                 if enabled or not sensor.quiet:
                     sources.setdefault(source, False)
                     self.frames[source] = tuple(own.frames)
+                    self.kinds[source] = next(aid.topic for aid in aids if aid.source == source)
             if enabled:
                 self._connect(aids)
         missing = [need for need in self.needs if need not in getattr(self.settings, "aids", ())]

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from lowcostnav_ros.base.modes import Level
@@ -118,7 +119,7 @@ def _aid_row(prefix: str, aid: AidStatus, now_ns: int | None) -> Status:
     age = None if now_ns is None else aid.age_s(now_ns)
     values = {"test_ratio": f"{aid.test_ratio:.3g}", "accepted": str(aid.accepted).lower(), "reason": aid.reason}
     values |= {"age_s": "" if age is None else f"{age:.2f}", "fused": str(aid.fused), "rejected": str(sum(aid.rejected.values()))}
-    if aid.innovation is not None:
+    if aid.innovation is not None and aid.innovation_variance is not None:
         for label, innovation, variance in zip(aid.labels, aid.innovation, aid.innovation_variance, strict=False):
             values |= {f"innovation_{label}": f"{innovation:.4g}", f"innovation_sigma_{label}": f"{max(variance, 0.0) ** 0.5:.4g}"}
     values |= {f"rejected[{reason}]": str(n) for reason, n in aid.rejected.items()}

@@ -49,7 +49,8 @@ class InputMonitor:
         self.last_reject = ""
         self.trouble = ""  # set when the transport itself reports one (incompatible QoS)
         self._started = clock()
-        self._last_arrival = self._last_reject_at = None
+        self._last_arrival: float | None = None
+        self._last_reject_at: float | None = None
         self._interval_s = 0.0
         self._last_stamp_ns = 0
         self._stamp_interval_ns = 0.0

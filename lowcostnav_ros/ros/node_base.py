@@ -213,14 +213,14 @@ class NodeBase(Node):
         spec = topics.spec(source, self.decoder.rules)
         monitor = InputMonitor(source, required, self.node_settings.input.silent_after_s)
 
-        reports = self._reports_on(source)
+        progress = self._progress_on(source)
 
         def arrived(raw: bytes) -> None:
             monitor.arrived()
             try:
                 handler(monitor, raw)
-                if reports:
-                    self._progress.passed(header_stamp_ns(raw))
+                if progress is not None:
+                    progress.passed(header_stamp_ns(raw))
             except (ValueError, ArithmeticError, LookupError) as error:  # bad data in flight never ends a node
                 monitor.reject(f"{type(error).__name__}: {error}")
 
@@ -230,12 +230,12 @@ class NodeBase(Node):
         self.subscribe(message_class(spec.msgtype), name, arrived, profile)
         return monitor
 
-    def _reports_on(self, source: str) -> bool:
-        """Whether this is the input on which the node tells a lossless source how far it has come."""
+    def _progress_on(self, source: str) -> ProgressReport | None:
+        """The report of progress to a lossless source, if this is the input whose progress the node reports."""
         if not self.node_settings.qos.lossless or source not in PACED or self._progress is not None:
-            return False
+            return None
         self._progress = ProgressReport(self)
-        return True
+        return self._progress
 
     def subscribe(self, kind: type, name: str, handler: Callable[[bytes], None], profile: QoSProfile) -> None:
         """Subscribe to the bytes of a topic; :meth:`poll` hands them to ``handler``."""

@@ -7,7 +7,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lowcostnav_ros.base.settings import Declared, SettingsError, checked, declared, from_mapping, nearest, to_mapping
+from lowcostnav_ros.base.settings import Declared, SettingsError, checked, chosen_class, declared, from_mapping, nearest, to_mapping
 
 BUILT_IN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 LARGE = 1.0e300
@@ -24,7 +24,8 @@ class Parameters:
     ----------
     node : rclpy.node.Node
     bases : sequence of settings objects
-        One object per settings dataclass; its values are the defaults.
+        One object per settings dataclass; its values are the defaults.  Where ``given`` chooses other groups (another list of sensors),
+        the class that it chooses takes its place.
     given : mapping
         Values from outside, see :func:`given_parameters`.
     on_change : callable
@@ -41,11 +42,12 @@ class Parameters:
     def __init__(
         self, node: Node, bases: Sequence[Any], given: Mapping[str, Any], on_change: Callable[[list], None], build: Callable = from_mapping
     ) -> None:
-        self._classes = [type(base) for base in bases]
+        self._classes = [chosen_class(type(base), given) for base in bases]
         self._on_change, self._make = on_change, build
         self._known = _known(self._classes)
         self._where = node.get_name()
-        defaults = {name: value for base in bases for name, value in to_mapping(base).items()}
+        own = {name: value for base in bases for name, value in to_mapping(base).items()}
+        defaults = {name: own.get(name, entry.default) for name, entry in self._known.items()}
         for cls in self._classes:
             given = getattr(cls, "upgraded", dict)(dict(given))  # names of older files
         for name in given:
@@ -95,7 +97,7 @@ def _known(classes: Sequence[type]) -> dict[str, Declared]:
 
 def given_parameters(node: Node) -> dict[str, Any]:
     """Return the parameter values given from outside (files, command line, constructor), what ROS itself declares left out."""
-    given = node.get_parameters_by_prefix("")
+    given: Mapping[str, Any] = node.get_parameters_by_prefix("")
     return {name: p.value for name, p in given.items() if name.split(".")[0] not in BUILT_IN}
 
 
