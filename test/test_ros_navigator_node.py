@@ -136,4 +136,4 @@ def test_reset_restarts_the_navigator_and_says_so(ros):
     assert ros.spin_until(client.service_is_ready)
     future = client.call_async(Trigger.Request())
     assert ros.spin_until(future.done)
-    assert future.result().message == "standstill starts over: initialising, reset by service."
+    assert future.result().message == "standstill was reset: initialising, reset by service."

@@ -25,7 +25,7 @@ PLUGINS = "LOWCOSTNAV_PLUGINS"
 
 
 class RegistryError(SettingsError):
-    """A name that is not registered, or registered twice; the message is one sentence that says what exists."""
+    """A name that is not registered, or registered twice; the message is one sentence that lists what exists."""
 
 
 class Registry(Mapping[str, T], Generic[T]):

@@ -91,7 +91,7 @@ def parameter_file(name: str, aids: Sequence[str] = ()) -> str:
     if settings is None:
         raise RegistryError(f"The executable '{name}' has no parameters of its own; every node has qos.lossless and input.silent_after_s.")
     if aids and not hasattr(settings, "chosen_by"):
-        raise SettingsError(f"The executable '{name}' has no list of sensors; leave out --aids.")
+        raise SettingsError(f"The executable '{name}' has no list of sensors; omit --aids.")
     return yaml_of(chosen_class(settings, {"aids": list(aids)}) if aids else settings)
 
 

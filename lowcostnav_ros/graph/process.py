@@ -17,7 +17,6 @@ import yaml
 from lowcostnav_ros.base.exit_codes import Exit
 
 FIRST_BACKOFF_S, LONGEST_BACKOFF_S, HEALTHY_S = 0.5, 10.0, 30.0
-WITHOUT_COMPILER = ("recorder", "player", "monitor")
 TICKS = os.sysconf("SC_CLK_TCK")
 PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -100,7 +99,7 @@ class NodeProcess:
         self._cpu_last = (0.0, 0.0)
 
     def start(self, stdout: int | None = None) -> None:
-        """Start the process; its output goes to the log unless ``stdout`` says otherwise."""
+        """Start the process; its output goes to the log unless ``stdout`` is given."""
         with self.log.open("ab") as log:
             self.process = subprocess.Popen(
                 self._command, stdout=log if stdout is None else stdout, stderr=log, env=self._environment, start_new_session=True

@@ -52,7 +52,7 @@ class GraphRunner:
         self.processes: dict[str, NodeProcess] = {}
         self._domain = contextlib.ExitStack()
         self._monitor: NodeProcess | None = None
-        self._heard_at: dict[str, float] = {}
+        self._reported_at: dict[str, float] = {}
 
     def __enter__(self) -> Self:
         self.log_dir.mkdir(parents=True, exist_ok=True)
@@ -85,7 +85,7 @@ class GraphRunner:
         return happened
 
     def wait_until_finished(self, timeout_s: float | None = None, each: Callable[[], None] = lambda: None) -> bool:
-        """Watch until the source has said everything and it has arrived.
+        """Watch until the source has published everything and it has arrived.
 
         Parameters
         ----------
@@ -214,12 +214,12 @@ class GraphRunner:
             with contextlib.suppress(ValueError, KeyError):  # a line cut off by the end of the process
                 row = json.loads(line)
                 self.rows[row["name"]] = row
-                self._heard_at[row["name"].partition(":")[0]] = time.monotonic()
+                self._reported_at[row["name"].partition(":")[0]] = time.monotonic()
 
-    def silent_s(self, node: str) -> float | None:
-        """Seconds since a node last said anything of itself, None before the first."""
-        heard = self._heard_at.get(node)
-        return None if heard is None else time.monotonic() - heard
+    def unreported_s(self, node: str) -> float | None:
+        """Seconds since the last diagnostics of a node, None before the first."""
+        reported = self._reported_at.get(node)
+        return None if reported is None else time.monotonic() - reported
 
     def _first_refusal(self, process: NodeProcess) -> str:
         lines = [line.strip() for line in process.log.read_text(errors="replace").splitlines() if line.strip()]

@@ -1,6 +1,6 @@
-"""What the nodes of a graph subscribe to, and the parameters they owe to their graph.
+"""What the nodes of a graph subscribe to, and the parameters that their graph sets.
 
-A flight starts when everybody who should hear it is listening; the graph runner counts the listeners from this table.
+A flight starts when all its subscribers are there; the graph runner counts them from this table.
 """
 
 from collections import Counter
@@ -29,7 +29,7 @@ def recorded_topics() -> list[str]:
 
 
 def inputs_of(node: GraphNode) -> tuple[str, ...]:
-    """Topics a node of a graph listens to."""
+    """Topics a node of a graph subscribes to."""
     kind = kind_of(node.executable)
     if kind == RECORDER:
         further = parse_further(node.parameters.get("further", []))
@@ -38,9 +38,9 @@ def inputs_of(node: GraphNode) -> tuple[str, ...]:
 
 
 def expected_subscribers(graph: Graph) -> list[str]:
-    """Return ``topic:count`` for every topic somebody listens to, recorders included, for ``start.expected_subscribers``.
+    """Return ``topic:count`` for every topic with a subscriber, recorders included, for ``start.expected_subscribers``.
 
-    Topics of navigators are left out: nothing travels on them before the sensors do.
+    Without topics of navigators: nothing is published there before the sensors.
     """
     listeners = _listeners(graph)
     computed = [topic for name in NAVIGATORS for topic in topics_of(name)]
@@ -49,7 +49,7 @@ def expected_subscribers(graph: Graph) -> list[str]:
 
 
 def _listeners(graph: Graph) -> Counter:
-    """How many nodes of a graph listen to each topic."""
+    """How many nodes of a graph subscribe to each topic."""
     counts = Counter(topic for node in graph.nodes for topic in inputs_of(node))
     for node in graph.nodes:
         if kind_of(node.executable) == RECORDER:
@@ -67,7 +67,7 @@ def further_topics(graph: Graph) -> dict[str, str]:
 
 
 def shared_parameters(graph: Graph, node: GraphNode) -> dict[str, Any]:
-    """Return the parameter values of a node: what it owes to its graph, then its own."""
+    """Return the parameter values of a node: those that its graph sets, then its own."""
     values: dict[str, Any] = {"qos.lossless": graph.lossless}
     if graph.lossless:
         values["qos.listeners"] = [f"{topic}:{count}" for topic, count in sorted(_listeners(graph).items())]
@@ -106,15 +106,12 @@ def flown_settings(graph: Graph) -> dict[str, dict[str, Any]]:
 
 
 def _navigator_settings(node: GraphNode) -> Any:
-    from lowcostnav_ros.catalogue.building import (  # the estimators and their compiler are heavy: who has none is light
-        complete_settings,
-        is_of_node,
-    )
+    from lowcostnav_ros.catalogue import building  # loads the compiler, which a graph without navigators does not need
 
     settings_class = NAVIGATORS[node.executable].Settings
     file = {} if node.config is None else read_parameters(node.config, node.name)
-    values = {name: value for name, value in {**file, **node.parameters}.items() if not is_of_node(name)}
-    return complete_settings(settings_class, values, node.name)
+    values = {name: value for name, value in {**file, **node.parameters}.items() if not building.is_of_node(name)}
+    return building.complete_settings(settings_class, values, node.name)
 
 
 def navigator_of(node: GraphNode) -> Any:

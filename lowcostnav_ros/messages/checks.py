@@ -16,7 +16,7 @@ ABSURD = 1.0e30
 
 
 def stamp_ns(header: Any) -> int:
-    """Return the header stamp in ns; zero is the stamp nobody filled in."""
+    """Return the header stamp in ns; zero is a stamp that was not set."""
     sec, nanosec = header.stamp.sec, header.stamp.nanosec
     if sec < 0 or nanosec >= 1_000_000_000:
         raise Refusal("stamp out of range", f"{sec} s {nanosec} ns")

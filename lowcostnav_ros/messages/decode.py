@@ -27,7 +27,7 @@ def decode(
     Parameters
     ----------
     source : str
-        Topic name, with or without a leading slash; says what the message means (``gps/vel`` or ``air/velocity``).
+        Topic name, with or without a leading slash; gives the meaning of the message (``gps/vel`` or ``air/velocity``).
     msgtype : str
         ``sensor_msgs/msg/Imu`` or ``sensor_msgs/Imu``.
     raw : bytes-like
@@ -112,7 +112,7 @@ class Decoder:
         return result
 
     def decode_imu_block(self, raws: list[bytes], source: str) -> tuple[ImuBlock | None, np.ndarray]:
-        """Decode consecutive inertial messages in columns, count them, and say which were usable.
+        """Decode consecutive inertial messages in columns, count them, and return which were usable.
 
         Returns
         -------
@@ -126,7 +126,7 @@ class Decoder:
         return block, good
 
     def count(self, result: Measurement | Rejected, source: str) -> None:
-        """Book one result."""
+        """Count one result."""
         if isinstance(result, Rejected):
             self.rejected[source, result.reason] += 1
         else:

@@ -30,7 +30,7 @@ class DecodeRules:
     Attributes
     ----------
     kinds : dict of source to canonical topic
-        Kinds of sources whose names do not tell (see :func:`~lowcostnav_ros.messages.kind.find`); :meth:`assign` fills it.
+        Kinds of sources that their names do not show (see :func:`~lowcostnav_ros.messages.kind.find`); :meth:`assign` fills it.
     frames : dict of source to frame ids
         Accepted besides those of the kind; :data:`ANY` accepts all.
     default_variances : mapping of source to variances, or None

@@ -11,7 +11,7 @@ from lowcostnav_ros.messages.topics import CLOCK, DIAGNOSTICS, TopicSpec, kind_o
 from lowcostnav_ros.ros.node_base import Output
 from lowcostnav_ros.ros.source_node import SourceNode
 
-NOT_PLAYED = (CLOCK, DIAGNOSTICS)  # a new clock is made; old diagnostics would pass for those of the nodes that listen now
+NOT_PLAYED = (CLOCK, DIAGNOSTICS)  # a new clock is made; recorded diagnostics would be taken for those of running nodes
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Player(SourceNode):
         own = kind_of(name, self.decoder.rules) or TopicSpec(name, self._bag.types[name], "")
         return self.outputs.setdefault(name, Output(self, own, name, self.node_settings.qos.lossless))
 
-    def speak(self) -> None:
+    def publish_all(self) -> None:
         """Play."""
         begin_ns = self._bag.start_ns + round(1e9 * self._settings.begin_s)
         with self._bag as bag:

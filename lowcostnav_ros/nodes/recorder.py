@@ -84,7 +84,7 @@ class Recorder(NodeBase):
             self.trouble = f"cannot write to {self.path}: {error.strerror}"
 
     def rows(self) -> Iterable[Status]:
-        """One row per topic that has come, silence is no fault of a recorder; and one of the recording."""
+        """One row per topic that has come, a timeout is no fault of the recorder; and one of the recording."""
         for monitor in self.inputs.values():
             if monitor.count:
                 row = monitor.status(self.get_name())

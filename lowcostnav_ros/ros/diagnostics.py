@@ -103,7 +103,7 @@ def _warn(is_bad: bool) -> Level:
 
 
 def _integrity_row(prefix: str, integrity: Integrity) -> Status:
-    """Verdict, protection levels and what is left out; an alarm, a contradiction and a test that is not possible are warnings."""
+    """Verdict, protection levels and excluded satellites; an alarm, a contradiction and a test that is not possible are warnings."""
     levels = ("hpl_m", "vpl_m", "lasting_hpl_m", "lasting_vpl_m")
     known = {name: getattr(integrity, name) for name in levels}
     values = {"verdict": integrity.verdict, "reason": integrity.reason, "alarm": integrity.alarm}

@@ -66,7 +66,7 @@ class NavigatorNode(NodeBase):
         super().__init__(name, [settings, NavigatorNodeSettings()], **kwargs)
         self.navigator = make(self.parameters.settings[0])
         self.decoder.rules.accept(self.navigator)
-        # who flies on inertial samples answers quickly; who hears fused solutions is tenths of a second behind anyway
+        # inertial samples need a quick answer; fused solutions are tenths of a second old anyway
         self.poll_period_s = 0.01 if self.navigator.inertial is None else 0.0025
         warm_up(make(self.parameters.settings[0]), self.decoder.rules)
         self._set_rate(self.parameters.settings[1])
@@ -95,10 +95,10 @@ class NavigatorNode(NodeBase):
             yield from magnetometer.rows()
 
     def reset(self, reason: str) -> str:
-        """Start the estimator over."""
+        """Reset the estimator."""
         self.navigator.reset(reason)
         self._next_output_ns = 0
-        return f"{self.get_name()} starts over: {self.navigator.mode}, {self.navigator.reason}."
+        return f"{self.get_name()} was reset: {self.navigator.mode}, {self.navigator.reason}."
 
     def on_settings(self, settings: list) -> None:
         """Take over a new output rate."""

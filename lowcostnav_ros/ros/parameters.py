@@ -18,7 +18,7 @@ class Parameters:
 
     The node must have been made with ``automatically_declare_parameters_from_overrides=True``: so values from YAML files and the
     command line are read through the public interface, whole numbers are accepted where a number is meant, and a name that
-    nobody declares is noticed instead of ignored.
+    is not declared is refused instead of ignored.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Parameters:
                 raise SettingsError(f"{self._where}: unknown parameter '{name}'{nearest(name, self._known)}.")
         self._values = {**defaults, **{n: checked(self._known[n], v, self._where) for n, v in given.items()}}
         self.settings = self._build(self._values)
-        for settings in self.settings:  # who asks a node for a number gets the one it flies with
+        for settings in self.settings:  # a parameter reads as the value in use
             self._values |= to_mapping(settings)
         for name, entry in self._known.items():
             if node.has_parameter(name):
@@ -96,7 +96,7 @@ def _known(classes: Sequence[type]) -> dict[str, Declared]:
 
 
 def given_parameters(node: Node) -> dict[str, Any]:
-    """Return the parameter values given from outside (files, command line, constructor), what ROS itself declares left out."""
+    """Return the parameter values given from outside (files, command line, constructor), without those that ROS itself declares."""
     given: Mapping[str, Any] = node.get_parameters_by_prefix("")
     return {name: p.value for name, p in given.items() if name.split(".")[0] not in BUILT_IN}
 

@@ -76,7 +76,7 @@ class Poller:
 
 
 def spin(node: Node, take: Callable[[], int] | None, period_s: float) -> None:
-    """Poll and serve until the node's context is shut down.
+    """Poll and serve until the node's context ends.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def spin(node: Node, take: Callable[[], int] | None, period_s: float) -> None:
     period_s : float
         Time between two looks, s.
     """
-    if not node.context.ok():  # told to end while it was being made
+    if not node.context.ok():  # stopped while it was being made
         return
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)

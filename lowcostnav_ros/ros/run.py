@@ -10,7 +10,7 @@ from lowcostnav_ros.ros.memory import release_idle_code
 
 
 def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
-    """Run one node until it is told to stop.
+    """Run one node until it is stopped.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A sensor simulator as a node: hears its part of the truth, says what the sensor would say."""
+"""A sensor simulator as a node: receives its part of the truth, publishes what the sensor would measure."""
 
 from collections.abc import Callable
 from functools import partial
@@ -50,7 +50,7 @@ class SimulatorNode(NodeBase):
         self._simulator = self._make(self.parameters.settings[0])
         self._wind.clear()
         self._waiting.clear()
-        return f"{self.get_name()} starts over with the errors of its seed ({reason})."
+        return f"{self.get_name()} was reset to the first errors of its seed ({reason})."
 
     def _on_imu(self, sample: Attitude) -> None:
         self._simulate(_row(sample.stamp_ns, NOWHERE, None, sample.q_nb, sample.specific_force_b, sample.angular_rate_b, None))
@@ -68,7 +68,7 @@ class SimulatorNode(NodeBase):
         self._pair()
 
     def _pair(self) -> None:
-        """Simulate the states whose wind is there, in order; forget what lost its partner on the way."""
+        """Simulate the states whose wind is there, in order; drop those whose partner was lost."""
         for stamp in sorted(self._waiting.keys() & self._wind.keys()):
             self._simulate(_row_of_state(self._waiting.pop(stamp), self._wind.pop(stamp)))
             for table in (self._waiting, self._wind):

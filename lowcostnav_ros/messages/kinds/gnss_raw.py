@@ -20,7 +20,7 @@ flags         uint8         bit 0: the pseudorange is valid, bit 1: the range ra
 The header's stamp is the time of reception; its frame is ``gps``, the antenna.
 
 A navigator takes one observation of a satellite.  Where valid points of one satellite agree within their sigmas, as two signals of it do,
-the one of the smallest sigma is taken.  Where they contradict each other nothing tells which is right, and all of them are left out.
+the one of the smallest sigma is taken.  Where they contradict each other none can be shown right, and all are excluded.
 """
 
 from collections import Counter
@@ -76,7 +76,7 @@ def _decode(message: Any, received: Received) -> GnssEpoch:
     """Turn a PointCloud2 message object into an epoch.
 
     An observation that cannot be (not finite, impossible range, no sigma) is kept as not valid, and ``notes`` counts it; so it does the
-    points left out of satellites that appear more than once.
+    points not used of satellites that appear more than once.
 
     Raises
     ------
@@ -90,15 +90,15 @@ def _decode(message: Any, received: Received) -> GnssEpoch:
         placed = np.isfinite(velocity).all(axis=1) & _between(np.linalg.norm(position, axis=1))
         good_range = placed & _between(points["pseudorange"]) & (points["sigma"] > 0.0) & np.isfinite(points["sigma"])
         good_rate = placed & (np.abs(points["doppler"]) < 1e5) & (points["sigma_doppler"] > 0.0) & np.isfinite(points["sigma_doppler"])
-    said_range, said_rate = (points["flags"] & 1) != 0, (points["flags"] & 2) != 0
-    for what, said, good in (("pseudorange", said_range, good_range), ("doppler", said_rate, good_rate)):
-        if np.any(said & ~good):
-            received.notes[f"{received.kind.name}: implausible {what} left out"] += int(np.count_nonzero(said & ~good))
+    stated_range, stated_rate = (points["flags"] & 1) != 0, (points["flags"] & 2) != 0
+    for what, stated, good in (("pseudorange", stated_range, good_range), ("doppler", stated_rate, good_rate)):
+        if np.any(stated & ~good):
+            received.notes[f"{received.kind.name}: implausible {what} not used"] += int(np.count_nonzero(stated & ~good))
     pseudorange, doppler, sigma, sigma_doppler, cn0 = (_finite(points[name]) for name in _REALS[6:])
     columns = pseudorange, doppler, sigma, sigma_doppler, cn0
     system = np.array([chr(code) for code in points["system"]], dtype="<U1")
     states = np.where(placed[:, None], position, 0.0), np.where(placed[:, None], velocity, 0.0)
-    valid = said_range & good_range, said_rate & good_rate
+    valid = stated_range & good_range, stated_rate & good_rate
     epoch = GnssEpoch(*received.head, system, points["sat_id"].astype(np.int64), *columns, *states, *valid)
     return _once_each(epoch, received.notes)
 
@@ -115,7 +115,7 @@ def _once_each(epoch: GnssEpoch, notes: Counter) -> GnssEpoch:
         best = rows if len(rows) == 1 else _best(epoch, rows)
         kept += best
         if len(rows) > 1:
-            what = "second signal not used" if best else "contradictory copies left out"
+            what = "second signal not used" if best else "contradictory copies excluded"
             notes[f"{epoch.source}: {name_of(*satellite)}: {what}"] += len(rows) - len(best)
     if not kept:
         raise Refusal("every satellite appears twice and contradicts itself")
@@ -129,10 +129,10 @@ def _best(epoch: GnssEpoch, rows: list[int]) -> list[int]:
         (epoch.range_valid, epoch.pseudorange_m, epoch.sigma_m),
         (epoch.doppler_valid, epoch.doppler_mps, epoch.sigma_mps),
     ):
-        told = copies[valid[copies]]
-        if told.size > 1:
-            apart = np.abs(value[told][:, None] - value[told])
-            if np.any(apart > SAME_SIGMAS * np.hypot(sigma[told][:, None], sigma[told])):
+        usable = copies[valid[copies]]
+        if usable.size > 1:
+            apart = np.abs(value[usable][:, None] - value[usable])
+            if np.any(apart > SAME_SIGMAS * np.hypot(sigma[usable][:, None], sigma[usable])):
                 return []
     order = np.lexsort((epoch.sigma_m[copies], ~epoch.doppler_valid[copies], ~epoch.range_valid[copies]))
     return [int(copies[order[0]])]
@@ -174,7 +174,7 @@ _FAULT_S, _FAULT_M = 5.0, 1000.0
 
 def _sample(at: Instant) -> GnssEpoch:
     """Noise-free observations of the simulated satellites in view; in the last seconds the first has a fault, to be found and excluded."""
-    from lowcostnav_ros.gnss.constellation import gps_24  # only who warms up needs satellites that fly
+    from lowcostnav_ros.gnss.constellation import gps_24  # only a warm-up needs a constellation
     from lowcostnav_ros.gnss.observables import range_and_rate
 
     place_e, velocity_e = geodetic_to_ecef(*at.place), dcm_ne(*at.place[:2]).T @ VELOCITY
@@ -191,7 +191,7 @@ def _sample(at: Instant) -> GnssEpoch:
 
 _MEANING = (
     "Satellite observations; fields: see messages.kinds.gnss_raw. One point a satellite is used: of two signals that agree the one of "
-    "the smaller sigma; copies that contradict each other are all left out, the other satellites stay."
+    "the smaller sigma; copies that contradict each other are all excluded, the other satellites are used."
 )
 describe(
     __name__,

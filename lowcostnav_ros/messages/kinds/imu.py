@@ -59,7 +59,7 @@ def decode_attitude(message: Any, received: Received) -> Attitude:
     """Turn an Imu message object with orientation into an attitude.
 
     Where the message has no acceleration (its covariance begins with -1) the specific force of unaccelerated flight stands in, and
-    ``notes`` says so.
+    ``notes`` records it.
 
     Raises
     ------
