@@ -129,7 +129,8 @@ class NodeProcess:
             self.start()
             return Event(self.name, What.STARTED_AGAIN, restarts=self.restarts)
         self.exit_code = code = self.process.returncode
-        cause = describe_exit(code) + (self._last_line() if code > 0 else "")
+        words = self.last_line().rstrip(".") if code > 0 else ""
+        cause = f"{describe_exit(code)} ({words})" if words else describe_exit(code)
         if not self.respawn or self.exit_code in (Exit.OK, Exit.CANNOT_RUN):
             self.given_up = True
             return Event(self.name, What.DIED, cause, restarts=self.restarts)
@@ -180,12 +181,11 @@ class NodeProcess:
             return "" if self.process is None else Path(f"/proc/{self.process.pid}/{file}").read_text()
         return ""
 
-    def _last_line(self) -> str:
-        lines = []
+    def last_line(self) -> str:
+        """Last line of its log that is not blank, empty where there is none."""
         with contextlib.suppress(OSError):
-            lines = self.log.read_text(errors="replace").splitlines()
-        lines = [line.strip() for line in lines if line.strip()]
-        return f" ({lines[-1].rstrip('.')})" if lines else ""
+            return self.log.read_text(errors="replace").strip().rpartition("\n")[2].strip()
+        return ""
 
 
 def describe_exit(code: int) -> str:

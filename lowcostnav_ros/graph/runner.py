@@ -81,7 +81,7 @@ class GraphRunner:
             self._note(event)
         for process in self.processes.values():
             if process.given_up and process.exit_code == Exit.CANNOT_RUN:
-                raise GraphError(f"{process.name} cannot run: {self._first_refusal(process)}")
+                raise GraphError(f"{process.name} cannot run: {process.last_line() or f'see {process.log}.'}")
         return happened
 
     def wait_until_finished(self, timeout_s: float | None = None, each: Callable[[], None] = lambda: None) -> bool:
@@ -220,7 +220,3 @@ class GraphRunner:
         """Seconds since the last diagnostics of a node, None before the first."""
         reported = self._reported_at.get(node)
         return None if reported is None else time.monotonic() - reported
-
-    def _first_refusal(self, process: NodeProcess) -> str:
-        lines = [line.strip() for line in process.log.read_text(errors="replace").splitlines() if line.strip()]
-        return lines[-1] if lines else f"see {process.log}."

@@ -48,13 +48,11 @@ class DiagnosticsPublisher:
         rows = list(self._rows())
         rising = any(row.level > self._levels.get(row.name, 0) for row in rows)
         if rising or time.monotonic() - self._published_at >= PERIOD_S - 0.5 * CHECK_S:
-            self._publish(rows)
+            self.publish(rows)
 
-    def publish(self) -> None:
-        """Publish now (the last word before a node goes)."""
-        self._publish(list(self._rows()))
-
-    def _publish(self, rows: list[Status]) -> None:
+    def publish(self, rows: list[Status] | None = None) -> None:
+        """Publish now, the present rows where none are given."""
+        rows = list(self._rows()) if rows is None else rows
         for row in rows:
             if row.level > self._levels.get(row.name, 0):
                 self._log(row)
