@@ -140,3 +140,13 @@ def test_the_recorder_records_a_further_topic(ros, tmp_path):
     node.destroy_node()
     with BagReader(tmp_path / "bag") as reader:
         assert reader.types == {"cabin/pressure": "sensor_msgs/msg/FluidPressure"}
+
+
+def test_a_source_that_an_adapter_reads_keeps_its_own_kind():
+    from lowcostnav_ros.navigators.ins_gnss import InsGnss
+
+    navigator = InsGnss(from_mapping(InsGnss.Settings, {"coupling": "loose", "loose_source": "gnss_only"}))
+    rules = DecodeRules()
+    rules.accept(navigator)
+    assert "gnss_only/odometry_fused" in navigator.inputs and "gnss_only/odometry_fused" not in navigator.kinds
+    assert rules.kind_of("gnss_only/odometry_fused").msgtype == "nav_msgs/msg/Odometry"

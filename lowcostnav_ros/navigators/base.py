@@ -180,6 +180,7 @@ class Navigator(ABC):
             own = getattr(self.settings, key)
             sensor = sensor_of(key, {s.name: s for s in self.sensors})
             aids = sensor.build(own, key, self.stations) if self.wants(key) else []
+            kinds = {aid.source: aid.topic for aid in aids}  # an adapter's source carries messages of its own kind
             for aid in aids:
                 aid.source = self.source_of(aid)
             enabled = getattr(own, "enabled", True)
@@ -187,7 +188,7 @@ class Navigator(ABC):
                 if enabled or not sensor.quiet:
                     sources.setdefault(source, False)
                     self.frames[source] = tuple(own.frames)
-                    self.kinds[source] = next(aid.topic for aid in aids if aid.source == source)
+                    self.kinds |= {source: kinds[source]} if source in kinds else {}
             if enabled:
                 self._connect(aids)
         missing = [need for need in self.needs if need not in getattr(self.settings, "aids", ())]
