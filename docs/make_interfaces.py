@@ -21,13 +21,13 @@ HEAD = """# Interfaces
 
 World frames of messages are ENU (`map`, a tangent plane at the origin that each navigator publishes, latched, on `<navigator>/origin`),
 body frames FLU (`base_link`, `imu_link`). Yaw is 0 east, counter-clockwise. Heights in `NavSatFix` are above the ellipsoid, pressures in
-pascal, temperatures in degrees Celsius as `sensor_msgs/Temperature` says, magnetic fields in tesla. Stamps are times of validity.
+pascal, temperatures in degrees Celsius as in `sensor_msgs/Temperature`, magnetic fields in tesla. Stamps are times of validity.
 Covariances: all zeros means unknown, a first element of -1 absent; a component of `air/velocity` with a variance of 1e6 or more is not
 measured. An `Odometry` carries 1e12 where its navigator estimates nothing.
 
 ## Quality of service
 
-| who | profile |
+| publisher or subscriber | profile |
 |---|---|
 | sensor and navigator publishers | reliable, keep last |
 | sensor subscribers | best effort, deep queue |
@@ -37,10 +37,16 @@ measured. An `Odometry` carries 1e12 where its navigator estimates nothing.
 ## Topics
 """
 NODE_PARAMETERS = """
-Every node also has `qos.lossless` (default false), `input.silent_after_s` (default 1 s: an input silent for longer, or five of its own
-intervals, is named on /diagnostics) and the service `~/reset` (`std_srvs/Trigger`). Navigator nodes have `output.rate_hz` (default 20).
-The AHRS has the services `~/calibrate_start` and `~/calibrate_stop` (`std_srvs/Trigger`): in between it collects the raw magnetic field,
-then it writes `magnetometer_N.yaml` into `output.folder`, to be loaded with `--params-file` at the next start; the answer says what to fly.
+Every node also has `qos.lossless` (default false), `input.silent_after_s` (default 1 s: an input without data for longer, or five of its
+own intervals, is reported on /diagnostics) and the service `~/reset` (`std_srvs/Trigger`). Navigator nodes have `output.rate_hz` (default
+20). The AHRS has the services `~/calibrate_start` and `~/calibrate_stop` (`std_srvs/Trigger`): in between it collects the raw magnetic
+field, then it writes `magnetometer_N.yaml` into `output.folder`, to be loaded with `--params-file` at the next start; the answer gives the
+manoeuvres to fly.
+
+`aids` lists the sensors of a navigator, in a file, by `-p aids:=[gps,baro,baro2]` or in a graph; a second one of a kind has a number, a
+group of settings (`baro2.sigma_m`) and topics of its own (`air2/static_pressure`, or those of `baro2.topics`). `lowcostnav parameters
+ins_gps --aids gps baro baro2` prints the parameter file of a list. A graph records and plays such topics; where recorder and player are
+started alone, their parameter `further` names them.
 
 ## Diagnostics
 

@@ -47,7 +47,7 @@ def test_a_killed_node_is_named_started_again_and_heard_again(tmp_path):
         os.kill(process.process.pid, signal.SIGKILL)
         assert runner.wait_for(lambda: process.restarts == 1 and process.alive, 10.0)
         restarted = time.monotonic()
-        assert runner.wait_for(lambda: (runner.silent_s("gps_simulator") or 99.0) < time.monotonic() - restarted, 15.0)
+        assert runner.wait_for(lambda: (runner.unreported_s("gps_simulator") or 99.0) < time.monotonic() - restarted, 15.0)
     assert [str(event) for event in runner.events[:2]] == [
         "gps_simulator died: killed by SIGKILL; starting again in 0.5 s.",
         "gps_simulator started again (restart 1).",

@@ -142,7 +142,7 @@ def test_the_player_plays_what_sensors_publish(toy):
 
     names = ("wheel/turns", "gps2/fix", "truth/odometry", "imu/data", "nav/fix")
     bag = SimpleNamespace(types={name: topics.spec(name).msgtype for name in names})
-    assert Player._sensors(SimpleNamespace(_bag=bag)) == ["wheel/turns", "gps2/fix"]
+    assert Player._sensors(SimpleNamespace(_bag=bag, decoder=Decoder())) == ["wheel/turns", "gps2/fix"]
 
 
 def test_a_table_becomes_a_toy_kind(toy, tmp_path):

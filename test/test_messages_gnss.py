@@ -103,7 +103,7 @@ def test_of_a_satellite_named_twice_every_copy_goes_and_the_others_stay():
     got, notes = heard(cloud_of(sent))
     assert got.sat_id.tolist() == [8, 9]
     assert np.array_equal(got.pseudorange_m, sent.pseudorange_m[[1, 3]]) and np.array_equal(got.sat_pos_e, sent.sat_pos_e[[1, 3]])
-    assert notes == {"gnss/raw: G07: contradictory copies left out": 3}
+    assert notes == {"gnss/raw: G07: contradictory copies excluded": 3}
 
 
 def test_the_same_number_in_two_systems_is_two_satellites():

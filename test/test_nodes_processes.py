@@ -127,8 +127,9 @@ def test_a_taken_folder_gets_a_number(tmp_path):
 def test_the_player_plays_satellites_with_the_other_sensors():
     from types import SimpleNamespace
 
+    from lowcostnav_ros.messages.decode import Decoder
     from lowcostnav_ros.nodes.player import Player
 
     recorded = ("imu/data_raw", "gnss/raw", "truth/odometry", "gnss_only/odometry")
     bag = SimpleNamespace(types=dict.fromkeys(recorded, "any"))
-    assert Player._sensors(SimpleNamespace(_bag=bag)) == ["imu/data_raw", "gnss/raw"]
+    assert Player._sensors(SimpleNamespace(_bag=bag, decoder=Decoder())) == ["imu/data_raw", "gnss/raw"]

@@ -36,7 +36,7 @@ def test_a_silent_sensor_is_named_with_its_silence_and_is_an_error_only_where_it
         clock.now += 0.9
         assert monitor.status("n").level == OK
         clock.now += 1.2
-        assert monitor.status("n")[1:3] == (level, "imu/data_raw silent for 2.1 s")
+        assert monitor.status("n")[1:3] == (level, "imu/data_raw timed out: no data for 2.1 s")
 
 
 def test_a_slow_sensor_is_given_five_of_its_intervals():

@@ -32,7 +32,7 @@ class Standstill:
     inertial = None
 
     def __init__(self, settings) -> None:
-        self.inputs = {"imu/data_raw": True, "gps/fix": False}
+        self.inputs, self.kinds, self.frames = {"imu/data_raw": True, "gps/fix": False}, {}, {}
         self.lat = np.radians(settings.lat_deg)
         self.origin, self.count, self.stamp_ns, self.mode, self.reason = None, 0, 0, "initialising", "waiting"
 
@@ -136,4 +136,4 @@ def test_reset_restarts_the_navigator_and_says_so(ros):
     assert ros.spin_until(client.service_is_ready)
     future = client.call_async(Trigger.Request())
     assert ros.spin_until(future.done)
-    assert future.result().message == "standstill starts over: initialising, reset by service."
+    assert future.result().message == "standstill was reset: initialising, reset by service."

@@ -25,7 +25,7 @@ PLUGINS = "LOWCOSTNAV_PLUGINS"
 
 
 class RegistryError(SettingsError):
-    """A name that is not registered, or registered twice; the message is one sentence that says what exists."""
+    """A name that is not registered, or registered twice; the message is one sentence that lists what exists."""
 
 
 class Registry(Mapping[str, T], Generic[T]):
@@ -113,7 +113,7 @@ class Registry(Mapping[str, T], Generic[T]):
         return decorator
 
 
-class ClassRegistry(Registry[type]):
+class ClassRegistry(Registry[Any]):
     """Classes that carry one decorator, in any file of a room; what a class writes out about itself is read without importing it.
 
     Parameters
@@ -140,7 +140,7 @@ class ClassRegistry(Registry[type]):
             (from the decorator) when another module has entered one of this name, or the room holds one.
         """
 
-        def decorate(cls: type) -> type:
+        def decorate(cls: Any) -> Any:
             for attribute, value in (attributes | ({"name": name} if name else {})).items():
                 setattr(cls, attribute, value)
             self._origins.setdefault(cls.name, self._places().get(cls.name, cls.__module__))
@@ -178,8 +178,8 @@ def _written(node: ast.stmt, decorator: str) -> dict[str, Any]:
     for mark in getattr(node, "decorator_list", ()):
         call = mark if isinstance(mark, ast.Call) else ast.Call(mark, [], [])
         if isinstance(node, ast.ClassDef) and getattr(call.func, "id", "") == decorator:
-            pairs = [(t.id, line.value) for line in node.body for t in _targets(line) if isinstance(t, ast.Name)]
-            pairs += [*(("name", argument) for argument in call.args[:1]), *((word.arg, word.value) for word in call.keywords)]
+            pairs = [(target.id, value) for line in node.body for target, value in _assigned(line) if isinstance(target, ast.Name)]
+            pairs += [*(("name", argument) for argument in call.args[:1]), *((word.arg or "", word.value) for word in call.keywords)]
     written = {}
     for attribute, value in pairs:
         with contextlib.suppress(ValueError, TypeError):  # no literal
@@ -187,8 +187,10 @@ def _written(node: ast.stmt, decorator: str) -> dict[str, Any]:
     return written
 
 
-def _targets(line: ast.stmt) -> list[ast.expr]:
-    return line.targets if isinstance(line, ast.Assign) else [line.target] if isinstance(line, ast.AnnAssign) else []
+def _assigned(line: ast.stmt) -> list[tuple[ast.expr, ast.expr]]:
+    if isinstance(line, ast.AnnAssign):
+        return [(line.target, line.value)] if line.value else []
+    return [(target, line.value) for target in line.targets] if isinstance(line, ast.Assign) else []
 
 
 @cache

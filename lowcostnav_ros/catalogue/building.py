@@ -14,7 +14,6 @@ Registry = Mapping[str, type[Navigator]]
 
 S = TypeVar("S")
 _NODE_GROUPS = ("output.", "qos.", "input.")
-"""Parameters of the node around the estimator; they change no fused solution."""
 
 
 def build_navigators(names: Iterable[str], registry: Registry, config: Path | None, flown: Path | None = None) -> dict[str, Navigator]:
@@ -46,12 +45,13 @@ def _build(name: str, navigator_class: type[Navigator], config: Path | None, flo
         path = flown / f"{name}.yaml"
     if config is None and not path.exists():
         return make_navigator(navigator_class.Settings(), navigator_class)
-    values = {
-        key: value
-        for key, value in config_files.read_parameters(path, name).items()
-        if not key.startswith(_NODE_GROUPS) and key != "use_sim_time"
-    }
+    values = {key: value for key, value in config_files.read_parameters(path, name).items() if not is_of_node(key)}
     return make_navigator(complete_settings(navigator_class.Settings, values, str(path)), navigator_class)
+
+
+def is_of_node(parameter: str) -> bool:
+    """Whether a parameter is of the node around a navigator, so that it changes no fused solution."""
+    return parameter.startswith(_NODE_GROUPS) or parameter == "use_sim_time"
 
 
 def complete_settings(cls: type[S], values: Mapping[str, Any], where: str = "settings") -> S:
@@ -82,9 +82,11 @@ def make_navigator(settings: Any, navigator_class: Callable[..., Navigator]) -> 
 
 
 def _stations_file(values: dict[str, Any]) -> str:
-    """Return the one station table that DME and VOR settings name, empty for none; a VOR that is off needs none."""
-    names = [values.get("dme.stations_file", ""), values.get("vor.stations_file", "") if values.get("vor.enabled") else ""]
-    names = [name for name in names if name]
-    if len(set(names)) > 1:
-        raise SettingsError(f"'dme.stations_file' is {names[0]} and 'vor.stations_file' {names[1]}; put all stations into one table.")
-    return names[0] if names else ""
+    """Return the one station table that the sensors name, empty for none; a sensor that is off needs none."""
+    sensors = [name.removesuffix(".stations_file") for name in values if name.endswith(".stations_file")]
+    named = {f"{key}.stations_file": values[f"{key}.stations_file"] for key in sensors if values.get(f"{key}.enabled", True)}
+    named = {setting: name for setting, name in named.items() if name}
+    if len(set(named.values())) > 1:
+        stated = " and ".join(f"'{setting}' is {name}" for setting, name in named.items())
+        raise SettingsError(f"{stated}; put all stations into one table.")
+    return next(iter(named.values()), "")

@@ -78,12 +78,12 @@ def read_parameters(path: str | Path, node: str | None = None) -> dict[str, Any]
     path : str or Path
         ROS parameter file (``/**:`` or ``<node>:``, then ``ros__parameters:``).
     node : str, optional
-        Node name, with or without namespace; where None the file must speak of one node only.
+        Node name, with or without namespace; where None the file must hold parameters for one node only.
 
     Raises
     ------
     SettingsError
-        For a missing file, another structure, or a file that speaks of other nodes only.
+        For a missing file, another structure, or a file of other nodes only.
     """
     content = read_yaml(path)
     if not isinstance(content, Mapping) or not all(isinstance(v, Mapping) and "ros__parameters" in v for v in content.values()):
@@ -95,9 +95,9 @@ def read_parameters(path: str | Path, node: str | None = None) -> dict[str, Any]
         plain = node.strip("/")
         own = [key for key in own if key.strip("/") in (plain, plain.rpartition("/")[2], f"**/{plain}")]
         if not own and "/**" not in content:
-            raise SettingsError(f"{path} has no parameters for '{node}'; it speaks of {', '.join(content)}.")
+            raise SettingsError(f"{path} has no parameters for '{node}'; it holds those for {', '.join(content)}.")
     elif len(own) > 1:
-        raise SettingsError(f"{path} speaks of several nodes ({', '.join(own)}); say which one is meant.")
+        raise SettingsError(f"{path} holds parameters for several nodes ({', '.join(own)}); name the one that is meant.")
     merged: dict[str, Any] = {}
     for key in [k for k in content if k == "/**"] + own:
         merged |= _dotted(content[key]["ros__parameters"] or {}, path)

@@ -12,8 +12,8 @@ from lowcostnav_ros.base.settings import SettingsError, from_mapping, to_mapping
 def with_imu_profile(settings: Any) -> Any:
     """Return navigator settings with the numbers of the IMU profile they name in place; unchanged where they name none.
 
-    A number beside the name that is not the default was meant, and stays.  (A settings file of the package lists every default, so a
-    default beside a name cannot be told from one that nobody chose.)  Doing it twice changes nothing.
+    A number beside the name that is not the default stays.  (A settings file of the package lists every default, so a
+    default beside a name cannot be distinguished from a value that was not chosen.)  Doing it twice changes nothing.
 
     Parameters
     ----------

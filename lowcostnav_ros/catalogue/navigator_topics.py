@@ -5,7 +5,7 @@ from lowcostnav_ros.navigators.registry import label_of
 
 
 def topics_of(name: str, room: str = "") -> tuple[str, ...]:
-    """Return all topics a navigator publishes; ``room`` is their first part where the navigator does not say it, default its name."""
+    """Return all topics a navigator publishes; ``room`` is their first part where the navigator does not declare it, default its name."""
     label = label_of(name)
     return label.outputs or tuple(f"{label.room or room or name}/{part}" for part in NAVIGATOR_TOPICS)
 

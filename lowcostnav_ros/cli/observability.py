@@ -69,6 +69,7 @@ def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> tupl
     with BagReader(bag) as reader:
         folders = Path(config) if config else None, reader.settings_folder
         navigator = build_navigators([name], NAVIGATORS, *folders)[name]
+        reader.decoder.rules.accept(navigator)
         others = _sources(navigator, reader.types)
         reader.require(s for s, required in navigator.inputs.items() if required and s not in others.values())
         flown = {**build_navigators(others, NAVIGATORS, *folders), name: navigator}

@@ -10,6 +10,8 @@ from lowcostnav_ros.graph.executables import parameter_file
 def add_arguments(parameters: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
     parameters.add_argument("node", help="name of the executable")
+    words = "sensors of a navigator in place of its usual ones: gps baro baro2"
+    parameters.add_argument("--aids", nargs="+", default=(), metavar="SENSOR", help=words)
 
 
 @job(
@@ -19,5 +21,5 @@ def add_arguments(parameters: argparse.ArgumentParser) -> None:
 )
 def parameters(arguments: argparse.Namespace) -> int:
     """Print the parameter file of an executable."""
-    print(parameter_file(arguments.node), end="")
+    print(parameter_file(arguments.node, arguments.aids), end="")
     return Exit.OK

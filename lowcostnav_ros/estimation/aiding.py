@@ -400,7 +400,7 @@ class Sensor:
             raise SettingsError(f"'{key}.topics' must name {len(own)}, in place of {', '.join(own)}; got {len(settings.topics)}.")
         named = dict(zip(own, settings.topics or ([topic] if topic else topics), strict=True))
         for aid in aids:
-            aid.source = named.get(aid.topic, "")
+            aid.source = named.get(aid.topic, "").lstrip("/")
         return aids
 
     def default(self) -> Any:

@@ -18,7 +18,7 @@ def free_domain(wanted: int | None = None) -> Iterator[int]:
     Parameters
     ----------
     wanted : int, optional
-        This one, 1 to 100, held or not; default is any that nobody holds.
+        This one, 1 to 100, held or not; default is any that is free.
 
     Raises
     ------

@@ -1,10 +1,10 @@
 """The executables by name: the nodes of ``nodes/``, one for every sensor simulator, one for every navigator, plugins included."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from lowcostnav_ros.base.registry import ClassRegistry, RegistryError
-from lowcostnav_ros.base.settings import nearest
+from lowcostnav_ros.base.settings import SettingsError, chosen_class, nearest
 from lowcostnav_ros.catalogue.config_files import yaml_of
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.sensors.registry import SIMULATORS
@@ -77,18 +77,22 @@ def needs_compiler(name: str) -> bool:
     return not name.endswith(_SUFFIX) and (name not in NODES.own() or NODES.label(name).compiled)
 
 
-def parameter_file(name: str) -> str:
-    """Return the parameter file of an executable, every parameter with its meaning, unit and range.
+def parameter_file(name: str, aids: Sequence[str] = ()) -> str:
+    """Return the parameter file of an executable, every parameter with its meaning, unit and range; ``aids`` as a navigator's own list.
 
     Raises
     ------
     RegistryError
         When there is no such executable, or it has no parameters of its own.
+    SettingsError
+        When ``aids`` names what is no sensor, or the executable is no navigator with a list of them.
     """
     settings = settings_of(name)
     if settings is None:
         raise RegistryError(f"The executable '{name}' has no parameters of its own; every node has qos.lossless and input.silent_after_s.")
-    return yaml_of(settings)
+    if aids and not hasattr(settings, "chosen_by"):
+        raise SettingsError(f"The executable '{name}' has no list of sensors; omit --aids.")
+    return yaml_of(chosen_class(settings, {"aids": list(aids)}) if aids else settings)
 
 
 def settings_of(name: str) -> type | None:

@@ -1,5 +1,6 @@
 """One node process: started, watched, started again when it dies, stopped by SIGINT."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -16,7 +17,6 @@ import yaml
 from lowcostnav_ros.base.exit_codes import Exit
 
 FIRST_BACKOFF_S, LONGEST_BACKOFF_S, HEALTHY_S = 0.5, 10.0, 30.0
-WITHOUT_COMPILER = ("recorder", "player", "monitor")
 TICKS = os.sysconf("SC_CLK_TCK")
 PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -92,18 +92,25 @@ class NodeProcess:
         for path in params_files:
             self._command += ["--params-file", str(path)]
         self.process: subprocess.Popen | None = None
-        self.restarts, self.exit_code, self.given_up = 0, None, False
-        self._backoff_s, self._started_at, self._restart_at = FIRST_BACKOFF_S, 0.0, None
+        self.restarts, self.given_up = 0, False
+        self.exit_code: int | None = None
+        self._backoff_s, self._started_at = FIRST_BACKOFF_S, 0.0
+        self._restart_at: float | None = None
         self._cpu_last = (0.0, 0.0)
 
     def start(self, stdout: int | None = None) -> None:
-        """Start the process; its output goes to the log unless ``stdout`` says otherwise."""
+        """Start the process; its output goes to the log unless ``stdout`` is given."""
         with self.log.open("ab") as log:
             self.process = subprocess.Popen(
                 self._command, stdout=log if stdout is None else stdout, stderr=log, env=self._environment, start_new_session=True
             )  # its own session: Ctrl-C in the terminal reaches the runner, which stops the nodes in order
         self._started_at, self._restart_at = time.monotonic(), None
         self._cpu_last = (0.0, self._started_at)
+
+    @property
+    def stdout(self) -> Any:
+        """Its output as lines, where :meth:`start` was given a pipe."""
+        return None if self.process is None else self.process.stdout
 
     @property
     def alive(self) -> bool:
@@ -121,8 +128,9 @@ class NodeProcess:
             self.restarts += 1
             self.start()
             return Event(self.name, What.STARTED_AGAIN, restarts=self.restarts)
-        self.exit_code = self.process.returncode
-        cause = f"{describe_exit(self.exit_code)}{self._last_words()}"
+        self.exit_code = code = self.process.returncode
+        words = self.last_line().rstrip(".") if code > 0 else ""
+        cause = f"{describe_exit(code)} ({words})" if words else describe_exit(code)
         if not self.respawn or self.exit_code in (Exit.OK, Exit.CANNOT_RUN):
             self.given_up = True
             return Event(self.name, What.DIED, cause, restarts=self.restarts)
@@ -135,7 +143,7 @@ class NodeProcess:
     def interrupt(self) -> None:
         """Ask it to end (SIGINT) and never start it again."""
         self.given_up = True
-        if self.alive:
+        if self.process is not None and self.alive:
             self.process.send_signal(signal.SIGINT)
 
     def wait(self, timeout_s: float) -> bool:
@@ -152,11 +160,8 @@ class NodeProcess:
 
     def cpu_seconds(self) -> float:
         """Processor time used since its start, s (0 when it does not run)."""
-        try:
-            fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
-        except (OSError, AttributeError):
-            return 0.0
-        return (int(fields[11]) + int(fields[12])) / TICKS
+        fields = self._proc("stat").rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / TICKS if fields else 0.0
 
     def cpu_share(self) -> float:
         """Share of one core since the last call."""
@@ -167,17 +172,20 @@ class NodeProcess:
 
     def rss_mb(self) -> float:
         """Resident memory, MB (0 when it does not run)."""
-        try:
-            return int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1]) * PAGE_MB
-        except (OSError, AttributeError):
-            return 0.0
+        fields = self._proc("statm").split()
+        return int(fields[1]) * PAGE_MB if fields else 0.0
 
-    def _last_words(self) -> str:
-        try:
-            lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
-        except OSError:
-            return ""
-        return f" ({lines[-1].strip().rstrip('.')})" if lines and self.exit_code > 0 else ""
+    def _proc(self, file: str) -> str:
+        """Content of a file of the kernel on this process, empty when it does not run."""
+        with contextlib.suppress(OSError):
+            return "" if self.process is None else Path(f"/proc/{self.process.pid}/{file}").read_text()
+        return ""
+
+    def last_line(self) -> str:
+        """Last line of its log that is not blank, empty where there is none."""
+        with contextlib.suppress(OSError):
+            return self.log.read_text(errors="replace").strip().rpartition("\n")[2].strip()
+        return ""
 
 
 def describe_exit(code: int) -> str:

@@ -52,7 +52,7 @@ class GraphRunner:
         self.processes: dict[str, NodeProcess] = {}
         self._domain = contextlib.ExitStack()
         self._monitor: NodeProcess | None = None
-        self._heard_at: dict[str, float] = {}
+        self._reported_at: dict[str, float] = {}
 
     def __enter__(self) -> Self:
         self.log_dir.mkdir(parents=True, exist_ok=True)
@@ -81,11 +81,11 @@ class GraphRunner:
             self._note(event)
         for process in self.processes.values():
             if process.given_up and process.exit_code == Exit.CANNOT_RUN:
-                raise GraphError(f"{process.name} cannot run: {self._first_refusal(process)}")
+                raise GraphError(f"{process.name} cannot run: {process.last_line() or f'see {process.log}.'}")
         return happened
 
     def wait_until_finished(self, timeout_s: float | None = None, each: Callable[[], None] = lambda: None) -> bool:
-        """Watch until the source has said everything and it has arrived.
+        """Watch until the source has published everything and it has arrived.
 
         Parameters
         ----------
@@ -168,8 +168,8 @@ class GraphRunner:
 
     def _source_state(self, name: str) -> str:
         row = self.rows.get(f"{name}: source")
-        state = row["values"]["state"] if row else "starting"
-        if state == "failed":
+        state: str = row["values"]["state"] if row else "starting"
+        if row and state == "failed":
             raise GraphError(f"{name}: {row['message']}")
         if not self.processes[name].alive:
             raise GraphError(f"{name} ended before the flight did; its log is {self.processes[name].log}.")
@@ -177,7 +177,8 @@ class GraphRunner:
 
     def _drain(self, quiet_s: float = 2.2, longest_s: float = 15.0) -> None:
         """Wait until the counts of two rounds of diagnostics agree: nothing is on its way any more."""
-        before, since = {}, time.monotonic()
+        before: dict[str, Any] = {}
+        since = time.monotonic()
         deadline = since + longest_s
         while time.monotonic() < min(since + quiet_s, deadline):
             self.watch()
@@ -205,7 +206,7 @@ class GraphRunner:
     def _start_monitor(self, environment: dict[str, str]) -> None:
         self._monitor = NodeProcess("monitor", "monitor", [], environment, self.log_dir / "monitor.log")
         self._monitor.start(stdout=subprocess.PIPE)
-        self._reader = threading.Thread(target=self._read, args=(self._monitor.process.stdout,), daemon=True)
+        self._reader = threading.Thread(target=self._read, args=(self._monitor.stdout,), daemon=True)
         self._reader.start()
 
     def _read(self, lines: Any) -> None:
@@ -213,13 +214,9 @@ class GraphRunner:
             with contextlib.suppress(ValueError, KeyError):  # a line cut off by the end of the process
                 row = json.loads(line)
                 self.rows[row["name"]] = row
-                self._heard_at[row["name"].partition(":")[0]] = time.monotonic()
+                self._reported_at[row["name"].partition(":")[0]] = time.monotonic()
 
-    def silent_s(self, node: str) -> float | None:
-        """Seconds since a node last said anything of itself, None before the first."""
-        heard = self._heard_at.get(node)
-        return None if heard is None else time.monotonic() - heard
-
-    def _first_refusal(self, process: NodeProcess) -> str:
-        lines = [line.strip() for line in process.log.read_text(errors="replace").splitlines() if line.strip()]
-        return lines[-1] if lines else f"see {process.log}."
+    def unreported_s(self, node: str) -> float | None:
+        """Seconds since the last diagnostics of a node, None before the first."""
+        reported = self._reported_at.get(node)
+        return None if reported is None else time.monotonic() - reported

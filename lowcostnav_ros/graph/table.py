@@ -16,15 +16,10 @@ def table(runner: GraphRunner) -> "Table":
     from rich.table import Table
 
     view = Table(title=f"{runner.graph.name}, ROS domain {runner.domain}", title_justify="left")
-    for title, justify in (
-        ("node", "left"),
-        ("state", "left"),
-        ("inputs", "left"),
-        ("CPU %", "right"),
-        ("MB", "right"),
-        ("restarts", "right"),
-    ):
-        view.add_column(title, justify=justify)
+    for title in ("node", "state", "inputs"):
+        view.add_column(title)
+    for title in ("CPU %", "MB", "restarts"):
+        view.add_column(title, justify="right")
     total = 0.0
     for name, process in runner.processes.items():
         cpu = 100.0 * process.cpu_share()

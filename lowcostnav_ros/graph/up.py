@@ -3,6 +3,7 @@
 import signal
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from lowcostnav_ros.base.exit_codes import Exit
@@ -82,7 +83,7 @@ def _watch(runner: GraphRunner, show: bool, until_finished: bool) -> None:
         _follow(runner, until_finished, draw)
 
 
-def _follow(runner: GraphRunner, until_finished: bool, each) -> None:
+def _follow(runner: GraphRunner, until_finished: bool, each: Callable[[], None]) -> None:
     if until_finished:
         runner.wait_until_finished(each=each)
         return

@@ -1,17 +1,18 @@
-"""What the nodes of a graph subscribe to, and the parameters they owe to their graph.
+"""What the nodes of a graph subscribe to, and the parameters that their graph sets.
 
-A flight starts when everybody who should hear it is listening; the graph runner counts the listeners from this table.
+A flight starts when all its subscribers are there; the graph runner counts them from this table.
 """
 
 from collections import Counter
 from dataclasses import replace
 from typing import Any
 
-from lowcostnav_ros.base.settings import declared, to_mapping
-from lowcostnav_ros.catalogue.config_files import load_settings
+from lowcostnav_ros.base.settings import to_mapping
+from lowcostnav_ros.catalogue.config_files import read_parameters
 from lowcostnav_ros.catalogue.navigator_topics import topics_of
 from lowcostnav_ros.graph.description import Graph, GraphNode, takes_scenario
 from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, RECORDER, SOURCE, kind_of
+from lowcostnav_ros.messages.rules import parse_further
 from lowcostnav_ros.messages.topics import TOPICS
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 
@@ -28,36 +29,53 @@ def recorded_topics() -> list[str]:
 
 
 def inputs_of(node: GraphNode) -> tuple[str, ...]:
-    """Topics a node of a graph listens to."""
+    """Topics a node of a graph subscribes to."""
     kind = kind_of(node.executable)
     if kind == RECORDER:
-        return tuple(node.parameters.get("topics") or recorded_topics())
+        further = parse_further(node.parameters.get("further", []))
+        return tuple(dict.fromkeys([*(node.parameters.get("topics") or recorded_topics()), *further]))
     return tuple(navigator_of(node).inputs) if kind == NAVIGATOR else EXECUTABLES[node.executable].inputs
 
 
 def expected_subscribers(graph: Graph) -> list[str]:
-    """Return ``topic:count`` for every topic somebody listens to, recorders included, for ``start.expected_subscribers``.
+    """Return ``topic:count`` for every topic with a subscriber, recorders included, for ``start.expected_subscribers``.
 
-    Topics of navigators are left out: nothing travels on them before the sensors do.
+    Without topics of navigators: nothing is published there before the sensors.
     """
     listeners = _listeners(graph)
     computed = [topic for name in NAVIGATORS for topic in topics_of(name)]
-    published = [topic for topic in listeners if topic in TOPICS and topic not in (*computed, "diagnostics")]
+    published = [topic for topic in listeners if topic in {*TOPICS, *further_topics(graph)} and topic not in (*computed, "diagnostics")]
     return [f"{topic}:{listeners[topic]}" for topic in sorted(published)]
 
 
 def _listeners(graph: Graph) -> Counter:
-    """How many nodes of a graph listen to each topic."""
-    return Counter(topic for node in graph.nodes for topic in inputs_of(node))
+    """How many nodes of a graph subscribe to each topic."""
+    counts = Counter(topic for node in graph.nodes for topic in inputs_of(node))
+    for node in graph.nodes:
+        if kind_of(node.executable) == RECORDER:
+            counts.update(further_topics(graph).keys() - {*inputs_of(node)})
+    return counts
+
+
+def further_topics(graph: Graph) -> dict[str, str]:
+    """Topics of further sensors that the navigators of a graph are configured for, each with the topic of the package it is like."""
+    kinds: dict[str, str] = {}
+    for node in graph.nodes:
+        if kind_of(node.executable) == NAVIGATOR:
+            kinds |= {source: kind for source, kind in navigator_of(node).kinds.items() if source not in TOPICS}
+    return kinds
 
 
 def shared_parameters(graph: Graph, node: GraphNode) -> dict[str, Any]:
-    """Return the parameter values of a node: what it owes to its graph, then its own."""
+    """Return the parameter values of a node: those that its graph sets, then its own."""
     values: dict[str, Any] = {"qos.lossless": graph.lossless}
     if graph.lossless:
         values["qos.listeners"] = [f"{topic}:{count}" for topic, count in sorted(_listeners(graph).items())]
     if graph.scenario and takes_scenario(node.executable):
         values["scenario"] = graph.scenario
+    further = further_topics(graph) if node.executable in ("recorder", "player") else {}
+    if further:
+        values["further"] = [f"{source}:{kind}" for source, kind in further.items()]
     if kind_of(node.executable) == SOURCE:
         values["real_time_factor"] = graph.real_time_factor
         values["start.expected_subscribers"] = expected_subscribers(graph)
@@ -82,20 +100,18 @@ def flown_settings(graph: Graph) -> dict[str, dict[str, Any]]:
     flown = {}
     for node in graph.nodes:
         if kind_of(node.executable) == NAVIGATOR:
-            given = {name: value for name, value in shared_parameters(graph, node).items() if not name.startswith("qos.")}
-            values = to_mapping(_navigator_settings(replace(node, parameters=given)))
+            values = to_mapping(_navigator_settings(replace(node, parameters=shared_parameters(graph, node))))
             flown[node.executable] = {name: value for name, value in values.items() if name != "imu.profile"}
     return flown
 
 
 def _navigator_settings(node: GraphNode) -> Any:
-    from lowcostnav_ros.catalogue.building import complete_settings  # the estimators and their compiler are heavy: who has none is light
+    from lowcostnav_ros.catalogue import building  # loads the compiler, which a graph without navigators does not need
 
     settings_class = NAVIGATORS[node.executable].Settings
-    base = load_settings(settings_class, node.config, node.name)
-    known = {entry.name for entry in declared(settings_class)}
-    own = {key: value for key, value in node.parameters.items() if key in known}
-    return complete_settings(settings_class, {**to_mapping(base), **own}, node.name)
+    file = {} if node.config is None else read_parameters(node.config, node.name)
+    values = {name: value for name, value in {**file, **node.parameters}.items() if not building.is_of_node(name)}
+    return building.complete_settings(settings_class, values, node.name)
 
 
 def navigator_of(node: GraphNode) -> Any:

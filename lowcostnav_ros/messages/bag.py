@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
@@ -49,7 +50,7 @@ class BagWriter:
             raise BagError(f"Storage '{storage}' is unknown; use mcap or sqlite3.")
         self.path = Path(path)
         self.counts: dict[str, int] = {}
-        self._connections: dict[str, object] = {}
+        self._connections: dict[str, Any] = {}
         try:
             self._writer = Writer(self.path, version=9, storage_plugin=_STORAGES[storage])
             self._writer.open()
@@ -78,7 +79,7 @@ class BagWriter:
         if self._writer.storage is not None:
             self._writer.close()
 
-    def _connect(self, topic: str, msgtype: str) -> object:
+    def _connect(self, topic: str, msgtype: str) -> Any:
         latched = topic.endswith("/origin")  # so that `ros2 bag play` gives it to late joiners as the live node did
         qos = Qos(
             QosHistory.KEEP_LAST,
@@ -259,7 +260,9 @@ class _RunsOfSamples:
     def take(self) -> Iterator[ImuBlock]:
         """Yield the open runs and close them."""
         for source, (first, last) in self._open.items():
-            yield self._columns[source].block[first:last]
+            block = self._columns[source].block
+            if block is not None:
+                yield block[first:last]
         self._open.clear()
 
 

@@ -2,8 +2,9 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +15,8 @@ ABSURD = 1.0e30
 """No variance is this large; senders write 1e308 for infinity."""
 
 
-def stamp_ns(header) -> int:
-    """Return the header stamp in ns; zero is the stamp nobody filled in."""
+def stamp_ns(header: Any) -> int:
+    """Return the header stamp in ns; zero is a stamp that was not set."""
     sec, nanosec = header.stamp.sec, header.stamp.nanosec
     if sec < 0 or nanosec >= 1_000_000_000:
         raise Refusal("stamp out of range", f"{sec} s {nanosec} ns")
@@ -56,12 +57,12 @@ class Received:
         return self.assumed()[0] if known is None else known
 
 
-def xyz(vector) -> tuple[float, float, float]:
+def xyz(vector: Any) -> tuple[float, float, float]:
     """Return the components of a Vector3 or a Point."""
     return vector.x, vector.y, vector.z
 
 
-def station(header) -> str:
+def station(header: Any) -> str:
     """Return the station ident a header carries as its frame id."""
     ident = header.frame_id.strip()
     if not ident.isalnum() or len(ident) > 8:
@@ -69,7 +70,7 @@ def station(header) -> str:
     return ident
 
 
-def twist(message, what: str, limit: float, may_be_zero: bool = False) -> tuple[np.ndarray, np.ndarray | None]:
+def twist(message: Any, what: str, limit: float, may_be_zero: bool = False) -> tuple[np.ndarray, np.ndarray | None]:
     """Return the checked linear velocity of a TwistWithCovarianceStamped and its covariance, both in the message's axes."""
     velocity = xyz(message.twist.twist.linear)
     finite(velocity, what)
@@ -77,7 +78,7 @@ def twist(message, what: str, limit: float, may_be_zero: bool = False) -> tuple[
     return np.array(velocity), covariance(np.reshape(message.twist.covariance, (6, 6))[:3, :3].ravel(), what, may_be_zero)
 
 
-def finite(values: tuple[float, ...] | np.ndarray, what: str) -> None:
+def finite(values: Sequence[float] | np.ndarray, what: str) -> None:
     """Refuse NaN and infinity."""
     if math.isfinite(sum(values)):
         return
@@ -167,7 +168,7 @@ def variance(value: float, what: str) -> float | None:
     return float(value)
 
 
-def geodetic(message) -> tuple[float, float, float]:
+def geodetic(message: Any) -> tuple[float, float, float]:
     """Return checked (lat rad, lon rad, ellipsoid height m) of a NavSatFix; raises Refusal."""
     if message.status.status < 0:
         raise Refusal("no fix")

@@ -17,7 +17,7 @@ from lowcostnav_ros.physics.rotation import dcm_to_quat, quat_to_dcm, wrap, wrap
 HALF_SQRT2 = math.sqrt(0.5)
 
 NOT_ESTIMATED = 1.0e12
-"""Variance an Odometry carries for what its navigator does not estimate; a dead reckoner's honest sigma can pass a kilometre."""
+"""Variance an Odometry carries for what its navigator does not estimate; a dead reckoner's sigma can exceed a kilometre."""
 
 _WORLD_PERMUTATION = np.array([4, 3, 5, 1, 0, 2, 7, 6, 8])
 _WORLD_SIGN = np.array([1.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0])

@@ -27,7 +27,7 @@ def decode(
     Parameters
     ----------
     source : str
-        Topic name, with or without a leading slash; says what the message means (``gps/vel`` or ``air/velocity``).
+        Topic name, with or without a leading slash; gives the meaning of the message (``gps/vel`` or ``air/velocity``).
     msgtype : str
         ``sensor_msgs/msg/Imu`` or ``sensor_msgs/Imu``.
     raw : bytes-like
@@ -54,11 +54,6 @@ def decode(
     return _carefully(raw, kind, rules, Counter() if notes is None else notes)
 
 
-def decode_imu_checked(raw: bytes | memoryview, source: str, rules: DecodeRules = RULES) -> ImuBlock | Rejected:
-    """Turn one ``imu/data_raw`` message into a block of one sample the careful way, which names what is wrong."""
-    return _carefully(raw, topics.spec(source, rules), rules, Counter())
-
-
 def decode_imu_block(raws: list[bytes], source: str = "imu/data_raw", rules: DecodeRules = RULES) -> tuple[ImuBlock | None, list[Rejected]]:
     """Turn consecutive ``imu/data_raw`` messages into one block of columns.
 
@@ -80,7 +75,7 @@ def _imu_rows(raws: list[bytes], source: str, rules: DecodeRules) -> tuple[ImuBl
         result = _carefully(raws[row], kind, rules, Counter())
         if isinstance(result, Rejected):
             rejected.append(result)
-        else:
+        elif isinstance(result, ImuBlock):
             stamps[row], force[row], rate[row], good[row] = result.stamp_ns, result.specific_force_b[0], result.angular_rate_b[0], True
     if not good.any():
         return None, rejected, good
@@ -110,12 +105,14 @@ class Decoder:
         result = decode(source, msgtype, raw, self.rules, self.notes)
         source = topics.source_of(source)
         if source.endswith("/origin") and isinstance(result, NavSolution):
-            self.rules.origins[source.rpartition("/")[0]] = LocalFrame(result.lat, result.lon, result.height)
+            lat, lon, height = result.lat, result.lon, result.height
+            if lat is not None and lon is not None and height is not None:
+                self.rules.origins[source.rpartition("/")[0]] = LocalFrame(lat, lon, height)
         self.count(result, source)
         return result
 
     def decode_imu_block(self, raws: list[bytes], source: str) -> tuple[ImuBlock | None, np.ndarray]:
-        """Decode consecutive inertial messages in columns, count them, and say which were usable.
+        """Decode consecutive inertial messages in columns, count them, and return which were usable.
 
         Returns
         -------
@@ -129,7 +126,7 @@ class Decoder:
         return block, good
 
     def count(self, result: Measurement | Rejected, source: str) -> None:
-        """Book one result."""
+        """Count one result."""
         if isinstance(result, Rejected):
             self.rejected[source, result.reason] += 1
         else:
@@ -138,6 +135,7 @@ class Decoder:
 
 def _carefully(raw: bytes | memoryview, kind: Kind, rules: DecodeRules, notes: Notes) -> Measurement | Rejected:
     stamp_ns = 0
+    assert kind.decode is not None, f"{kind.name} has no decoder"
     try:
         message = from_cdr(raw, kind.msgtype)
     except Exception as error:

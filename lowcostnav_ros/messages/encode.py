@@ -1,6 +1,7 @@
 """Measurements to message objects (:func:`encode`) and CDR bytes (:func:`encode_cdr`); the door to what builds all other messages."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.messages.kind import TOPICS, Kind
@@ -16,7 +17,7 @@ __all__ += ["imu_raw_cdr", "odometry_from_solution", "origin_fix", "truth_imu", 
 __all__ += ["wind_message"]
 
 
-def encode(measurement: Measurement) -> object:
+def encode(measurement: Measurement) -> Any:
     """Build the message object of a measurement, of the kind of its source, or of its class where the source has none.
 
     Raises
@@ -24,24 +25,23 @@ def encode(measurement: Measurement) -> object:
     TypeError
         For a measurement that has no message of its own, such as a block of several inertial samples (see :func:`encode_cdr`).
     """
-    return _kind(measurement).encode(measurement)
+    return _encoder(measurement)[1](measurement)
 
 
-def encode_cdr(measurement: Measurement) -> Iterator[tuple[int, str, str, bytes]]:
+def encode_cdr(measurement: Any) -> Iterator[tuple[int, str, str, bytes]]:
     """Yield (stamp_ns, topic, message type, CDR bytes) of a measurement, one per sample of an :class:`ImuBlock`."""
-    kind = _kind(measurement)
+    kind, to_message = _encoder(measurement)
     if kind.encode_many is None:
-        yield measurement.stamp_ns, measurement.source, kind.msgtype, to_cdr(kind.encode(measurement))
+        yield measurement.stamp_ns, measurement.source, kind.msgtype, to_cdr(to_message(measurement))
         return
     for stamp_ns, raw in zip(measurement.stamps_ns.tolist(), kind.encode_many(measurement), strict=True):
         yield stamp_ns, measurement.source, kind.msgtype, raw
 
 
-def _kind(measurement: Measurement) -> Kind:
+def _encoder(measurement: Measurement) -> tuple[Kind, Callable[[Any], Any]]:
     kind, cls = RULES.kind_of(measurement.source), type(measurement)
-    if kind is not None and kind.measurement is cls and kind.encode is not None:
-        return kind
-    kind = next((other for other in TOPICS.values() if other.by_type and other.measurement is cls), None)
+    if kind is None or kind.measurement is not cls or kind.encode is None:
+        kind = next((other for other in TOPICS.values() if other.by_type and other.measurement is cls), None)
     if kind is None or kind.encode is None:
         raise TypeError(f"A {cls.__name__} from {measurement.source} has no message of its own.")
-    return kind
+    return kind, kind.encode

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lowcostnav_ros.base.registry import Registry
 
-if TYPE_CHECKING:  # who only names topics loads no numpy
+if TYPE_CHECKING:  # naming topics loads no numpy
     from lowcostnav_ros.base.measurements import Measurement
 
 _ROOM = "lowcostnav_ros.messages.kinds"
@@ -57,7 +57,7 @@ class Kind(TopicSpec):
     frames : accepted ``frame_id``; a prefix such as ``uav1/`` is ignored; empty accepts any
     variances : assumed where the covariance is all zeros, which means unknown (NED or FRD order, SI); empty: such a message is refused
     fields : fields of a table that can become this topic; empty: none can
-    options : what a column profile may say besides: ``mounting_deg``, ``station``
+    options : what a column profile may give besides: ``mounting_deg``, ``station``
     from_row : :class:`~lowcostnav_ros.messages.samples.TableRow` to measurement or message; to all at once with ``encode_many``
     sample : :class:`~lowcostnav_ros.messages.samples.Instant` of the warm-up flight to measurement
     sensed : a sensor publishes it: the player plays it to the navigators

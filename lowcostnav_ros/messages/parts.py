@@ -1,6 +1,7 @@
 """Parts that several kinds of messages are built of; axes are converted on the way."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -20,27 +21,27 @@ ABSENT = np.array([-1.0] + [0.0] * 8)
 UNKNOWN = np.zeros(9)
 
 
-def time_of(stamp_ns: int) -> object:
+def time_of(stamp_ns: int) -> Any:
     """Return a builtin_interfaces/Time of integer nanoseconds."""
     return Time(int(stamp_ns) // 1_000_000_000, int(stamp_ns) % 1_000_000_000)
 
 
-def header(stamp_ns: int, frame_id: str) -> object:
+def header(stamp_ns: int, frame_id: str) -> Any:
     """Return a std_msgs/Header."""
     return Header(time_of(stamp_ns), frame_id)
 
 
-def flu(vector_b: np.ndarray) -> object:
+def flu(vector_b: np.ndarray) -> Any:
     """Return a Vector3, FLU, of FRD components."""
     return Vector3(float(vector_b[0]), -float(vector_b[1]), -float(vector_b[2]))
 
 
-def quaternion(q_nb: np.ndarray) -> object:
+def quaternion(q_nb: np.ndarray) -> Any:
     """Return the ROS orientation of ``q_nb``."""
     return Quaternion(*conv.quat_to_ros(q_nb))
 
 
-def nav_sat_fix(stamp_ns: int, lat: float, lon: float, height: float, cov_n: np.ndarray | None, frame_id: str, status: int = 0) -> object:
+def nav_sat_fix(stamp_ns: int, lat: float, lon: float, height: float, cov_n: np.ndarray | None, frame_id: str, status: int = 0) -> Any:
     """Build a NavSatFix of a position (rad, rad, m above the ellipsoid) with its NED covariance, or None for unknown.
 
     ``status`` is -1 for no fix, 0 for a fix, 1 and 2 for satellite- and ground-based augmentation.
@@ -51,7 +52,7 @@ def nav_sat_fix(stamp_ns: int, lat: float, lon: float, height: float, cov_n: np.
     return NavSatFix(header(stamp_ns, frame_id), state, math.degrees(lat), math.degrees(lon), float(height), cov, kind)
 
 
-def twist_stamped(stamp_ns: int, frame_id: str, linear: np.ndarray, cov: np.ndarray) -> object:
+def twist_stamped(stamp_ns: int, frame_id: str, linear: np.ndarray, cov: np.ndarray) -> Any:
     """Build a TwistWithCovarianceStamped of a linear velocity and its (3, 3) covariance, both already in the message's axes."""
     full = two_blocks(cov, np.eye(3) * UNKNOWN_VARIANCE)
     twist = Twist(Vector3(*map(float, linear)), Vector3(0.0, 0.0, 0.0))

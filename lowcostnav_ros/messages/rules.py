@@ -2,15 +2,25 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
-from lowcostnav_ros.messages.kind import Kind, described, find
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.messages.kind import TOPICS, Kind, described, find
 
 if TYPE_CHECKING:
     from lowcostnav_ros.physics.earth import LocalFrame
 
 ANY = "any"
 """Among the frames of a source: accept every frame id."""
+
+
+class Listener(Protocol):
+    """What a navigator states about its sources: the topic whose message each carries, and further frame ids."""
+
+    @property
+    def kinds(self) -> Mapping[str, str]: ...
+    @property
+    def frames(self) -> Mapping[str, Collection[str]]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +30,7 @@ class DecodeRules:
     Attributes
     ----------
     kinds : dict of source to canonical topic
-        Kinds of sources whose names do not tell (see :func:`~lowcostnav_ros.messages.kind.find`); :meth:`assign` fills it.
+        Kinds of sources that their names do not show (see :func:`~lowcostnav_ros.messages.kind.find`); :meth:`assign` fills it.
     frames : dict of source to frame ids
         Accepted besides those of the kind; :data:`ANY` accepts all.
     default_variances : mapping of source to variances, or None
@@ -57,6 +67,24 @@ class DecodeRules:
         self.frames[source] = (frames,) if isinstance(frames, str) else frames
         self._known.pop(source, None)
 
+    def accept(self, listener: Listener) -> None:
+        """Assign the kinds and frames that a navigator's settings give its sources; a frame that any listener accepts is accepted.
+
+        Raises
+        ------
+        SettingsError
+            When two listeners take one source for different kinds.
+        """
+        for source, kind in listener.kinds.items():
+            frames = {*self.frames.get(source, ()), *listener.frames.get(source, ())}
+            if source not in TOPICS:
+                if self.kinds.get(source, kind) != kind:
+                    raise SettingsError(f"The topic '{source}' is configured as {self.kinds[source]} and as {kind}; correct one of them.")
+                self.assign(source, kind, frames)
+            elif frames:
+                self.frames[source] = frames
+                self._known.pop(source, None)
+
     def kind_of(self, source: str) -> Kind | None:
         """Return the kind of a source under these rules, with the source's name, frames and variances; None where it has none."""
         kind = self._known.get(source)
@@ -70,6 +98,24 @@ class DecodeRules:
             kind = self._known[source] = replace(found, name=source, frames=frames, variances=assumed)
         return kind
 
+
+def parse_further(entries: Collection[str]) -> dict[str, str]:
+    """Turn ``['cabin/pressure:air/static_pressure']`` into topic and the topic of the package it is like.
+
+    Raises
+    ------
+    SettingsError
+        For an entry that does not read so.
+    """
+    kinds = {source: kind for source, _, kind in (entry.partition(":") for entry in entries)}
+    for source, kind in kinds.items():
+        if kind not in TOPICS:
+            raise SettingsError(f"'{source}:{kind}' must read 'topic:known topic', for example 'cabin/pressure:air/static_pressure'.")
+    return kinds
+
+
+FURTHER = "Topics of further sensors, each with the topic it is like, as 'cabin/pressure:air/static_pressure'."
+"""Meaning of the setting that :func:`parse_further` reads."""
 
 RULES = DecodeRules()
 """Rules used where none are given."""

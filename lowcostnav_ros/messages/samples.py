@@ -1,17 +1,29 @@
 """Where a measurement comes from when there is no message: a row of a recorded table, an instant of the warm-up flight."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, displace
 from lowcostnav_ros.physics.rotation import euler_to_dcm
 
+M = TypeVar("M")
+
+
+class _Headed:
+    """What gives a measurement its ``head``, stamp and source."""
+
+    head: tuple[Any, str]
+
+    def of(self, make: Callable[..., M], *parts: Any, **named: Any) -> M:
+        """Make a measurement of this stamp and source."""
+        return make(*self.head, *parts, **named)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TableRow:
+class TableRow(_Headed):
     """Fields of a table in SI and NED/FRD, as a kind describes them: of one row, or of all rows with a leading axis more.
 
     ``head`` is that of the measurement, stamp and source; ``mounting_deg`` lists (roll, pitch, yaw) rotations from sensor to body axes,
@@ -51,7 +63,7 @@ FORCE = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 VELOCITY = np.array([50.0, 0.0, 0.0])
 
 
-class Instant:
+class Instant(_Headed):
     """One instant of a flight straight and level to the north: place (rad, rad, m), stamp, and the source that is to measure."""
 
     def __init__(self, step: int, source: str) -> None:

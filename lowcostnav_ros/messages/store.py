@@ -1,5 +1,7 @@
 """The one table of message types, and serialisation that writes the same bytes for the same values."""
 
+from typing import Any
+
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -11,12 +13,12 @@ def full_type(msgtype: str) -> str:
     return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else msgtype
 
 
-def to_cdr(message: object) -> bytes:
+def to_cdr(message: Any) -> bytes:
     """Return a message object as little-endian CDR bytes, deterministic (padding is zero)."""
     return bytes(STORE.serialize_cdr(message, message.__msgtype__))
 
 
-def from_cdr(raw: bytes | memoryview, msgtype: str) -> object:
+def from_cdr(raw: bytes | memoryview, msgtype: str) -> Any:
     """Return the message object of CDR bytes; raises whatever a malformed buffer makes the parser raise."""
     return STORE.deserialize_cdr(raw, full_type(msgtype))
 

@@ -5,7 +5,9 @@ recording.  Topics are described one kind a file in ``messages.kinds``.
 """
 
 from lowcostnav_ros.base.settings import nearest
-from lowcostnav_ros.messages.kind import NAVIGATOR_TOPICS, TOPICS, Kind
+from lowcostnav_ros.messages.kind import NAVIGATOR_TOPICS as NAVIGATOR_TOPICS
+from lowcostnav_ros.messages.kind import TOPICS as TOPICS
+from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.messages.kind import TopicSpec as TopicSpec
 from lowcostnav_ros.messages.rules import RULES, DecodeRules
 

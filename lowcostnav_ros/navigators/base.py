@@ -124,6 +124,8 @@ class Navigator(ABC):
     settings, inputs, aids, layout, core
         As given; source to whether it is required (a class may declare some); all aids in order; error states and what its aids see, where
         it has a filter.
+    frames, kinds : mapping
+        Of the sources of its sensors: further frame ids that are accepted, and the topic of the package whose message each carries.
     """
 
     name: str = ""
@@ -139,6 +141,8 @@ class Navigator(ABC):
     layout: Layout
     core: Any = None
     inputs: Mapping[str, bool] = {}
+    frames: Mapping[str, tuple[str, ...]] = {}
+    kinds: Mapping[str, str] = {}
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -172,11 +176,13 @@ class Navigator(ABC):
         self.channels: dict[str, list[Channel]] = {}
         self.clocked: list[Channel] = []
         self.frames: dict[str, tuple[str, ...]] = {}
+        self.kinds: dict[str, str] = {}
         sources = {**self.inputs, **{source: False for source in self.own_inputs() if source not in self.inputs}}
         for key in getattr(self.settings, "aids", ()):
             own = getattr(self.settings, key)
             sensor = sensor_of(key, {s.name: s for s in self.sensors})
             aids = sensor.build(own, key, self.stations) if self.wants(key) else []
+            kinds = {aid.source: aid.topic for aid in aids}  # an adapter's source carries messages of its own kind
             for aid in aids:
                 aid.source = self.source_of(aid)
             enabled = getattr(own, "enabled", True)
@@ -184,6 +190,7 @@ class Navigator(ABC):
                 if enabled or not sensor.quiet:
                     sources.setdefault(source, False)
                     self.frames[source] = tuple(own.frames)
+                    self.kinds |= {source: kinds[source]} if source in kinds else {}
             if enabled:
                 self._connect(aids)
         missing = [need for need in self.needs if need not in getattr(self.settings, "aids", ())]

@@ -1,7 +1,7 @@
 """The settings of a navigator: its own, and a group for every sensor of its list.
 
 The list is itself a setting, ``aids``: a sensor that is named there has a group of settings of that name, a second one of its kind is
-called ``gps2``, ``baro2`` and has a group of its own.
+called ``gps2``, ``baro2`` and has a group of its own.  Groups of the navigator's usual sensors may stay in a file whose list omits them.
 """
 
 import dataclasses
@@ -65,6 +65,7 @@ def settings_class(navigator: type[Listing], keys: tuple[str, ...]) -> type:
     for key in keys:
         sensor = sensor_of(key, own)
         fields.append((key, sensor.settings, dataclasses.field(default_factory=sensor.default)))
+    unused, upgrade = own.keys() - set(keys), getattr(navigator.OwnSettings, "upgraded", dict)
     return dataclasses.make_dataclass(
         f"{navigator.__name__}Settings",
         fields,
@@ -74,6 +75,7 @@ def settings_class(navigator: type[Listing], keys: tuple[str, ...]) -> type:
             "__doc__": f"All settings of {navigator.name}.",
             "__module__": navigator.__module__,
             "chosen_by": classmethod(lambda cls, values: settings_class(navigator, tuple(values.get("aids", keys)))),
+            "upgraded": staticmethod(lambda flat: {n: v for n, v in upgrade(flat).items() if n.partition(".")[0] not in unused}),
             "__reduce__": lambda self: (_restored, (navigator, to_mapping(self))),
         },
     )

@@ -10,7 +10,7 @@ from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, NODES, SIMU
 
 
 def run_executable(name: str, args: Sequence[str]) -> int:
-    """Run an executable with its command line until it is told to stop; return the exit status (:func:`lowcostnav_ros.ros.run.run`).
+    """Run an executable with its command line until it is stopped; return the exit status (:func:`lowcostnav_ros.ros.run.run`).
 
     Raises
     ------

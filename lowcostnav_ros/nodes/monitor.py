@@ -1,6 +1,6 @@
 """Write every status on /diagnostics to standard output, one JSON object a line: what the graph runner's table is made from.
 
-The runner reads this instead of listening itself, so that it, and the command line behind it, need no ROS in their own process.
+The runner reads this instead of subscribing itself, so that the process of the command line needs no ROS.
 """
 
 import json
@@ -16,7 +16,7 @@ from lowcostnav_ros.ros.node_base import NodeBase
 
 @executable("monitor", kind="monitor", compiled=False)
 class Monitor(NodeBase):
-    """Listen to all nodes and pass on what they say of themselves."""
+    """Subscribe to /diagnostics and write every status out."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("monitor", **kwargs)

@@ -13,6 +13,7 @@ from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.graph.wiring import recorded_topics
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagError, BagWriter
+from lowcostnav_ros.messages.rules import FURTHER, parse_further
 from lowcostnav_ros.ros.flow import header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status
 from lowcostnav_ros.ros.node_base import NodeBase
@@ -27,6 +28,7 @@ class RecorderSettings:
     storage: str = setting("mcap", "Format of the bag file.", choices=("mcap", "sqlite3"))
     settings_folder: str = setting("", "Folder of navigator settings to put into the recording, for a replay with the same; empty: none.")
     topics: list[str] = setting([], "Topics to record; empty records every sensor, truth and navigator topic except truth/imu.")
+    further: list[str] = setting([], FURTHER)
 
 
 @executable("recorder", kind="recorder", Settings=RecorderSettings, compiled=False)
@@ -47,9 +49,10 @@ class Recorder(NodeBase):
             self.path = free_path(self.path)
         self.trouble, self._last_ns = "", 0
         self._early: deque[tuple[topics.TopicSpec, bytes]] = deque(maxlen=1000)
-        names = settings.topics or recorded_topics()
         try:
-            specs = [topics.spec(name) for name in names]
+            self.decoder.rules.kinds.update(parse_further(settings.further))
+            names = dict.fromkeys([*(settings.topics or recorded_topics()), *self.decoder.rules.kinds])
+            specs = [topics.spec(name, self.decoder.rules) for name in names]
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._writer = BagWriter(self.path, settings.storage)
             if settings.settings_folder:
@@ -81,7 +84,7 @@ class Recorder(NodeBase):
             self.trouble = f"cannot write to {self.path}: {error.strerror}"
 
     def rows(self) -> Iterable[Status]:
-        """One row per topic that has come, silence is no fault of a recorder; and one of the recording."""
+        """One row per topic that has come, a timeout is no fault of the recorder; and one of the recording."""
         for monitor in self.inputs.values():
             if monitor.count:
                 row = monitor.status(self.get_name())

@@ -14,7 +14,7 @@ from lowcostnav_ros.trajectory import TruthSettings, build
 
 @executable("truth_source", kind="source", Settings=TruthSettings)
 class TruthSource(SourceNode):
-    """Publish the truth at the pace of the clock on the wall; the inertial sample first, so that states find it."""
+    """Publish the truth in real time, of one stamp the inertial sample first."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("truth_source", flight_bases, **kwargs)
@@ -25,7 +25,7 @@ class TruthSource(SourceNode):
         for part in ("odometry", "wind", "origin"):
             self.output(f"truth/{part}")
 
-    def speak(self) -> None:
+    def publish_all(self) -> None:
         """Fly."""
         truth, flight = self.parameters.settings[:2]
         states = TruthStates()

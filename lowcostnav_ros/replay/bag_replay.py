@@ -180,6 +180,8 @@ def _navigators(reader: BagReader, options: ReplayOptions) -> tuple[dict[str, Na
     check_names(options.navigators or (), list(registry))
     wanted = dict.fromkeys(options.navigators or registry)
     navigators = build_navigators(wanted, registry, options.config, reader.settings_folder)
+    for navigator in navigators.values():
+        reader.decoder.rules.accept(navigator)
     inputs = {name: navigator.inputs for name, navigator in navigators.items()}
     reader.require(s for s in reader.types if any(s in sources for sources in inputs.values()))
     selection = select(inputs, set(reader.decodable()), insist=options.navigators is not None)

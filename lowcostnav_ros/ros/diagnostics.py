@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from lowcostnav_ros.base.modes import Level
@@ -47,13 +48,11 @@ class DiagnosticsPublisher:
         rows = list(self._rows())
         rising = any(row.level > self._levels.get(row.name, 0) for row in rows)
         if rising or time.monotonic() - self._published_at >= PERIOD_S - 0.5 * CHECK_S:
-            self._publish(rows)
+            self.publish(rows)
 
-    def publish(self) -> None:
-        """Publish now (the last word before a node goes)."""
-        self._publish(list(self._rows()))
-
-    def _publish(self, rows: list[Status]) -> None:
+    def publish(self, rows: list[Status] | None = None) -> None:
+        """Publish now, the present rows where none are given."""
+        rows = list(self._rows()) if rows is None else rows
         for row in rows:
             if row.level > self._levels.get(row.name, 0):
                 self._log(row)
@@ -102,7 +101,7 @@ def _warn(is_bad: bool) -> Level:
 
 
 def _integrity_row(prefix: str, integrity: Integrity) -> Status:
-    """Verdict, protection levels and what is left out; an alarm, a contradiction and a test that is not possible are warnings."""
+    """Verdict, protection levels and excluded satellites; an alarm, a contradiction and a test that is not possible are warnings."""
     levels = ("hpl_m", "vpl_m", "lasting_hpl_m", "lasting_vpl_m")
     known = {name: getattr(integrity, name) for name in levels}
     values = {"verdict": integrity.verdict, "reason": integrity.reason, "alarm": integrity.alarm}
@@ -118,7 +117,7 @@ def _aid_row(prefix: str, aid: AidStatus, now_ns: int | None) -> Status:
     age = None if now_ns is None else aid.age_s(now_ns)
     values = {"test_ratio": f"{aid.test_ratio:.3g}", "accepted": str(aid.accepted).lower(), "reason": aid.reason}
     values |= {"age_s": "" if age is None else f"{age:.2f}", "fused": str(aid.fused), "rejected": str(sum(aid.rejected.values()))}
-    if aid.innovation is not None:
+    if aid.innovation is not None and aid.innovation_variance is not None:
         for label, innovation, variance in zip(aid.labels, aid.innovation, aid.innovation_variance, strict=False):
             values |= {f"innovation_{label}": f"{innovation:.4g}", f"innovation_sigma_{label}": f"{max(variance, 0.0) ** 0.5:.4g}"}
     values |= {f"rejected[{reason}]": str(n) for reason, n in aid.rejected.items()}

@@ -1,8 +1,8 @@
 """Flow control of lossless flights: the source waits for its slowest listener.
 
 Reliable, keep-all middleware loses nothing, but lets a queue grow to thousands of samples: a minute of flight between what one sensor's
-simulator has heard and another's, so that a fix would arrive long after the inertial samples it belongs to.  Here every node says now
-and then up to which stamp it has come, and the source flies no further ahead of the slowest than a second of flight.  The speed of a
+simulator has received and another's, so that a fix would arrive long after the inertial samples it belongs to.  Here every node reports
+up to which stamp it has come, and the source flies no further ahead of the slowest than a second of flight.  The speed of a
 simulation then adapts to the machine, and the horizon of a navigator can be a fixed, small part of it.
 """
 
@@ -34,9 +34,9 @@ def header_stamp_ns(cdr: bytes) -> int:
 class FlowSettings:
     """How a source waits for its listeners (lossless only)."""
 
-    listeners: int = setting(0, "Nodes that report how far they have come; 0 waits for nobody.", minimum=0)
+    listeners: int = setting(0, "Nodes that report how far they have come; 0 does not wait.", minimum=0)
     ahead_s: float = setting(1.0, "Fly at most this far ahead of the slowest of them.", unit="s", minimum=0.05, maximum=60.0)
-    patience_s: float = setting(15.0, "A listener that does not move for so long is left behind.", unit="s", minimum=1.0, maximum=600.0)
+    patience_s: float = setting(15.0, "Without progress for so long a listener is dropped.", unit="s", minimum=1.0, maximum=600.0)
 
 
 class ProgressReport:
@@ -48,7 +48,7 @@ class ProgressReport:
         self._next_ns = 0
 
     def passed(self, stamp_ns: int) -> None:
-        """Note a handled message; tell the source every tenth of a second of flight."""
+        """Note a handled message; report to the source every tenth of a second of flight."""
         if stamp_ns < self._next_ns and self._next_ns - stamp_ns <= REPORT_NS:
             return
         self._next_ns = stamp_ns + REPORT_NS
@@ -63,11 +63,11 @@ class FlowGate:
         self._settings, self._node = settings, node
         self._passed: dict[str, int] = {}
         self._moved_at: dict[str, float] = {}
-        self._left_behind: set[str] = set()
+        self._dropped: set[str] = set()
         self._first_ns = 0
         self.waited_s = 0.0
         if settings.listeners:
-            self._subscription = node.create_subscription(Header, TOPIC, self._heard, QOS)
+            self._subscription = node.create_subscription(Header, TOPIC, self._on_report, QOS)
 
     def wait(self, stamp_ns: int, running: Callable[[], bool]) -> None:
         """Block until the slowest listener is near enough to ``stamp_ns``."""
@@ -77,25 +77,25 @@ class FlowGate:
         began = time.monotonic()
         while running() and stamp_ns - self._slowest() > 1e9 * self._settings.ahead_s:
             time.sleep(0.002)
-            self._give_up_on_stragglers(began)
+            self._drop_stuck(began)
         self.waited_s += time.monotonic() - began
 
-    def _heard(self, message: Header) -> None:
+    def _on_report(self, message: Header) -> None:
         self._passed[message.frame_id] = message.stamp.sec * 1_000_000_000 + message.stamp.nanosec
         self._moved_at[message.frame_id] = time.monotonic()
 
     def _slowest(self) -> int:
-        waited_for = [stamp for name, stamp in list(self._passed.items()) if name not in self._left_behind]
-        if len(self._passed) < self._settings.listeners - len(self._left_behind - set(self._passed)):
+        waited_for = [stamp for name, stamp in list(self._passed.items()) if name not in self._dropped]
+        if len(self._passed) < self._settings.listeners - len(self._dropped - set(self._passed)):
             waited_for.append(self._first_ns)
         return min(waited_for, default=2**62)
 
-    def _give_up_on_stragglers(self, began: float) -> None:
+    def _drop_stuck(self, began: float) -> None:
         now = time.monotonic()
         if now - began < self._settings.patience_s:
             return
         stuck = [name for name in self._passed if now - max(self._moved_at[name], began) > self._settings.patience_s]
-        unheard = [f"listener {k}" for k in range(len(self._passed), self._settings.listeners)]
-        for name in [n for n in stuck + unheard if n not in self._left_behind]:
-            self._left_behind.add(name)
-            self._node.get_logger().warning(f"{name} has not moved for {self._settings.patience_s:g} s; flying on without it.")
+        unknown = [f"listener {k}" for k in range(len(self._passed), self._settings.listeners)]
+        for name in [n for n in stuck + unknown if n not in self._dropped]:
+            self._dropped.add(name)
+            self._node.get_logger().warning(f"{name} has made no progress for {self._settings.patience_s:g} s; no longer waiting for it.")

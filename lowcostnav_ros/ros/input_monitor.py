@@ -1,6 +1,6 @@
-"""What became of one input: rate, age, gaps, rejections by reason, and whether it has fallen silent.
+"""What became of one input: rate, age, gaps, rejections by reason, and whether it has timed out.
 
-Knows no ROS.  Ages and rates are judged by a steady clock at arrival, because a sensor that stopped sends no stamps to judge by;
+Independent of ROS.  Ages and rates are judged by a steady clock at arrival, because a sensor that stopped sends no stamps to judge by;
 gaps are judged by stamps, because arrival jitters.
 """
 
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from lowcostnav_ros.base.modes import Level
 
 OK, WARN, ERROR = Level
-SILENT_INTERVALS = 5.0  # a slow sensor is silent after this many of its own intervals
+TIMEOUT_INTERVALS = 5.0  # a slow sensor times out after this many of its own intervals
 RECENT_S = 5.0  # a rejection colours the status this long
 
 
@@ -31,11 +31,11 @@ class InputMonitor:
     Parameters
     ----------
     topic : str
-        Its name as people know it.
+        Its name.
     required : bool
-        Whether silence is an error (True) or a warning.
+        Whether a timeout is an error (True) or a warning.
     silent_after_s : float
-        Shortest silence that is reported; a slow input is given five of its own intervals.
+        Time without data that is reported as a timeout; a slow input is given five of its own intervals.
     clock : callable
         Steady time in seconds.
     """
@@ -49,7 +49,8 @@ class InputMonitor:
         self.last_reject = ""
         self.trouble = ""  # set when the transport itself reports one (incompatible QoS)
         self._started = clock()
-        self._last_arrival = self._last_reject_at = None
+        self._last_arrival: float | None = None
+        self._last_reject_at: float | None = None
         self._interval_s = 0.0
         self._last_stamp_ns = 0
         self._stamp_interval_ns = 0.0
@@ -89,14 +90,14 @@ class InputMonitor:
         return Status(f"{prefix}: input {self.topic}", level, message, self._values())
 
     def _verdict(self, now: float) -> tuple[int, str]:
-        silence = ERROR if self.required else WARN
+        timed_out = ERROR if self.required else WARN
         if self._last_arrival is None:
             waited = now - self._started
             why = self.trouble or "nothing received yet"
-            return (silence if waited > 2.0 else OK), f"{self.topic}: {why} after {waited:.1f} s"
+            return (timed_out if waited > 2.0 else OK), f"{self.topic}: {why} after {waited:.1f} s"
         age = now - self._last_arrival
-        if age > max(self.silent_after_s, SILENT_INTERVALS * self._interval_s):
-            return silence, f"{self.topic} silent for {age:.1f} s"
+        if age > max(self.silent_after_s, TIMEOUT_INTERVALS * self._interval_s):
+            return timed_out, f"{self.topic} timed out: no data for {age:.1f} s"
         if self._last_reject_at is not None and now - self._last_reject_at < RECENT_S:
             return WARN, f"{self.topic}: {self.last_reject} ({sum(self.rejected.values())} rejected of {self.count})"
         return OK, f"{self.topic}: {self.rate_hz:.1f} Hz"

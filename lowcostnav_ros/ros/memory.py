@@ -29,6 +29,7 @@ def release_idle_code() -> int:
     for first, last, facts in mappings:
         start, end = int(first, 16), int(last, 16)
         # pages the loader has written to (relocations) are no copy of the file any more: they count as anonymous and must stay
-        if re.search(r"^Anonymous: +0 kB$", facts, re.MULTILINE) and libc.madvise(start, end - start, MADV_DONTNEED) == 0:
-            released += 1024 * int(re.search(r"^Rss: +(\d+) kB$", facts, re.MULTILINE)[1])
+        resident = re.search(r"^Rss: +(\d+) kB$", facts, re.MULTILINE)
+        if resident and re.search(r"^Anonymous: +0 kB$", facts, re.MULTILINE) and libc.madvise(start, end - start, MADV_DONTNEED) == 0:
+            released += 1024 * int(resident[1])
     return released

@@ -65,7 +65,8 @@ class NavigatorNode(NodeBase):
     def __init__(self, name: str, settings: Any, make: Any, **kwargs: Any) -> None:
         super().__init__(name, [settings, NavigatorNodeSettings()], **kwargs)
         self.navigator = make(self.parameters.settings[0])
-        # who flies on inertial samples answers quickly; who hears fused solutions is tenths of a second behind anyway
+        self.decoder.rules.accept(self.navigator)
+        # inertial samples need a quick answer; fused solutions are tenths of a second old anyway
         self.poll_period_s = 0.01 if self.navigator.inertial is None else 0.0025
         warm_up(make(self.parameters.settings[0]), self.decoder.rules)
         self._set_rate(self.parameters.settings[1])
@@ -89,14 +90,15 @@ class NavigatorNode(NodeBase):
         yield from super().rows()
         if hasattr(self, "navigator"):
             yield from navigator_rows(self.get_name(), self.navigator.status())
-        if getattr(self, "_magnetometer", None) is not None:
-            yield from self._magnetometer.rows()
+        magnetometer = getattr(self, "_magnetometer", None)
+        if magnetometer is not None:
+            yield from magnetometer.rows()
 
     def reset(self, reason: str) -> str:
-        """Start the estimator over."""
+        """Reset the estimator."""
         self.navigator.reset(reason)
         self._next_output_ns = 0
-        return f"{self.get_name()} starts over: {self.navigator.mode}, {self.navigator.reason}."
+        return f"{self.get_name()} was reset: {self.navigator.mode}, {self.navigator.reason}."
 
     def on_settings(self, settings: list) -> None:
         """Take over a new output rate."""

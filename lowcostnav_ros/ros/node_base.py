@@ -29,8 +29,8 @@ from lowcostnav_ros.ros.parameters import Parameters, given_parameters
 # every event handler is one more thing to wait for: 15 us of each message on each topic
 NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
-MATCH_S = 15.0  # longest wait for expected listeners; one that has died must not ground the rest
-ABSOLUTE = ("clock", "diagnostics")  # ROS knows these two outside all namespaces
+MATCH_S = 15.0  # longest wait for expected listeners; one that has died must not stop the rest
+ABSOLUTE = ("clock", "diagnostics")  # these two are outside all namespaces
 Bases = Sequence[Any] | Callable[[dict[str, Any]], Sequence[Any]]
 RCLError = rclpy_implementation.RCLError
 
@@ -52,7 +52,7 @@ class InputSettings:
 
     silent_after_s: float = setting(
         1.0,
-        "Shortest silence of an input that is reported; slow inputs get five of their intervals.",
+        "An input without data for longer is reported as timed out; slow inputs get five of their intervals.",
         unit="s",
         minimum=0.2,
         maximum=60.0,
@@ -94,7 +94,7 @@ class Output:
             return
 
     def _match(self) -> None:
-        """Wait, once, until every expected listener is matched: who is known but not yet matched would miss the first messages."""
+        """Wait, once, until every expected listener is matched: a discovered but unmatched subscriber would miss the first messages."""
         deadline = time.monotonic() + MATCH_S
         while self._ok() and self.publisher.get_subscription_count() < self._listeners and time.monotonic() < deadline:
             time.sleep(0.005)
@@ -213,14 +213,14 @@ class NodeBase(Node):
         spec = topics.spec(source, self.decoder.rules)
         monitor = InputMonitor(source, required, self.node_settings.input.silent_after_s)
 
-        reports = self._reports_on(source)
+        progress = self._progress_on(source)
 
         def arrived(raw: bytes) -> None:
             monitor.arrived()
             try:
                 handler(monitor, raw)
-                if reports:
-                    self._progress.passed(header_stamp_ns(raw))
+                if progress is not None:
+                    progress.passed(header_stamp_ns(raw))
             except (ValueError, ArithmeticError, LookupError) as error:  # bad data in flight never ends a node
                 monitor.reject(f"{type(error).__name__}: {error}")
 
@@ -230,12 +230,12 @@ class NodeBase(Node):
         self.subscribe(message_class(spec.msgtype), name, arrived, profile)
         return monitor
 
-    def _reports_on(self, source: str) -> bool:
-        """Whether this is the input on which the node tells a lossless source how far it has come."""
+    def _progress_on(self, source: str) -> ProgressReport | None:
+        """The report of progress to a lossless source, if this is the input whose progress the node reports."""
         if not self.node_settings.qos.lossless or source not in PACED or self._progress is not None:
-            return False
+            return None
         self._progress = ProgressReport(self)
-        return True
+        return self._progress
 
     def subscribe(self, kind: type, name: str, handler: Callable[[bytes], None], profile: QoSProfile) -> None:
         """Subscribe to the bytes of a topic; :meth:`poll` hands them to ``handler``."""
@@ -245,7 +245,7 @@ class NodeBase(Node):
         self._poller.add(subscription, handler)
 
     def poll(self) -> int:
-        """Handle what has come on the inputs; return how many messages.  Who spins this node in an executor of its own calls it, too."""
+        """Handle what has come on the inputs; return how many messages.  An executor that spins this node must call it, too."""
         return self._poller.take()
 
     def spin(self) -> None:
@@ -263,19 +263,19 @@ class NodeBase(Node):
     def rows(self) -> Iterable[Status]:
         """Diagnostics rows; a subclass adds its own."""
         prefix = self.get_name()
-        self._look_for_unheard()
+        self._check_publishers()
         yield from (monitor.status(prefix) for monitor in self.inputs.values())
         yield from (output.status(prefix) for output in self.outputs.values())
 
     def reset(self, reason: str) -> str:
-        """Start over; return a sentence that says what was done.  A subclass overrides it."""
+        """Reset the node's state; return one sentence on what was done.  A subclass overrides it."""
         return f"{self.get_name()} keeps no state: nothing to reset."
 
     def on_settings(self, settings: list) -> None:
         """Take over settings that were changed live; a subclass that has live settings overrides it."""
 
     def destroy_node(self) -> None:
-        """Say the last counts, then go."""
+        """Publish the final counts and shut down."""
         if self.context.ok() and hasattr(self, "diagnostics"):
             self.diagnostics.publish()
         super().destroy_node()
@@ -291,8 +291,8 @@ class NodeBase(Node):
             monitor.silent_after_s = settings[-1].input.silent_after_s
         self.on_settings(settings)
 
-    def _look_for_unheard(self) -> None:
-        """Explain silence from the start: nobody publishes, or only with a quality of service that this node cannot hear."""
+    def _check_publishers(self) -> None:
+        """Find the reason of inputs without data: publishers of an incompatible quality of service."""
         is_lossless = self.node_settings.qos.lossless
         for source, monitor in self.inputs.items():
             if monitor.count:
@@ -300,8 +300,8 @@ class NodeBase(Node):
             publishers = self.get_publishers_info_by_topic(source)
             own = qos.for_subscription(topics.spec(source, self.decoder.rules), is_lossless)
             offers = [qos_check_compatible(p.qos_profile, own) for p in publishers]
-            deaf = [why for verdict, why in offers if verdict == QoSCompatibility.ERROR]
-            monitor.trouble = f"its publisher cannot be heard with qos.lossless={is_lossless} ({deaf[0].strip()})" if deaf else ""
+            reasons = [why for verdict, why in offers if verdict == QoSCompatibility.ERROR]
+            monitor.trouble = f"publisher QoS is incompatible with qos.lossless={is_lossless} ({reasons[0].strip()})" if reasons else ""
 
 
 def message_class(msgtype: str) -> type:

@@ -1,4 +1,4 @@
-"""When a source of messages speaks: not before everybody listens, and not faster than the clock on the wall allows."""
+"""When a source publishes: after all expected subscribers are there, and no faster than its pace."""
 
 import time
 from collections.abc import Callable
@@ -15,9 +15,9 @@ SLACK_S = 0.001  # sleeping for less costs more than it orders
 class StartSettings:
     """What to wait for before the first message."""
 
-    expected_subscribers: list[str] = setting([], "Listeners to wait for, as 'topic:count' (truth/imu:1); empty waits for nobody.")
-    settle_s: float = setting(0.5, "Further wait until every pair has found each other.", unit="s", minimum=0.0, maximum=60.0)
-    timeout_s: float = setting(30.0, "Longest wait; then start and say who is missing.", unit="s", minimum=0.0, maximum=3600.0)
+    expected_subscribers: list[str] = setting([], "Listeners to wait for, as 'topic:count' (truth/imu:1); empty does not wait.")
+    settle_s: float = setting(0.5, "Further wait until all connections are made.", unit="s", minimum=0.0, maximum=60.0)
+    timeout_s: float = setting(30.0, "Longest wait; then it starts with a warning.", unit="s", minimum=0.0, maximum=3600.0)
 
     def __post_init__(self) -> None:
         parse_expected(self.expected_subscribers)
@@ -40,17 +40,17 @@ def missing_subscribers(node: Node, expected: dict[str, int]) -> list[str]:
     return [f"{topic} ({counts[topic]} of {wanted})" for topic, wanted in expected.items() if counts[topic] < wanted]
 
 
-def wait_for_subscribers(node: Node, settings: StartSettings, running: Callable[[], bool], say: Callable[[str], None]) -> None:
+def wait_for_subscribers(node: Node, settings: StartSettings, running: Callable[[], bool], report: Callable[[str], None]) -> None:
     """Block until the expected listeners are there and have settled, or the time is up, or ``running`` turns false."""
     expected = parse_expected(settings.expected_subscribers)
     deadline = time.monotonic() + settings.timeout_s
     missing = missing_subscribers(node, expected)
     while missing and running() and time.monotonic() < deadline:
-        say(f"waiting for listeners: {', '.join(missing)}")
+        report(f"waiting for listeners: {', '.join(missing)}")
         time.sleep(0.05)
         missing = missing_subscribers(node, expected)
     if missing and running():
-        node.get_logger().warning(f"Starting without {', '.join(missing)}: they did not come within {settings.timeout_s:g} s.")
+        node.get_logger().warning(f"Starting without {', '.join(missing)}: not there within {settings.timeout_s:g} s.")
     settled = time.monotonic() + settings.settle_s
     while running() and time.monotonic() < settled:
         time.sleep(0.02)

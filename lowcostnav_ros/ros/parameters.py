@@ -7,7 +7,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lowcostnav_ros.base.settings import Declared, SettingsError, checked, declared, from_mapping, nearest, to_mapping
+from lowcostnav_ros.base.settings import Declared, SettingsError, checked, chosen_class, declared, from_mapping, nearest, to_mapping
 
 BUILT_IN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 LARGE = 1.0e300
@@ -18,13 +18,14 @@ class Parameters:
 
     The node must have been made with ``automatically_declare_parameters_from_overrides=True``: so values from YAML files and the
     command line are read through the public interface, whole numbers are accepted where a number is meant, and a name that
-    nobody declares is noticed instead of ignored.
+    is not declared is refused instead of ignored.
 
     Parameters
     ----------
     node : rclpy.node.Node
     bases : sequence of settings objects
-        One object per settings dataclass; its values are the defaults.
+        One object per settings dataclass; its values are the defaults.  Where ``given`` chooses other groups (another list of sensors),
+        the class that it chooses takes its place.
     given : mapping
         Values from outside, see :func:`given_parameters`.
     on_change : callable
@@ -41,11 +42,12 @@ class Parameters:
     def __init__(
         self, node: Node, bases: Sequence[Any], given: Mapping[str, Any], on_change: Callable[[list], None], build: Callable = from_mapping
     ) -> None:
-        self._classes = [type(base) for base in bases]
+        self._classes = [chosen_class(type(base), given) for base in bases]
         self._on_change, self._make = on_change, build
         self._known = _known(self._classes)
         self._where = node.get_name()
-        defaults = {name: value for base in bases for name, value in to_mapping(base).items()}
+        own = {name: value for base in bases for name, value in to_mapping(base).items()}
+        defaults = {name: own.get(name, entry.default) for name, entry in self._known.items()}
         for cls in self._classes:
             given = getattr(cls, "upgraded", dict)(dict(given))  # names of older files
         for name in given:
@@ -53,7 +55,7 @@ class Parameters:
                 raise SettingsError(f"{self._where}: unknown parameter '{name}'{nearest(name, self._known)}.")
         self._values = {**defaults, **{n: checked(self._known[n], v, self._where) for n, v in given.items()}}
         self.settings = self._build(self._values)
-        for settings in self.settings:  # who asks a node for a number gets the one it flies with
+        for settings in self.settings:  # a parameter reads as the value in use
             self._values |= to_mapping(settings)
         for name, entry in self._known.items():
             if node.has_parameter(name):
@@ -94,8 +96,8 @@ def _known(classes: Sequence[type]) -> dict[str, Declared]:
 
 
 def given_parameters(node: Node) -> dict[str, Any]:
-    """Return the parameter values given from outside (files, command line, constructor), what ROS itself declares left out."""
-    given = node.get_parameters_by_prefix("")
+    """Return the parameter values given from outside (files, command line, constructor), without those that ROS itself declares."""
+    given: Mapping[str, Any] = node.get_parameters_by_prefix("")
     return {name: p.value for name, p in given.items() if name.split(".")[0] not in BUILT_IN}
 
 

@@ -8,6 +8,7 @@ at 100 Hz from 11 % to 7 %.  Each message comes with the time it was received, s
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
@@ -21,15 +22,15 @@ SERVICE_PERIOD_S = 0.05
 class NeverWoken(CallbackGroup):
     """Subscriptions in this group are not waited for."""
 
-    def can_execute(self, entity) -> bool:
+    def can_execute(self, entity: Any) -> bool:
         """Never: the poller takes their messages."""
         return False
 
-    def beginning_execution(self, entity) -> bool:
+    def beginning_execution(self, entity: Any) -> bool:
         """Never."""
         return False
 
-    def ending_execution(self, entity) -> None:
+    def ending_execution(self, entity: Any) -> None:
         """Nothing to end."""
 
 
@@ -75,7 +76,7 @@ class Poller:
 
 
 def spin(node: Node, take: Callable[[], int] | None, period_s: float) -> None:
-    """Poll and serve until the node's context is shut down.
+    """Poll and serve until the node's context ends.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def spin(node: Node, take: Callable[[], int] | None, period_s: float) -> None:
     period_s : float
         Time between two looks, s.
     """
-    if not node.context.ok():  # told to end while it was being made
+    if not node.context.ok():  # stopped while it was being made
         return
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)

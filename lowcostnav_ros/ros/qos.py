@@ -1,6 +1,6 @@
 """Quality of service: four profiles, chosen by what a topic is for.
 
-Sensors are published reliably, so that a recorder may ask for everything, and heard best effort, so that a slow listener loses
+Sensors are published reliably, so that a recorder may ask for everything, and received best effort, so that a slow listener loses
 samples (counted from the stamps) instead of holding the sensor up.  ``qos.lossless`` makes both sides reliable and keep-all:
 publishing then waits for the slowest listener, which is what recordings that must be complete need.
 """
@@ -23,7 +23,7 @@ def sensor_publisher() -> QoSProfile:
 
 
 def sensor_subscription() -> QoSProfile:
-    """Best effort, keep the last 200: hears reliable and best-effort publishers alike."""
+    """Best effort, keep the last 200: matches reliable and best-effort publishers alike."""
     return QoSProfile(depth=SENSOR_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -47,7 +47,7 @@ def for_publisher(topic: TopicSpec, is_lossless: bool) -> QoSProfile:
 
 
 def for_subscription(topic: TopicSpec, is_lossless: bool) -> QoSProfile:
-    """Profile a node of this package listens to ``topic`` with."""
+    """Profile with which a node of this package subscribes to ``topic``."""
     if topic.latched:
         return latched()
     if topic.name in ("clock", "diagnostics"):

@@ -10,7 +10,7 @@ from lowcostnav_ros.ros.memory import release_idle_code
 
 
 def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
-    """Run one node until it is told to stop.
+    """Run one node until it is stopped.
 
     Parameters
     ----------
@@ -30,8 +30,9 @@ def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
     import rclpy
     from rclpy.executors import ExternalShutdownException
     from rclpy.impl.implementation_singleton import rclpy_implementation
+    from rclpy.utilities import ok, try_shutdown
 
-    rclpy.init(args=args)
+    rclpy.init(args=None if args is None else list(args))
     node = None
     try:
         node = make_node()
@@ -41,7 +42,7 @@ def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
         pass
     except rclpy_implementation.RCLError:
         # A signal that falls between the executor's check of the context and its wait set ends the wait with this error.
-        if rclpy.ok():
+        if ok():
             raise
     except SettingsError as error:
         print(error, file=sys.stderr)
@@ -50,5 +51,5 @@ def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         if node is not None:
             node.destroy_node()
-        rclpy.try_shutdown()
+        try_shutdown()
     return Exit.OK

@@ -1,5 +1,6 @@
-"""A sensor simulator as a node: hears its part of the truth, says what the sensor would say."""
+"""A sensor simulator as a node: receives its part of the truth, publishes what the sensor would measure."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -14,7 +15,7 @@ from lowcostnav_ros.ros.scenario import sensor_bases
 from lowcostnav_ros.sensors.registry import SIMULATORS
 from lowcostnav_ros.simulation.equipment import build
 
-NO_WIND, NO_VELOCITY, NO_RATE = np.zeros(3), np.zeros(3), np.zeros(3)
+NOWHERE, NO_WIND = (0.0, 0.0, 0.0), np.zeros(2)
 
 
 class SimulatorNode(NodeBase):
@@ -37,7 +38,8 @@ class SimulatorNode(NodeBase):
             self.output(topic)
         self._wind: dict[int, np.ndarray] = {}
         self._waiting: dict[int, NavSolution] = {}
-        handlers = {"truth/imu": self._on_imu, "truth/odometry": self._on_odometry, "truth/wind": self._on_wind}
+        handlers: dict[str, Callable[[Any], None]] = {"truth/imu": self._on_imu, "truth/odometry": self._on_odometry}
+        handlers["truth/wind"] = self._on_wind
         self.poll_period_s = 0.005 if "truth/imu" in label.truth else 0.01  # the state comes at 20 Hz only
         self._needs_wind = "truth/wind" in label.truth
         for topic in label.truth:
@@ -48,25 +50,25 @@ class SimulatorNode(NodeBase):
         self._simulator = self._make(self.parameters.settings[0])
         self._wind.clear()
         self._waiting.clear()
-        return f"{self.get_name()} starts over with the errors of its seed ({reason})."
+        return f"{self.get_name()} was reset to the first errors of its seed ({reason})."
 
     def _on_imu(self, sample: Attitude) -> None:
-        self._simulate(_row(sample.stamp_ns, q_nb=sample.q_nb, force=sample.specific_force_b, rate=sample.angular_rate_b))
+        self._simulate(_row(sample.stamp_ns, NOWHERE, None, sample.q_nb, sample.specific_force_b, sample.angular_rate_b, None))
 
     def _on_odometry(self, state: NavSolution) -> None:
         if not self._needs_wind:
-            self._simulate(_row_of_state(state, NO_WIND))
+            self._simulate(_row_of_state(state, None))
             return
         self._waiting[state.stamp_ns] = state
         self._pair()
 
     def _on_wind(self, state: NavSolution) -> None:
         down = state.states["wind_down_mps"][0] if state.states else 0.0
-        self._wind[state.stamp_ns] = np.array([*state.wind_n, down])
+        self._wind[state.stamp_ns] = np.append(NO_WIND if state.wind_n is None else state.wind_n, down)
         self._pair()
 
     def _pair(self) -> None:
-        """Simulate the states whose wind is there, in order; forget what lost its partner on the way."""
+        """Simulate the states whose wind is there, in order; drop those whose partner was lost."""
         for stamp in sorted(self._waiting.keys() & self._wind.keys()):
             self._simulate(_row_of_state(self._waiting.pop(stamp), self._wind.pop(stamp)))
             for table in (self._waiting, self._wind):
@@ -78,14 +80,13 @@ class SimulatorNode(NodeBase):
             self.output(measurement.source).send(to_cdr(encode(measurement)))  # one row of truth, so at most one sample
 
 
-def _row(
-    stamp_ns: int, place: tuple = (0.0, 0.0, 0.0), vel_n=NO_VELOCITY, q_nb=None, force=NO_VELOCITY, rate=NO_RATE, wind_n=NO_WIND
-) -> TruthBlock:
+def _row(stamp_ns: int, place: tuple, *vectors: Any) -> TruthBlock:
+    """One row of truth: place, then velocity, attitude, specific force, rate and wind, none of them where it is None."""
     lat, lon, height = (np.array([value]) for value in place)
-    columns = (np.ascontiguousarray(np.atleast_2d(value), dtype=float) for value in (vel_n, q_nb, force, rate, wind_n))
+    columns = (np.zeros((1, 3)) if value is None else np.ascontiguousarray(np.atleast_2d(value), dtype=float) for value in vectors)
     return TruthBlock(np.array([stamp_ns]), lat, lon, height, *columns)
 
 
-def _row_of_state(state: NavSolution, wind_n: np.ndarray) -> TruthBlock:
-    rate = NO_RATE if state.angular_rate_b is None else state.angular_rate_b
-    return _row(state.stamp_ns, (state.lat, state.lon, state.height), state.vel_n, state.q_nb, rate=rate, wind_n=wind_n)
+def _row_of_state(state: NavSolution, wind_n: np.ndarray | None) -> TruthBlock:
+    place = state.lat, state.lon, state.height
+    return _row(state.stamp_ns, place, state.vel_n, state.q_nb, None, state.angular_rate_b, wind_n)

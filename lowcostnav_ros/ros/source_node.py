@@ -1,4 +1,4 @@
-"""A node that speaks by itself: a thread that publishes, while the main thread answers services and reports."""
+"""A node that publishes from its own thread, while the main thread answers services and reports."""
 
 import struct
 import threading
@@ -28,7 +28,7 @@ class SourceSettings:
 class SourceNode(NodeBase):
     """Base of the truth source and the player.
 
-    A subclass gives ``make_outputs()`` (publishers must exist before listeners are counted) and ``speak()``, which publishes everything
+    A subclass gives ``make_outputs()`` (publishers must exist before listeners are counted) and ``publish_all()``, which publishes all
     there is and returns; it calls ``self.at(stamp_ns)`` before each message and stops when that returns False.
     """
 
@@ -42,13 +42,13 @@ class SourceNode(NodeBase):
         self._clock_output: Output = self.output("clock", "/clock")
         self._next_clock_ns = self._stamp_ns = self._first_ns = 0
         self.make_outputs()
-        self._thread = threading.Thread(target=self._run, name="speak", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
         self._thread.start()
 
     def make_outputs(self) -> None:
         """Make the publishers."""
 
-    def speak(self) -> None:
+    def publish_all(self) -> None:
         """Publish everything, in order."""
 
     def at(self, stamp_ns: int) -> bool:
@@ -78,8 +78,8 @@ class SourceNode(NodeBase):
         yield Status(f"{self.get_name()}: source", ERROR if self.trouble else OK, message, values)
 
     def reset(self, reason: str) -> str:
-        """A source has no state to start over."""
-        return f"{self.get_name()} cannot start over; start the node again."
+        """A source cannot be reset."""
+        return f"{self.get_name()} cannot be reset; start the node again."
 
     def destroy_node(self) -> None:
         """End the thread, then the node."""
@@ -90,21 +90,21 @@ class SourceNode(NodeBase):
 
     def _run(self) -> None:
         try:
-            wait_for_subscribers(self, self.source_settings.start, self.running, self._say)
+            wait_for_subscribers(self, self.source_settings.start, self.running, self._report)
             if not self.running():
                 return
-            self._say("flying")
+            self._report("flying")
             began = time.monotonic()
-            self.speak()
+            self.publish_all()
             if self.running():
-                self._say("finished")
+                self._report("finished")
                 self.get_logger().info(f"{self.get_name()} finished after {time.monotonic() - began:.1f} s; Ctrl-C ends it.")
         except Exception as error:
             if self.running():
                 self.state, self.trouble = "failed", f"{type(error).__name__}: {error}"
                 self.get_logger().error(self.trouble)
 
-    def _say(self, state: str) -> None:
+    def _report(self, state: str) -> None:
         self.state = state
 
 

@@ -82,7 +82,7 @@ class DmeSimulator:
         """Return the replies that arrive during ``truth``.
 
         The variance of a reply is that of its whole error, slow part included.  A station below the horizon or outside its
-        service volume, at the question or at the reply, stays silent.
+        service volume, at interrogation or reply, does not answer.
         """
         if len(truth) == 0:
             return []

@@ -123,7 +123,7 @@ class GnssRawSimulator:
     Attributes
     ----------
     notes : list of str
-        What there is to say about the satellites, one sentence each.
+        Notes on the satellites, one sentence each.
     """
 
     def __init__(self, settings: GnssRawSimulatorSettings, almanac: Almanac | None = None, source: str = "gnss/raw") -> None:

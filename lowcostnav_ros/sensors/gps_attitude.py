@@ -18,7 +18,7 @@ from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
 STEEPEST = np.radians(85.0)
-"""Pitch beyond which the receiver, which speaks in Euler angles, is taken to give none."""
+"""Pitch beyond which the receiver, which reports Euler angles, gives no attitude."""
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ class MagnetometerSimulator:
     def simulate(self, truth: TruthBlock) -> list[MagneticField]:
         """Return the field measurements that fall into ``truth``.
 
-        The stated covariance holds the noise and, when calibrated, the residual; a raw magnetometer does not know its own iron.
+        The stated covariance holds the noise and, when calibrated, the residual; a raw magnetometer's hard and soft iron is not in it.
         """
         rows = self._clock.rows(truth.stamps_ns)
         if len(rows) == 0:

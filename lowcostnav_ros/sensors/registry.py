@@ -7,14 +7,14 @@ from lowcostnav_ros.base.registry import ClassRegistry
 
 @dataclass(frozen=True)
 class SimulatorLabel:
-    """What a simulator says of itself in ``@simulator("vor", Settings=VorSimulatorSettings, truth=("truth/odometry",), ...)``.
+    """What a simulator declares in ``@simulator("vor", Settings=VorSimulatorSettings, truth=("truth/odometry",), ...)``.
 
     The class has the verb ``simulate(truth: TruthBlock) -> list[Measurement]``; its ``Settings`` have defaults that make a simulator.  From
     this follow a section in every scenario, a node ``<name>_simulator`` and its parameter file.
 
     ``truth`` names the topics of the truth that the node subscribes to: ``truth/imu``, ``truth/odometry``, or that and ``truth/wind``;
     ``topics`` those of its measurements; ``needs`` the setting that names a file to be loaded and handed over after the settings
-    (``profile``, ``stations_file`` or ``almanac_file``); ``usual`` its place among those aboard unless a scenario says otherwise, 0: not
+    (``profile``, ``stations_file`` or ``almanac_file``); ``usual`` its place among those aboard unless a scenario lists others, 0: not
     aboard.
     """
 

@@ -95,7 +95,7 @@ class VorSimulator:
         return self._reception.arrived(int(truth.stamps_ns[-1]))
 
     def _tune(self, stamp_ns: int, place: tuple[float, float, float]) -> None:
-        """Tune the receivers anew when it is time; who keeps its station goes on without a gap."""
+        """Tune the receivers anew when it is time; a receiver that keeps its station continues without a gap."""
         if self._tune_ns is not None and stamp_ns < self._tune_ns:
             return
         first = self._tune_ns is None

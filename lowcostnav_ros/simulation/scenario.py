@@ -37,7 +37,7 @@ class Scenario:
             if rate_hz is None:
                 continue
             ratio = highest_hz / rate_hz
-            # who takes the mean over its interval needs whole intervals
+            # a sensor that averages over its interval needs whole intervals
             if "truth/imu" in SIMULATORS.label(name).truth and (ratio < 1.0 or abs(ratio - round(ratio)) > 1e-9):
                 raise SettingsError(f"Scenario '{self.name}': {name}.rate_hz of {rate_hz:g} must divide truth.rate_hz of {highest_hz:g}.")
             if ratio < 1.0:

@@ -35,4 +35,4 @@ class Simulation:
     def whole(self) -> tuple[TruthBlock, list[Measurement]]:
         """Fly to the end: all of the truth, and all measurements in order of availability."""
         seconds = list(self.blocks())
-        return TruthBlock.joined(truth for truth, _ in seconds), [m for _, heard in seconds for m in heard]
+        return TruthBlock.joined(truth for truth, _ in seconds), [m for _, measured in seconds for m in measured]

@@ -27,7 +27,7 @@ class TruthStates:
     def at(self, truth: TruthBlock, row: int) -> Iterator[tuple[str, Any]]:
         """Yield topics and messages of a row, none where no state is due."""
         stamp_ns = int(truth.stamps_ns[row])
-        if stamp_ns < self._due_ns:
+        if self._origin is None or stamp_ns < self._due_ns:
             return
         self._due_ns += PERIOD_NS * (1 + (stamp_ns - self._due_ns) // PERIOD_NS)
         yield "truth/odometry", encode.truth_odometry(truth, row, self._origin)

@@ -1,5 +1,7 @@
 """``air/velocity``: the air-relative velocity."""
 
+from typing import Any
+
 import numpy as np
 
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity
@@ -7,14 +9,15 @@ from lowcostnav_ros.messages import checks, topics
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.kind import Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.parts import twist_stamped
+from lowcostnav_ros.messages.rules import Refusal
 from lowcostnav_ros.messages.samples import VELOCITY
 
 
-def _decode(message, received: checks.Received) -> AirVelocity:
+def _decode(message: Any, received: checks.Received) -> AirVelocity:
     received.frame(message.header.frame_id)
     velocity, cov = checks.twist(message, "airspeed", 400.0)
     if velocity[0] < -50.0:
-        raise checks.Refusal("airspeed is negative", f"{velocity[0]:g} m/s")
+        raise Refusal("airspeed is negative", f"{velocity[0]:g} m/s")
     return AirVelocity(*received.head, conv.swap_body(velocity), received.known(cov, conv.swap_body_cov))
 
 
@@ -32,7 +35,7 @@ describe(
     frames=frozenset({"base_link"}),
     variances=(4.0, UNKNOWN_VARIANCE, UNKNOWN_VARIANCE),
     fields={"tas": Quantity(1, "speed"), "sigma": Quantity(1, "speed")},
-    from_row=lambda row: AirVelocity(*row.head, np.array([row["tas"], 0.0, 0.0]), _cov(row.variance())),
-    sample=lambda at: AirVelocity(*at.head, VELOCITY, _cov(4.0)),
+    from_row=lambda row: row.of(AirVelocity, np.array([row["tas"], 0.0, 0.0]), _cov(row.variance())),
+    sample=lambda at: at.of(AirVelocity, VELOCITY, _cov(4.0)),
     sensed=True,
 )

@@ -20,25 +20,28 @@ flags         uint8         bit 0: the pseudorange is valid, bit 1: the range ra
 The header's stamp is the time of reception; its frame is ``gps``, the antenna.
 
 A navigator takes one observation of a satellite.  Where valid points of one satellite agree within their sigmas, as two signals of it do,
-the one of the smallest sigma is taken.  Where they contradict each other nothing tells which is right, and all of them are left out.
+the one of the smallest sigma is taken.  Where they contradict each other none can be shown right, and all are excluded.
 """
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.gnss.signals import name as name_of
-from lowcostnav_ros.messages.checks import Received, Refusal
+from lowcostnav_ros.messages.checks import Received
 from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, TopicSpec, describe
 from lowcostnav_ros.messages.parts import TYPES, header
+from lowcostnav_ros.messages.rules import Refusal
 from lowcostnav_ros.messages.samples import FLIGHT_S, VELOCITY, Instant
 from lowcostnav_ros.messages.topics import POINT_CLOUD
 from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 
 _REALS = ("x", "y", "z", "vx", "vy", "vz", "pseudorange", "doppler", "sigma", "sigma_doppler", "cn0")
 _BYTES = ("system", "sat_id", "flags")
-POINT = np.dtype([(name, "<f8") for name in _REALS] + [(name, "u1") for name in _BYTES])
+_FORMATS = dict.fromkeys(_REALS, np.dtype("<f8")) | dict.fromkeys(_BYTES, np.dtype("u1"))
+POINT = np.dtype(list(_FORMATS.items()))
 """One point as it lies in the data of the message."""
 
 NEAREST_M, FARTHEST_M = 1.5e7, 6.0e7
@@ -51,7 +54,7 @@ _UINT8, _FLOAT64 = 2, 8  # sensor_msgs/PointField
 _MOST_SATELLITES = 200
 
 
-def cloud_of(epoch: GnssEpoch) -> object:
+def cloud_of(epoch: GnssEpoch) -> Any:
     """Build the PointCloud2 message of an epoch."""
     points = np.zeros(len(epoch), POINT)
     for k, name in enumerate("xyz"):
@@ -62,16 +65,18 @@ def cloud_of(epoch: GnssEpoch) -> object:
     points["system"] = [ord(letter) for letter in epoch.system]
     points["sat_id"] = epoch.sat_id
     points["flags"] = epoch.range_valid + 2 * epoch.doppler_valid
-    fields = [TYPES["sensor_msgs/msg/PointField"](n, POINT.fields[n][1], _FLOAT64 if n in _REALS else _UINT8, 1) for n in POINT.names]
+    offsets = np.cumsum([0, *(form.itemsize for form in _FORMATS.values())]).tolist()
+    types = [_FLOAT64 if name in _REALS else _UINT8 for name in _FORMATS]
+    fields = [TYPES["sensor_msgs/msg/PointField"](*field, 1) for field in zip(_FORMATS, offsets, types, strict=False)]
     data = np.frombuffer(points.tobytes(), np.uint8)
     return TYPES[POINT_CLOUD](header(epoch.stamp_ns, "gps"), 1, len(epoch), fields, False, POINT.itemsize, len(data), data, True)
 
 
-def _decode(message, received: Received) -> GnssEpoch:
+def _decode(message: Any, received: Received) -> GnssEpoch:
     """Turn a PointCloud2 message object into an epoch.
 
     An observation that cannot be (not finite, impossible range, no sigma) is kept as not valid, and ``notes`` counts it; so it does the
-    points left out of satellites that appear more than once.
+    points not used of satellites that appear more than once.
 
     Raises
     ------
@@ -85,14 +90,15 @@ def _decode(message, received: Received) -> GnssEpoch:
         placed = np.isfinite(velocity).all(axis=1) & _between(np.linalg.norm(position, axis=1))
         good_range = placed & _between(points["pseudorange"]) & (points["sigma"] > 0.0) & np.isfinite(points["sigma"])
         good_rate = placed & (np.abs(points["doppler"]) < 1e5) & (points["sigma_doppler"] > 0.0) & np.isfinite(points["sigma_doppler"])
-    said_range, said_rate = (points["flags"] & 1) != 0, (points["flags"] & 2) != 0
-    for what, said, good in (("pseudorange", said_range, good_range), ("doppler", said_rate, good_rate)):
-        if np.any(said & ~good):
-            received.notes[f"{received.kind.name}: implausible {what} left out"] += int(np.count_nonzero(said & ~good))
-    columns = [_finite(points[name]) for name in _REALS[6:]]
+    stated_range, stated_rate = (points["flags"] & 1) != 0, (points["flags"] & 2) != 0
+    for what, stated, good in (("pseudorange", stated_range, good_range), ("doppler", stated_rate, good_rate)):
+        if np.any(stated & ~good):
+            received.notes[f"{received.kind.name}: implausible {what} not used"] += int(np.count_nonzero(stated & ~good))
+    pseudorange, doppler, sigma, sigma_doppler, cn0 = (_finite(points[name]) for name in _REALS[6:])
+    columns = pseudorange, doppler, sigma, sigma_doppler, cn0
     system = np.array([chr(code) for code in points["system"]], dtype="<U1")
     states = np.where(placed[:, None], position, 0.0), np.where(placed[:, None], velocity, 0.0)
-    valid = said_range & good_range, said_rate & good_rate
+    valid = stated_range & good_range, stated_rate & good_rate
     epoch = GnssEpoch(*received.head, system, points["sat_id"].astype(np.int64), *columns, *states, *valid)
     return _once_each(epoch, received.notes)
 
@@ -109,7 +115,7 @@ def _once_each(epoch: GnssEpoch, notes: Counter) -> GnssEpoch:
         best = rows if len(rows) == 1 else _best(epoch, rows)
         kept += best
         if len(rows) > 1:
-            what = "second signal not used" if best else "contradictory copies left out"
+            what = "second signal not used" if best else "contradictory copies excluded"
             notes[f"{epoch.source}: {name_of(*satellite)}: {what}"] += len(rows) - len(best)
     if not kept:
         raise Refusal("every satellite appears twice and contradicts itself")
@@ -123,10 +129,10 @@ def _best(epoch: GnssEpoch, rows: list[int]) -> list[int]:
         (epoch.range_valid, epoch.pseudorange_m, epoch.sigma_m),
         (epoch.doppler_valid, epoch.doppler_mps, epoch.sigma_mps),
     ):
-        told = copies[valid[copies]]
-        if told.size > 1:
-            apart = np.abs(value[told][:, None] - value[told])
-            if np.any(apart > SAME_SIGMAS * np.hypot(sigma[told][:, None], sigma[told])):
+        usable = copies[valid[copies]]
+        if usable.size > 1:
+            apart = np.abs(value[usable][:, None] - value[usable])
+            if np.any(apart > SAME_SIGMAS * np.hypot(sigma[usable][:, None], sigma[usable])):
                 return []
     order = np.lexsort((epoch.sigma_m[copies], ~epoch.doppler_valid[copies], ~epoch.range_valid[copies]))
     return [int(copies[order[0]])]
@@ -140,7 +146,7 @@ def _finite(column: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(column), column, 0.0)
 
 
-def _points(message) -> np.ndarray:
+def _points(message: Any) -> np.ndarray:
     """Data of a cloud as a table with the fields of :data:`POINT`, wherever in the point the sender put them."""
     count = message.width * message.height
     if count == 0 or count > _MOST_SATELLITES:
@@ -148,18 +154,18 @@ def _points(message) -> np.ndarray:
     if message.is_bigendian:
         raise Refusal("big-endian clouds are not read")
     given = {field.name: field for field in message.fields}
-    formats, offsets = [], []
-    for name in POINT.names:
+    offsets = []
+    for name, form in _FORMATS.items():
         field, wanted = given.get(name), _FLOAT64 if name in _REALS else _UINT8
         if field is None:
             raise Refusal("a field is missing", f"'{name}'")
-        if field.datatype != wanted or field.count != 1 or field.offset + POINT.fields[name][0].itemsize > message.point_step:
+        if field.datatype != wanted or field.count != 1 or field.offset + form.itemsize > message.point_step:
             raise Refusal("a field has the wrong type or place", f"'{name}'")
-        formats.append(POINT.fields[name][0])
         offsets.append(field.offset)
     if len(message.data) != count * message.point_step:
         raise Refusal("length of the data does not fit", f"{len(message.data)} bytes")
-    layout = np.dtype({"names": list(POINT.names), "formats": formats, "offsets": offsets, "itemsize": message.point_step})
+    forms: list[Any] = list(_FORMATS.values())
+    layout = np.dtype({"names": list(_FORMATS), "formats": forms, "offsets": offsets, "itemsize": message.point_step})
     return np.frombuffer(bytes(message.data), layout)
 
 
@@ -168,7 +174,7 @@ _FAULT_S, _FAULT_M = 5.0, 1000.0
 
 def _sample(at: Instant) -> GnssEpoch:
     """Noise-free observations of the simulated satellites in view; in the last seconds the first has a fault, to be found and excluded."""
-    from lowcostnav_ros.gnss.constellation import gps_24  # only who warms up needs satellites that fly
+    from lowcostnav_ros.gnss.constellation import gps_24  # only a warm-up needs a constellation
     from lowcostnav_ros.gnss.observables import range_and_rate
 
     place_e, velocity_e = geodetic_to_ecef(*at.place), dcm_ne(*at.place[:2]).T @ VELOCITY
@@ -180,12 +186,12 @@ def _sample(at: Instant) -> GnssEpoch:
     n = int(np.count_nonzero(seen))
     columns = ranges[seen], rates[seen], np.full(n, 5.0), np.full(n, 0.2), np.zeros(n), sat_pos[seen], sat_vel[seen]
     names = constellation.system[seen], constellation.sat_id[seen]
-    return GnssEpoch(*at.head, *names, *columns, np.ones(n, bool), np.ones(n, bool))
+    return at.of(GnssEpoch, *names, *columns, np.ones(n, bool), np.ones(n, bool))
 
 
 _MEANING = (
     "Satellite observations; fields: see messages.kinds.gnss_raw. One point a satellite is used: of two signals that agree the one of "
-    "the smaller sigma; copies that contradict each other are all left out, the other satellites stay."
+    "the smaller sigma; copies that contradict each other are all excluded, the other satellites are used."
 )
 describe(
     __name__,

@@ -1,5 +1,7 @@
 """``gps/attitude``: the attitude from several GPS antennas."""
 
+from typing import Any
+
 import numpy as np
 
 from lowcostnav_ros.base.measurements import Attitude
@@ -10,13 +12,13 @@ from lowcostnav_ros.messages.kind import TopicSpec, describe
 from lowcostnav_ros.messages.kinds.imu import Imu, attitude_sample, orientation, unaccelerated
 
 
-def _decode(message, received: Received) -> Attitude:
+def _decode(message: Any, received: Received) -> Attitude:
     """Turn an Imu message object with nothing but an orientation into an attitude at no rate, unaccelerated."""
     q_nb, cov_att = orientation(message, received)
     return Attitude(*received.head, q_nb, cov_att, np.zeros(3), unaccelerated(q_nb))
 
 
-def _encode(attitude: Attitude) -> object:
+def _encode(attitude: Attitude) -> Any:
     """Build a message: orientation and its covariance, angular velocity and acceleration marked absent."""
     header, q, none = parts.header(attitude.stamp_ns, "base_link"), parts.quaternion(attitude.q_nb), parts.flu(np.zeros(3))
     return Imu(header, q, np.ravel(conv.swap_world_cov(attitude.cov_att)), none, parts.ABSENT, none, parts.ABSENT)

@@ -1,5 +1,7 @@
 """``gps/fix``: the position of a GPS receiver."""
 
+from typing import Any
+
 import numpy as np
 
 from lowcostnav_ros.base.measurements import GpsPosition
@@ -9,7 +11,7 @@ from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, WORLD_AXES, Quantity, T
 from lowcostnav_ros.messages.parts import nav_sat_fix
 
 
-def _decode(message, received: checks.Received) -> GpsPosition:
+def _decode(message: Any, received: checks.Received) -> GpsPosition:
     received.frame(message.header.frame_id)
     place = checks.geodetic(message)
     cov = checks.covariance(message.position_covariance, "position")
@@ -26,7 +28,7 @@ describe(
     frames=ANTENNA_FRAMES,
     variances=(9.0, 9.0, 25.0),
     fields={"lat": _ANGLE, "lon": _ANGLE, "height": _LENGTH, "sigma": Quantity(3, "length", True, WORLD_AXES)},
-    from_row=lambda row: GpsPosition(*row.head, float(row["lat"]), float(row["lon"]), float(row["height"]), row.cov()),
-    sample=lambda at: GpsPosition(*at.head, *at.place, 4.0 * np.eye(3)),
+    from_row=lambda row: row.of(GpsPosition, float(row["lat"]), float(row["lon"]), float(row["height"]), row.cov()),
+    sample=lambda at: at.of(GpsPosition, *at.place, 4.0 * np.eye(3)),
     sensed=True,
 )

@@ -1,5 +1,7 @@
 """``gps/vel``: the velocity over ground of a GPS receiver."""
 
+from typing import Any
+
 import numpy as np
 
 from lowcostnav_ros.base.measurements import GpsVelocity
@@ -10,7 +12,7 @@ from lowcostnav_ros.messages.parts import twist_stamped
 from lowcostnav_ros.messages.samples import VELOCITY
 
 
-def _decode(message, received: checks.Received) -> GpsVelocity:
+def _decode(message: Any, received: checks.Received) -> GpsVelocity:
     received.frame(message.header.frame_id)
     velocity, cov = checks.twist(message, "velocity", 600.0)
     return GpsVelocity(*received.head, conv.swap_world(velocity), received.known(cov, conv.swap_world_cov))
@@ -26,7 +28,7 @@ describe(
     frames=ANTENNA_FRAMES - {"base_link"},  # which would mean body axes
     variances=(0.04, 0.04, 0.09),
     fields={"velocity": _SPEED, "sigma": _SPEED},
-    from_row=lambda row: GpsVelocity(*row.head, row["velocity"], row.cov()),
-    sample=lambda at: GpsVelocity(*at.head, VELOCITY, 0.01 * np.eye(3)),
+    from_row=lambda row: row.of(GpsVelocity, row["velocity"], row.cov()),
+    sample=lambda at: at.of(GpsVelocity, VELOCITY, 0.01 * np.eye(3)),
     sensed=True,
 )

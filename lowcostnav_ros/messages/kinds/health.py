@@ -1,6 +1,7 @@
 """``clock`` and ``diagnostics``: what no navigator reads."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from lowcostnav_ros.messages.kind import TopicSpec, describe
 from lowcostnav_ros.messages.parts import TYPES, header, time_of
@@ -9,12 +10,12 @@ from lowcostnav_ros.messages.topics import CLOCK, DIAGNOSTICS
 DiagnosticStatus, KeyValue = TYPES["diagnostic_msgs/msg/DiagnosticStatus"], TYPES["diagnostic_msgs/msg/KeyValue"]
 
 
-def clock(stamp_ns: int) -> object:
+def clock(stamp_ns: int) -> Any:
     """Build a ``/clock`` message."""
     return TYPES[CLOCK](time_of(stamp_ns))
 
 
-def diagnostics(stamp_ns: int, statuses: Sequence[tuple[str, int, str, dict[str, object]]]) -> object:
+def diagnostics(stamp_ns: int, statuses: Sequence[tuple[str, int, str, dict[str, object]]]) -> Any:
     """Build a DiagnosticArray.
 
     Parameters

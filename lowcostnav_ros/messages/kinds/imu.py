@@ -1,5 +1,7 @@
 """``imu/data_raw``, the inertial samples, and ``imu/data``, the attitude of an AHRS."""
 
+from typing import Any
+
 import numpy as np
 
 from lowcostnav_ros.base.measurements import Attitude, ImuBlock, NavSolution
@@ -20,7 +22,7 @@ _NO_TURN = Quaternion(0.0, 0.0, 0.0, 1.0)
 _SAMPLES = 20
 
 
-def _vectors(message, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray]:
+def _vectors(message: Any, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray]:
     """Return checked (specific force, angular rate), FRD."""
     checks.covariance(message.angular_velocity_covariance, "angular rate", may_be_zero=True)
     rate, force = checks.xyz(message.angular_velocity), checks.xyz(message.linear_acceleration)
@@ -31,14 +33,14 @@ def _vectors(message, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray]:
     return conv.swap_body(np.array(force)), conv.swap_body(np.array(rate))
 
 
-def _decode_raw(message, received: Received) -> ImuBlock:
+def _decode_raw(message: Any, received: Received) -> ImuBlock:
     received.frame(message.header.frame_id)
     checks.covariance(message.linear_acceleration_covariance, "specific force", may_be_zero=True)
     force, rate = _vectors(message, received.rules)
     return ImuBlock(*received.head, np.array([received.head[0]]), force[np.newaxis], rate[np.newaxis])
 
 
-def orientation(message, received: Received) -> tuple[np.ndarray, np.ndarray]:
+def orientation(message: Any, received: Received) -> tuple[np.ndarray, np.ndarray]:
     """Return the checked ``q_nb`` (4,) and its covariance (3, 3) of an Imu message object; raises Refusal."""
     received.frame(message.header.frame_id)
     cov = checks.covariance(message.orientation_covariance, "orientation", received.kind.name == "truth/imu")
@@ -53,11 +55,11 @@ def unaccelerated(q_nb: np.ndarray) -> np.ndarray:
     return quat_to_dcm(q_nb).T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
 
 
-def decode_attitude(message, received: Received) -> Attitude:
+def decode_attitude(message: Any, received: Received) -> Attitude:
     """Turn an Imu message object with orientation into an attitude.
 
     Where the message has no acceleration (its covariance begins with -1) the specific force of unaccelerated flight stands in, and
-    ``notes`` says so.
+    ``notes`` records it.
 
     Raises
     ------
@@ -72,12 +74,12 @@ def decode_attitude(message, received: Received) -> Attitude:
     return Attitude(*received.head, q_nb, cov_att, rate, force)
 
 
-def imu_raw(stamp_ns: int, specific_force_b: np.ndarray, angular_rate_b: np.ndarray, frame_id: str = "imu_link") -> object:
+def imu_raw(stamp_ns: int, specific_force_b: np.ndarray, angular_rate_b: np.ndarray, frame_id: str = "imu_link") -> Any:
     """Build an ``imu/data_raw`` message of one sample (m/s^2 and rad/s, FRD): orientation absent, covariances unknown."""
     return Imu(header(stamp_ns, frame_id), _NO_TURN, ABSENT, flu(angular_rate_b), UNKNOWN, flu(specific_force_b), UNKNOWN)
 
 
-def _encode_raw(block: ImuBlock) -> object:
+def _encode_raw(block: ImuBlock) -> Any:
     if len(block) != 1:
         raise TypeError(f"A block of {len(block)} samples from {block.source} has no message of its own.")
     return imu_raw(block.stamp_ns, block.specific_force_b[0], block.angular_rate_b[0])
@@ -98,13 +100,13 @@ def imu_raw_cdr(block: ImuBlock, frame_id: str = "imu_link") -> list[bytes]:
     return [flat[k : k + size] for k in range(0, n * size, size)]
 
 
-def imu_attitude(attitude: Attitude, specific_force_known: bool = True) -> object:
+def imu_attitude(attitude: Attitude, specific_force_known: bool = True) -> Any:
     """Build an ``imu/data`` message of an attitude; ``specific_force_known=False`` marks the acceleration absent."""
     force_cov = UNKNOWN if specific_force_known else ABSENT
     return imu_message(attitude.stamp_ns, attitude.q_nb, attitude.cov_att, attitude.angular_rate_b, attitude.specific_force_b, force_cov)
 
 
-def imu_from_solution(solution: NavSolution) -> object:
+def imu_from_solution(solution: NavSolution) -> Any:
     """Build an ``imu/data`` message from a solution that has an attitude: attitude, its covariance, corrected rate and specific force.
 
     Raises
@@ -118,16 +120,16 @@ def imu_from_solution(solution: NavSolution) -> object:
     return imu_message(solution.stamp_ns, solution.q_nb, solution.cov_att, solution.angular_rate_b, force, force_cov)
 
 
-def imu_message(stamp_ns: int, q_nb: np.ndarray, cov_att: np.ndarray, rate: np.ndarray, force: np.ndarray, force_cov: np.ndarray) -> object:
+def imu_message(stamp_ns: int, q_nb: np.ndarray, cov_att: np.ndarray, rate: np.ndarray, force: np.ndarray, force_cov: np.ndarray) -> Any:
     """Build an Imu message with orientation."""
     cov = np.ravel(conv.swap_world_cov(cov_att))
     return Imu(header(stamp_ns, "base_link"), quaternion(q_nb), cov, flu(rate), UNKNOWN, flu(force), force_cov)
 
 
-def _attitude_from_row(row: TableRow) -> object:
+def _attitude_from_row(row: TableRow) -> Any:
     q_nb = row["quaternion"] if "quaternion" in row.values else euler_to_quat(*row["euler"])
     known = "force" in row.values
-    attitude = Attitude(*row.head, q_nb, row.cov(), row["rate"], row["force"] if known else np.zeros(3))
+    attitude = row.of(Attitude, q_nb, row.cov(), row["rate"], row["force"] if known else np.zeros(3))
     return imu_attitude(attitude, specific_force_known=known)
 
 
@@ -138,7 +140,7 @@ def _raw_sample(at: Instant) -> ImuBlock:
 
 def attitude_sample(at: Instant) -> Attitude:
     """Return the attitude of level flight."""
-    return Attitude(*at.head, LEVEL, 1e-4 * np.eye(3), np.zeros(3), FORCE)
+    return at.of(Attitude, LEVEL, 1e-4 * np.eye(3), np.zeros(3), FORCE)
 
 
 _RATE, _SIGMA = Quantity(3, "angular rate", True, BODY_AXES), Quantity(3, "angle")
@@ -151,7 +153,7 @@ describe(
     frames=BODY_FRAMES,
     fields={"force": Quantity(3, "acceleration", True, BODY_AXES), "rate": _RATE},
     options=("mounting_deg",),
-    from_row=lambda rows: ImuBlock.of(*rows.head[::-1], rows.mounted("force"), rows.mounted("rate")),
+    from_row=lambda rows: ImuBlock.of(rows.head[1], rows.head[0], rows.mounted("force"), rows.mounted("rate")),
     sample=_raw_sample,
     sensed=True,
     fast=imu_columns.one,

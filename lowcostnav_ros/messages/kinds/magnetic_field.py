@@ -1,6 +1,7 @@
 """``imu/mag``: the magnetic field."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -8,9 +9,10 @@ from lowcostnav_ros.base.measurements import MagneticField
 from lowcostnav_ros.messages import checks, parts, topics
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.kind import BODY_AXES, BODY_FRAMES, Quantity, TopicSpec, describe
+from lowcostnav_ros.messages.rules import Refusal
 
 
-def _decode(message, received: checks.Received) -> MagneticField:
+def _decode(message: Any, received: checks.Received) -> MagneticField:
     received.frame(message.header.frame_id)
     field = checks.xyz(message.magnetic_field)
     checks.finite(field, "magnetic field")
@@ -25,11 +27,11 @@ def _refuse_wrong_unit(norm: float, allowed: tuple[float, float]) -> None:
         return
     for unit, factor in (("gauss", 1e-4), ("microtesla", 1e-6), ("milligauss", 1e-7), ("nanotesla", 1e-9)):
         if low <= norm * factor <= high:
-            raise checks.Refusal(f"magnetic field implausible, {unit} instead of tesla?", f"{norm:g}")
-    raise checks.Refusal("magnetic field implausible", f"{norm:g} T")
+            raise Refusal(f"magnetic field implausible, {unit} instead of tesla?", f"{norm:g}")
+    raise Refusal("magnetic field implausible", f"{norm:g} T")
 
 
-def _encode(field: MagneticField) -> object:
+def _encode(field: MagneticField) -> Any:
     cov = np.ravel(conv.swap_body_cov(field.cov_b))
     return parts.TYPES[topics.MAGNETIC_FIELD](parts.header(field.stamp_ns, "imu_link"), parts.flu(field.field_b), cov)
 
@@ -44,7 +46,7 @@ describe(
     variances=(2.5e-13, 2.5e-13, 2.5e-13),  # 5 mG
     fields={"field": Quantity(3, "magnetic field", True, BODY_AXES), "sigma": Quantity(3, "magnetic field")},
     options=("mounting_deg",),
-    from_row=lambda row: MagneticField(*row.head, row.mounted("field"), row.cov()),
-    sample=lambda at: MagneticField(*at.head, np.array([2.2e-5, 0.5e-5, 4.2e-5]), 1e-14 * np.eye(3)),
+    from_row=lambda row: row.of(MagneticField, row.mounted("field"), row.cov()),
+    sample=lambda at: at.of(MagneticField, np.array([2.2e-5, 0.5e-5, 4.2e-5]), 1e-14 * np.eye(3)),
     sensed=True,
 )

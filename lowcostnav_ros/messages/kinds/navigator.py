@@ -1,15 +1,17 @@
 """What every navigator publishes under its own name: odometry in its map frame, fix, wind and the origin of the frame."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, NavSolution
 from lowcostnav_ros.messages import checks, parts
 from lowcostnav_ros.messages import conversions as conv
-from lowcostnav_ros.messages.checks import Received, Refusal
+from lowcostnav_ros.messages.checks import Received
 from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, NAVIGATOR, WORLD_FRAMES, TopicSpec, describe
 from lowcostnav_ros.messages.parts import Point, Pose, PoseWithCovariance, Twist, TwistWithCovariance, Vector3, flu, nav_sat_fix
+from lowcostnav_ros.messages.rules import Refusal
 from lowcostnav_ros.messages.samples import FORCE, LEVEL, VELOCITY, Instant
 from lowcostnav_ros.messages.topics import NAV_SAT_FIX, ODOMETRY, TWIST
 from lowcostnav_ros.physics.earth import LocalFrame
@@ -18,12 +20,12 @@ _TRUTH = "truth/"
 _NOT_ESTIMATED, _UNKNOWN_RATE = np.eye(3) * conv.NOT_ESTIMATED, np.eye(3) * UNKNOWN_VARIANCE
 
 
-def _decode_origin(message, received: Received) -> NavSolution:
+def _decode_origin(message: Any, received: Received) -> NavSolution:
     """Turn the origin of a map frame into a solution with nothing but a position."""
     return NavSolution(*received.head, *checks.geodetic(message))
 
 
-def _decode_fix(message, received: Received) -> NavSolution:
+def _decode_fix(message: Any, received: Received) -> NavSolution:
     """Turn a navigator's NavSatFix into a solution with position and covariance only."""
     received.frame(message.header.frame_id)
     place = checks.geodetic(message)
@@ -31,7 +33,7 @@ def _decode_fix(message, received: Received) -> NavSolution:
     return NavSolution(*received.head, *place, cov_pos=None if cov is None else conv.swap_world_cov(cov))
 
 
-def _decode_wind(message, received: Received) -> NavSolution:
+def _decode_wind(message: Any, received: Received) -> NavSolution:
     """Turn a wind message (velocity of the air mass, east north up) into a solution with wind only.
 
     A vertical component with a variance below :data:`UNKNOWN_VARIANCE`, as the truth has it, becomes the state ``wind_down_mps``.
@@ -43,7 +45,7 @@ def _decode_wind(message, received: Received) -> NavSolution:
     return NavSolution(*received.head, wind_n=np.array([north, east]), cov_wind=cov[:2, :2].copy(), states=states)
 
 
-def _decode_odometry(message, received: Received) -> NavSolution:
+def _decode_odometry(message: Any, received: Received) -> NavSolution:
     """Turn an Odometry message object into a solution; the map origin comes from ``rules.origins`` (see :class:`DecodeRules`).
 
     A datum whose variance reaches ``NOT_ESTIMATED`` is None in the solution.  The twist's angular part is the bias-corrected rate
@@ -111,19 +113,19 @@ def _check_numbers(position: np.ndarray, velocity: np.ndarray, rate: np.ndarray)
     checks.magnitude(rate, 35.0, "angular rate implausible, degrees per second?")
 
 
-def origin_fix(stamp_ns: int, origin: LocalFrame) -> object:
+def origin_fix(stamp_ns: int, origin: LocalFrame) -> Any:
     """Build the ``<navigator>/origin`` message of a map frame."""
     return nav_sat_fix(stamp_ns, origin.lat, origin.lon, origin.height, None, "map")
 
 
-def fix_from_solution(solution: NavSolution) -> object:
+def fix_from_solution(solution: NavSolution) -> Any:
     """Build a navigator's NavSatFix; status -1 with zeros where the solution has no position."""
-    if solution.lat is None:
+    if solution.lat is None or solution.lon is None or solution.height is None:
         return nav_sat_fix(solution.stamp_ns, 0.0, 0.0, 0.0, None, "base_link", status=-1)
     return nav_sat_fix(solution.stamp_ns, solution.lat, solution.lon, solution.height, solution.cov_pos, "base_link")
 
 
-def wind_message(stamp_ns: int, wind_n: np.ndarray, cov_wind: np.ndarray | None) -> object:
+def wind_message(stamp_ns: int, wind_n: np.ndarray, cov_wind: np.ndarray | None) -> Any:
     """Build a wind message, ENU, from (2,) or (3,) NED components; the vertical variance is unknown where it has two."""
     wind, cov = np.zeros(3), np.diag([0.0, 0.0, UNKNOWN_VARIANCE])
     n = len(wind_n)
@@ -132,7 +134,7 @@ def wind_message(stamp_ns: int, wind_n: np.ndarray, cov_wind: np.ndarray | None)
     return parts.twist_stamped(stamp_ns, "map", conv.swap_world(wind), conv.swap_world_cov(cov))
 
 
-def odometry_from_solution(solution: NavSolution, origin: LocalFrame) -> object:
+def odometry_from_solution(solution: NavSolution, origin: LocalFrame) -> Any:
     """Build an Odometry message of a solution in the map frame of ``origin``.
 
     Pose in ENU of the origin's tangent plane (attitude and covariances turned into it), twist in base_link FLU.  What the solution does
@@ -145,9 +147,9 @@ def odometry_from_solution(solution: NavSolution, origin: LocalFrame) -> object:
     position, q_map, cov_pos, cov_att = conv.map_from_local(*place, q_nb, cov_pos, cov_att, origin.origin_e, origin.C_le)
     vel_n, cov_vel = (solution.vel_n, solution.cov_vel) if has_vel else (np.zeros(3), _NOT_ESTIMATED)
     velocity, cov_vel = conv.body_velocity(vel_n, cov_vel, q_nb)
-    has_rate = solution.angular_rate_b is not None
-    rate = flu(solution.angular_rate_b) if has_rate else Vector3(0.0, 0.0, 0.0)
-    cov_twist = parts.two_blocks(cov_vel, _UNKNOWN_RATE if has_rate else _NOT_ESTIMATED)
+    rate_b = solution.angular_rate_b
+    rate = Vector3(0.0, 0.0, 0.0) if rate_b is None else flu(rate_b)
+    cov_twist = parts.two_blocks(cov_vel, _NOT_ESTIMATED if rate_b is None else _UNKNOWN_RATE)
     pose = Pose(Point(*position.tolist()), parts.quaternion(q_map))
     return parts.TYPES[ODOMETRY](
         parts.header(solution.stamp_ns, "map"),
@@ -157,7 +159,7 @@ def odometry_from_solution(solution: NavSolution, origin: LocalFrame) -> object:
     )
 
 
-def wind_from_solution(solution: NavSolution) -> object | None:
+def wind_from_solution(solution: NavSolution) -> Any:
     """Build a navigator's wind message, None where it has no wind."""
     return None if solution.wind_n is None else wind_message(solution.stamp_ns, solution.wind_n, solution.cov_wind)
 
@@ -165,16 +167,16 @@ def wind_from_solution(solution: NavSolution) -> object | None:
 def _sample(at: Instant) -> NavSolution:
     eye, still = np.eye(3), np.zeros(3)
     state = *at.place, VELOCITY, LEVEL, still, FORCE
-    return NavSolution(*at.head, *state, cov_pos=eye, cov_vel=eye, cov_att=1e-4 * eye, mode="gps")
+    return at.of(NavSolution, *state, cov_pos=eye, cov_vel=eye, cov_att=1e-4 * eye, mode="gps")
 
 
 def _wind_sample(at: Instant) -> NavSolution:
-    return NavSolution(*at.head, wind_n=np.array([3.0, -7.0]), cov_wind=np.eye(2))
+    return at.of(NavSolution, wind_n=np.array([3.0, -7.0]), cov_wind=np.eye(2))
 
 
 OF_ODOMETRY = {"measurement": NavSolution, "decode": _decode_odometry, "frames": WORLD_FRAMES, "sample": _sample}
 OF_WIND = {"measurement": NavSolution, "decode": _decode_wind, "encode": wind_from_solution, "frames": WORLD_FRAMES, "sample": _wind_sample}
-OF_ORIGIN = {"measurement": NavSolution, "decode": _decode_origin, "sample": lambda at: NavSolution(*at.head, *at.place)}
+OF_ORIGIN = {"measurement": NavSolution, "decode": _decode_origin, "sample": lambda at: at.of(NavSolution, *at.place)}
 """What the kinds of the navigators and those of the truth have in common."""
 
 describe(
@@ -198,5 +200,5 @@ describe(
     decode=_decode_fix,
     encode=fix_from_solution,
     frames=ANTENNA_FRAMES,
-    sample=lambda at: NavSolution(*at.head, *at.place, cov_pos=4.0 * np.eye(3)),
+    sample=lambda at: at.of(NavSolution, *at.place, cov_pos=4.0 * np.eye(3)),
 )

@@ -1,11 +1,13 @@
 """``air/static_pressure`` and ``air/dynamic_pressure``."""
 
 from collections.abc import Callable
+from typing import Any
 
 from lowcostnav_ros.base.measurements import Pressure
 from lowcostnav_ros.messages import checks, parts, topics
-from lowcostnav_ros.messages.checks import Received, Refusal
+from lowcostnav_ros.messages.checks import Received
 from lowcostnav_ros.messages.kind import BODY_FRAMES, Quantity, TopicSpec, describe
+from lowcostnav_ros.messages.rules import Refusal
 
 
 def _refuse_static(value: float) -> None:
@@ -26,12 +28,12 @@ def _refuse_dynamic(value: float) -> None:
         raise Refusal("pressure implausible", f"{value:g} Pa")
 
 
-def _encode(sent: Pressure) -> object:
+def _encode(sent: Pressure) -> Any:
     return parts.TYPES[topics.FLUID_PRESSURE](parts.header(sent.stamp_ns, "base_link"), float(sent.pressure_pa), float(sent.variance))
 
 
 def _describe(name: str, description: str, refuse: Callable[[float], None], variance: float, typical: float) -> None:
-    def decode(message, received: Received) -> Pressure:
+    def decode(message: Any, received: Received) -> Pressure:
         received.frame(message.header.frame_id)
         value = message.fluid_pressure
         checks.finite((value,), "pressure")
@@ -47,8 +49,8 @@ def _describe(name: str, description: str, refuse: Callable[[float], None], vari
         frames=BODY_FRAMES | {"air_data"},
         variances=(variance,),
         fields={"value": Quantity(1, "pressure"), "sigma": Quantity(1, "pressure")},
-        from_row=lambda row: Pressure(*row.head, row["value"], row.variance()),
-        sample=lambda at: Pressure(*at.head, typical, 100.0),
+        from_row=lambda row: row.of(Pressure, row["value"], row.variance()),
+        sample=lambda at: at.of(Pressure, typical, 100.0),
         sensed=True,
     )
 

@@ -1,23 +1,26 @@
 """``air/temperature``: the static air temperature, degrees Celsius in the message as its type says."""
 
+from typing import Any
+
 from lowcostnav_ros.base.measurements import AirTemperature
 from lowcostnav_ros.base.units import celsius, kelvin
 from lowcostnav_ros.messages import checks, parts, topics
 from lowcostnav_ros.messages.kind import BODY_FRAMES, Quantity, TopicSpec, describe
+from lowcostnav_ros.messages.rules import Refusal
 
 
-def _decode(message, received: checks.Received) -> AirTemperature:
+def _decode(message: Any, received: checks.Received) -> AirTemperature:
     received.frame(message.header.frame_id)
     value = message.temperature
     checks.finite((value,), "temperature")
     if 150.0 <= value <= 350.0:
-        raise checks.Refusal("temperature implausible, kelvin instead of degrees Celsius?", f"{value:g}")
+        raise Refusal("temperature implausible, kelvin instead of degrees Celsius?", f"{value:g}")
     if not -120.0 <= value <= 80.0:
-        raise checks.Refusal("temperature implausible", f"{value:g} deg C")
+        raise Refusal("temperature implausible", f"{value:g} deg C")
     return AirTemperature(*received.head, kelvin(value), received.variance(message.variance, "temperature"))
 
 
-def _encode(sent: AirTemperature) -> object:
+def _encode(sent: AirTemperature) -> Any:
     header = parts.header(sent.stamp_ns, "base_link")
     return parts.TYPES[topics.TEMPERATURE](header, celsius(float(sent.temperature_k)), float(sent.variance))
 
@@ -31,7 +34,7 @@ describe(
     frames=BODY_FRAMES | {"air_data"},
     variances=(4.0,),
     fields={"value": Quantity(1, "temperature"), "sigma": Quantity(1, "temperature")},
-    from_row=lambda row: AirTemperature(*row.head, row["value"], row.variance()),
-    sample=lambda at: AirTemperature(*at.head, 285.0, 1.0),
+    from_row=lambda row: row.of(AirTemperature, row["value"], row.variance()),
+    sample=lambda at: at.of(AirTemperature, 285.0, 1.0),
     sensed=True,
 )

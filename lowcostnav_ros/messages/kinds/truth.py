@@ -1,5 +1,7 @@
 """The truth of a simulation: odometry, ideal inertial samples, wind, and the origin of its map frame."""
 
+from typing import Any
+
 import numpy as np
 
 from lowcostnav_ros.base.measurements import Attitude, NavSolution
@@ -12,13 +14,13 @@ from lowcostnav_ros.messages.topics import IMU, NAV_SAT_FIX, ODOMETRY, TWIST
 from lowcostnav_ros.physics.earth import LocalFrame
 
 
-def truth_imu(block: TruthBlock, row: int) -> object:
+def truth_imu(block: TruthBlock, row: int) -> Any:
     """Build a ``truth/imu`` message: ideal inertial sample with the true attitude, covariances exactly zero."""
     zero = np.zeros((3, 3))
     return imu_message(block.stamps_ns[row], block.q_nb[row], zero, block.angular_rate_b[row], block.specific_force_b[row], UNKNOWN)
 
 
-def truth_odometry(block: TruthBlock, row: int, origin: LocalFrame) -> object:
+def truth_odometry(block: TruthBlock, row: int, origin: LocalFrame) -> Any:
     """Build a ``truth/odometry`` message in the map frame of ``origin``, covariances exactly zero."""
     zero = np.zeros((3, 3))
     solution = NavSolution(
@@ -39,7 +41,7 @@ def truth_odometry(block: TruthBlock, row: int, origin: LocalFrame) -> object:
     return message
 
 
-def truth_wind(block: TruthBlock, row: int) -> object:
+def truth_wind(block: TruthBlock, row: int) -> Any:
     """Build a ``truth/wind`` message, covariance exactly zero."""
     return wind_message(block.stamps_ns[row], block.wind_n[row], np.zeros((3, 3)))
 

@@ -1,14 +1,16 @@
 """``vor/bearing``: the radials of VOR stations."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, VorBearing
 from lowcostnav_ros.messages import checks, parts, topics
 from lowcostnav_ros.messages import conversions as conv
-from lowcostnav_ros.messages.checks import Received, Refusal
+from lowcostnav_ros.messages.checks import Received
 from lowcostnav_ros.messages.kind import Quantity, TopicSpec, describe
+from lowcostnav_ros.messages.rules import Refusal
 from lowcostnav_ros.physics.rotation import wrap_2pi
 
 TILTED = 1.0e-3
@@ -17,7 +19,7 @@ WIDEST = 0.25
 """Variance of a bearing, rad^2 (29 deg), beyond which it was stated in square degrees."""
 
 
-def _decode(message, received: Received) -> VorBearing:
+def _decode(message: Any, received: Received) -> VorBearing:
     """Turn a message object, a rotation about up by 90 degrees minus the radial, into a measurement."""
     station = checks.station(message.header)
     q, position = message.pose.pose.orientation, checks.xyz(message.pose.pose.position)
@@ -38,7 +40,7 @@ def _decode(message, received: Received) -> VorBearing:
     return VorBearing(*received.head, station, radial, variance)
 
 
-def _encode(sent: VorBearing) -> object:
+def _encode(sent: VorBearing) -> Any:
     """Build a message: the station ident is the frame id, yaw (0 east, left positive) 90 degrees minus the radial."""
     half = 0.5 * float(conv.yaw_of_heading(sent.bearing_rad))
     pose = parts.Pose(parts.Point(0.0, 0.0, 0.0), parts.Quaternion(0.0, 0.0, math.sin(half), math.cos(half)))
@@ -56,7 +58,7 @@ describe(
     variances=(3.0e-4,),  # 1 deg
     fields={"radial": Quantity(1, "angle"), "sigma": Quantity(1, "angle")},
     options=("station",),
-    from_row=lambda row: VorBearing(*row.head, row.station, float(wrap_2pi(row["radial"])), row.variance()),
-    sample=lambda at: VorBearing(*at.head, "OAK", 1.0, 3.0e-4),
+    from_row=lambda row: row.of(VorBearing, row.station, float(wrap_2pi(row["radial"])), row.variance()),
+    sample=lambda at: at.of(VorBearing, "OAK", 1.0, 3.0e-4),
     sensed=True,
 )
