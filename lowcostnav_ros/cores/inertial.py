@@ -124,6 +124,13 @@ def sensor_errors(estimate, kind, axis):
 
 
 @kernel
+def without_errors(f, w, estimate, kind, axis):
+    """Specific force and rate (3,) of a sample with the estimated sensor errors taken out."""
+    errors = sensor_errors(estimate, kind, axis)
+    return (f - errors[0]) / (1.0 + errors[2]), (w - errors[1]) / (1.0 + errors[3])
+
+
+@kernel
 def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd):
     """Carry P over the interval gathered in ``sums`` and clear it; estimates of Gauss-Markov states decay, those of a chain add up.
 
@@ -257,7 +264,8 @@ class InertialCore:
     def advance(self, block: ImuBlock, start: int, output_ns: int) -> int:
         """Run samples of an ImuBlock from index ``start``; return the next index (an output is due when short of the end)."""
         layout = self.layout
-        layout.pace(self.speed_mps)
+        if layout.is_paced:
+            layout.pace(self.speed_mps)
         following, t_ns = run_block(
             *(self.t_ns, self.nav, self._last, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd),
             *(block.stamps_ns, block.specific_force_b, block.angular_rate_b, start, COVARIANCE_STEP_NS, output_ns),
@@ -268,7 +276,8 @@ class InertialCore:
     def settle(self) -> None:
         """Bring the covariance to the time of the mean (before an aid)."""
         layout = self.layout
-        layout.pace(self.speed_mps)
+        if layout.is_paced:
+            layout.pace(self.speed_mps)
         covariance_step(self.nav, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd)
 
     def correct(self, dx: np.ndarray) -> None:
@@ -287,8 +296,7 @@ class InertialCore:
 
     def corrected(self, specific_force_b: np.ndarray, angular_rate_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Take the estimated sensor errors out of a sample."""
-        e = self.errors()
-        return (specific_force_b - e[0]) / (1.0 + e[2]), (angular_rate_b - e[1]) / (1.0 + e[3])
+        return without_errors(specific_force_b, angular_rate_b, self.estimate, self.layout.kind, self.layout.axis)
 
     def predicted(self, block: ImuBlock | None) -> tuple[int, np.ndarray]:
         """Mean state at the end of ``block`` (samples beyond the horizon, or None), leaving this state alone."""
@@ -343,8 +351,8 @@ class InertialCore:
 
     def velocity_at(self, lever_b: np.ndarray) -> VelocitySeen | str:
         """Velocity of an antenna: v + C (w x l); what the lever arm adds depends on attitude and gyro bias, too."""
-        C = self.C_nb()
-        swing_n = C @ np.cross(self.rate_b, lever_b)
+        C, w, l = self.C_nb(), self.rate_b, lever_b
+        swing_n = C @ np.array([w[1] * l[2] - w[2] * l[1], w[2] * l[0] - w[0] * l[2], w[0] * l[1] - w[1] * l[0]])
         H = np.zeros((3, self.layout.size))
         H[:, VEL], H[:, ATT] = np.eye(3), -skew(swing_n)
         if "gyro_bias" in self.layout:

@@ -99,7 +99,8 @@ class MotionCore:
 
     def advance(self, t_ns: int) -> None:
         """Predict to a stamp."""
-        self.layout.pace(self.speed_mps)
+        if self.layout.is_paced:
+            self.layout.pace(self.speed_mps)
         predict(self.nav, self.estimate, self.P, *self._model, 1e-9 * (t_ns - self.t_ns))
         self.t_ns = int(t_ns)
 

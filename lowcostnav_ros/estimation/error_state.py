@@ -154,6 +154,11 @@ class Layout:
         """Diagonal covariance from the blocks' initial sigmas, shape (n, n)."""
         return np.diag(self.sigma0**2)
 
+    @property
+    def is_paced(self) -> bool:
+        """Whether any state varies along the way flown."""
+        return bool(self._along_way)
+
     def pace(self, speed_mps: float) -> None:
         """Give states that vary along the way flown the rate and the driving noise of a speed."""
         for block in self._along_way:

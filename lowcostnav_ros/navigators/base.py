@@ -365,8 +365,9 @@ class Navigator(ABC):
 
     def _states(self, P: np.ndarray, rows: range) -> dict[str, tuple[float, float]]:
         """Estimates of some states with their sigmas, by label."""
-        sigma, labels, estimate = np.sqrt(np.maximum(np.diag(P), 0.0)), self.layout.labels, self.core.estimate
-        return {labels[i]: (float(estimate[i]), float(sigma[i])) for i in rows}
+        part = slice(rows.start, rows.stop)
+        values = self.core.estimate[part].tolist(), np.sqrt(np.maximum(P.diagonal()[part], 0.0)).tolist()
+        return dict(zip(self.layout.labels[part], zip(*values, strict=True), strict=True))
 
     @abstractmethod
     def _fuse(self, item: Measurement) -> None:

@@ -1,5 +1,6 @@
 """What all inertial navigators with an error-state filter share: the strapdown core, the way of measurements to aids, modes, outputs."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -153,7 +154,8 @@ class InertialNavigator(Navigator):
         return next(recent, "") or f"no {self.fix_word}"
 
     def _horizontal_sigma(self) -> float:
-        return float(np.sqrt(max(self.P[0, 0] + self.P[1, 1], 0.0)))
+        P = self.core.P
+        return math.sqrt(max(P[0, 0] + P[1, 1], 0.0))
 
     # alignment ---------------------------------------------------------------------------------------------------------------
 
