@@ -20,6 +20,7 @@ from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS
+from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.physics.earth import EARTH_RATE, STANDARD_GRAVITY, displace, gravity, radii
 from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_to_dcm, skew
 from lowcostnav_ros.physics.strapdown import strapdown_step
@@ -124,17 +125,19 @@ def sensor_errors(estimate, kind, axis):
 
 
 @kernel
-def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd):
+def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track):
     """Carry P over the interval gathered in ``sums`` and clear it; estimates of Gauss-Markov states decay, those of a chain add up.
 
-    ``sums`` (19,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3).
+    ``sums`` (19,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3); ``track``: see :func:`.kalman.lead`.
     """
     dt = sums[0]
     if dt <= 0.0:
         return
     C = sums[4:13].reshape(3, 3) / dt
     F = inertial_dynamics(nav, sums[1:4] / dt, sums[13:16] / dt, sums[16:19] / dt, C, kind, axis, rate)
-    kalman.predict_covariance(P, kalman.transition(F, dt), noise_density(C, psd), dt)
+    Phi = kalman.transition(F, dt)
+    kalman.predict_covariance(P, Phi, noise_density(C, psd), dt)
+    kalman.lead(track, Phi)
     for i in range(CORE, kind.shape[0]):
         if rate[i] > 0.0:
             estimate[i] *= np.exp(-rate[i] * dt)
@@ -152,7 +155,7 @@ def mean_step(nav, last, f, w, dt):
 
 
 @kernel
-def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, stamps, f_m, w_m, start, step_ns, output_ns):
+def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, stamps, f_m, w_m, start, step_ns, output_ns):
     """Carry mean and covariance through inertial samples ``start``...; stop after the one on which an output falls due.
 
     Returns the index of the next sample and the stamp reached.  Covariance steps fall on a grid of stamps, never on the cut of a block.
@@ -174,7 +177,7 @@ def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, stamps,
                 sums[4 + 3 * r + j] += C[r, j] * dt
         due = stamps[k] // output_ns != t_ns // output_ns
         if due or stamps[k] // step_ns != t_ns // step_ns:
-            covariance_step(nav, sums, P, estimate, kind, axis, rate, psd)
+            covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track)
             errors = sensor_errors(estimate, kind, axis)
         t_ns = stamps[k]
         if due:
@@ -230,6 +233,7 @@ class InertialCore:
 
     velocity_rows, attitude_rows = VEL, ATT
     ranging = None
+    history: History | None = None
 
     def __init__(self, layout: Layout, variance_ceiling: np.ndarray | None = None) -> None:
         self.layout, self.wind_rows = layout, layout.components(Kind.WIND, 2)
@@ -258,18 +262,24 @@ class InertialCore:
         """Run samples of an ImuBlock from index ``start``; return the next index (an output is due when short of the end)."""
         layout = self.layout
         layout.pace(self.speed_mps)
+        track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
         following, t_ns = run_block(
-            *(self.t_ns, self.nav, self._last, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd),
+            *(self.t_ns, self.nav, self._last, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd, track),
             *(block.stamps_ns, block.specific_force_b, block.angular_rate_b, start, COVARIANCE_STEP_NS, output_ns),
         )
         self.t_ns = int(t_ns)
+        if self.history is not None:
+            self.history.end(self.P)
         return following
 
     def settle(self) -> None:
         """Bring the covariance to the time of the mean (before an aid)."""
         layout = self.layout
         layout.pace(self.speed_mps)
-        covariance_step(self.nav, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd)
+        track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
+        covariance_step(self.nav, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd, track)
+        if self.history is not None:
+            self.history.end(self.P)
 
     def correct(self, dx: np.ndarray) -> None:
         """Inject a correction (n,): the estimate moves, the error state is zero again."""
@@ -277,9 +287,14 @@ class InertialCore:
         nav[0], nav[1], nav[2] = displace(nav[0], nav[1], nav[2], dx[POS])
         nav[3:6] += dx[VEL]
         nav[6:10] = quat_apply_phi_n(nav[6:10], dx[ATT])
+        if self.history is not None:
+            self.history.correct(dx)
+            self.history.begin(self.P)[6:8, 6:8] = [[np.cos(dx[8]), -np.sin(dx[8])], [np.sin(dx[8]), np.cos(dx[8])]]
         turn_covariance(self.P, dx[8])
         self.estimate[CORE:] += dx[CORE:]
         self.guard_actions += kalman.guard_covariance(self.P, self._floor, self._ceiling)
+        if self.history is not None:
+            self.history.end(self.P)
 
     def errors(self) -> np.ndarray:
         """Estimated sensor errors, shape (4, 3): accel bias, gyro bias, accel scale, gyro scale."""
@@ -321,6 +336,11 @@ class InertialCore:
         if block is None:
             return self.force_b, self.rate_b
         return self.corrected(block.specific_force_b[-1], block.angular_rate_b[-1])
+
+    def output_rows(self) -> dict[str, np.ndarray]:
+        """Quantities of a solution by the error states, (m, n) each, for the smoother."""
+        states = np.eye(self.layout.size)
+        return {"pos": states[POS], "vel": states[VEL], "att": states[ATT], "wind": self.wind_rows}
 
     # views of aids -----------------------------------------------------------------------------------------------------------
 
