@@ -6,8 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lowcostnav_ros.base.measurements import NavSolution
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.catalogue import config_files
+from lowcostnav_ros.catalogue.building import build_navigators
 from lowcostnav_ros.estimation import kalman, smoothing
 from lowcostnav_ros.estimation.station_slots import StationSlots
+from lowcostnav_ros.navigators.registry import NAVIGATORS
+from lowcostnav_ros.replay.columns import columns_of
+from lowcostnav_ros.replay.evaluation import truth_columns
+from lowcostnav_ros.replay.metrics import errors_between
+from lowcostnav_ros.replay.session import replay_stream, simulated
+from lowcostnav_ros.simulation.scenario import scenario_from_text
+from lowcostnav_ros.simulation.simulator import Simulation
 
 N, STEPS = 4, 30
 ROWS = {"vel": np.eye(N)[:3]}
@@ -123,3 +133,49 @@ def test_units_of_states_may_differ_by_many_powers_of_ten():
     )
     assert np.allclose(plain[0] * scale, scaled[0], rtol=1e-9, atol=0.0)
     assert np.allclose(plain[1] * np.outer(scale, scale), scaled[1], rtol=1e-9, atol=0.0)
+
+
+GPS = {"gps.outages_s": [100.0, 140.0], "gps.rate_hz": 1.0}
+FLIGHTS = {
+    "ins_gps": ("livermore", GPS),
+    "dead_reckoning": ("livermore", GPS),
+    "gnss_only": ("gnss_ld", {}),
+    "ins_gnss": ("gnss_ld", {}),
+}
+
+
+def flown(name, seed=1, duration_s=180.0):
+    """Truth, filtered and smoothed solutions of a navigator, as shipped, in a scenario, also shipped."""
+    scenario, changes = FLIGHTS[name]
+    path = config_files.config_dir() / "scenarios" / f"{scenario}.yaml"
+    flight = scenario_from_text(path.read_text(), path.name, seed=seed, **{"truth.duration_s": duration_s, **changes})
+    seconds = list(Simulation(flight).blocks())
+    navigators, filtered = build_navigators(["ahrs", name] if name == "dead_reckoning" else [name], NAVIGATORS, None), []
+    navigator = navigators[name]
+    publish = navigator.publish
+    navigator.publish = lambda solution: (filtered.append(solution), publish(solution))
+    replay_stream(simulated(seconds), navigators, smooth=True)
+    return TruthBlock.joined(block for block, _ in seconds), filtered, list(navigator.history.smoothed())
+
+
+def errors_of(truth, solutions):
+    estimate = columns_of(solutions)
+    rows = np.searchsorted(truth.stamps_ns, estimate.stamps_ns)
+    return errors_between(estimate, truth_columns(truth[rows])), 1e-9 * (estimate.stamps_ns - truth.stamps_ns[0])
+
+
+@pytest.mark.parametrize("name", list(FLIGHTS))
+def test_a_flight_is_known_better_afterwards_than_during_it(name):
+    truth, filtered, smoothed = flown(name)
+    assert [s.stamp_ns for s in smoothed] == [s.stamp_ns for s in filtered]
+    (before, t), (after, _) = errors_of(truth, filtered), errors_of(truth, smoothed)
+    lost = (t > 100.0) & (t < 140.0) if "gnss" not in name else t > 20.0
+    rms_before, rms_after = (np.sqrt(np.mean(e.values[lost, :6] ** 2, axis=0)) for e in (before, after))
+    assert np.linalg.norm(rms_after[:3]) < np.linalg.norm(rms_before[:3])
+    assert np.linalg.norm(rms_after[3:]) < np.linalg.norm(rms_before[3:])
+    assert np.nanmax(after.sigmas / before.sigmas) < 1.0 + 1e-6
+    for part in ("cov_pos", "cov_vel"):
+        gained = np.array([getattr(f, part) - getattr(s, part) for f, s in zip(filtered, smoothed, strict=True)])
+        assert (np.linalg.eigvalsh(gained)[:, 0] > -1e-6 * np.array([np.trace(getattr(f, part)) for f in filtered])).all()
+    assert (smoothed[-1].lat, smoothed[-1].lon, smoothed[-1].height) == (filtered[-1].lat, filtered[-1].lon, filtered[-1].height)
+    assert np.array_equal(smoothed[-1].cov_pos, filtered[-1].cov_pos)

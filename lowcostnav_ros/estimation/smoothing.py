@@ -50,7 +50,9 @@ def rts_smoother(x: np.ndarray, P: np.ndarray, Phi: np.ndarray, Q: np.ndarray) -
     s[s <= 0.0] = 1.0
     area, ratio = np.outer(s, s), s[:, None] / s
     xs, Ps, K, _ = smoother(x / s, P / area, Phi / ratio, Q / area)
-    return xs * s, 0.5 * area * (Ps + Ps.transpose(0, 2, 1)), K * ratio
+    xs, Ps = xs * s, 0.5 * area * (Ps + Ps.transpose(0, 2, 1))
+    xs[-1], Ps[-1] = x[-1], P[-1]  # without the round-off of the units
+    return xs, Ps, K * ratio
 
 
 @dataclasses.dataclass(slots=True, eq=False)
