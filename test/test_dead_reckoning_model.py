@@ -87,7 +87,8 @@ def grown(options, seconds):
     P, rate, out = np.zeros((layout.size, layout.size)), rates_of(layout), {}
     heading = (options.heading.noise_deg * DEG) ** 2
     for t in range(1, max(seconds) + 1):
-        model.carry_covariance(P, sums_for((SPEED, 0.0), 1.0), layout.kind, layout.axis, rate, layout.psd, heading, 0.0, 0.0)
+        noise = (heading, 0.0, 0.0, kalman.NO_TRACK)
+        model.carry_covariance(P, sums_for((SPEED, 0.0), 1.0), layout.kind, layout.axis, rate, layout.psd, *noise)
         out[t] = math.sqrt(P[0, 0] + P[1, 1])
     return [out[t] for t in seconds]
 
@@ -129,7 +130,8 @@ def aided_sigma(interval):
     psd[rows] = 2.0 * (0.17 * NM) ** 2 * rate[rows]
     stations, position, turn, out = np.array([[10.0, -20.0], [10.0, 20.0]]) * NM, np.array([-50.0 * NM, 0.0]), 0, []
     for t in range(1, 1941):
-        model.carry_covariance(P, sums_for((SPEED, 0.0), 1.0), layout.kind, layout.axis, rate, psd, (0.8 * DEG) ** 2, 0.0, 0.0)
+        noise = ((0.8 * DEG) ** 2, 0.0, 0.0, kalman.NO_TRACK)
+        model.carry_covariance(P, sums_for((SPEED, 0.0), 1.0), layout.kind, layout.axis, rate, psd, *noise)
         position[0] += SPEED
         if t % interval == 0:
             for k in (0, 1) if interval == 1 else (turn,):
@@ -150,7 +152,7 @@ def test_covariance_stays_symmetric_and_positive(seed, dt):
     A = rng.normal(size=(layout.size, layout.size)) * layout.sigma0[:, None]
     P = A @ A.T
     air = rng.normal(0.0, 60.0, 2)
-    model.carry_covariance(P, sums_for(air, dt), layout.kind, layout.axis, rates_of(layout), layout.psd, 1e-4, 0.1, 1.0)
+    model.carry_covariance(P, sums_for(air, dt), layout.kind, layout.axis, rates_of(layout), layout.psd, 1e-4, 0.1, 1.0, kalman.NO_TRACK)
     assert np.array_equal(P, P.T)
     scale = np.sqrt(np.diag(P))
     assert np.linalg.eigvalsh(P / np.outer(scale, scale)).min() > -1e-9

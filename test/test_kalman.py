@@ -143,7 +143,7 @@ def test_smoother_equals_filterpy():
     f.Q, f.R, f.P = 0.05 * np.eye(2), np.eye(1) * 2.0, np.eye(2) * 50.0
     xs, covs, _, _ = f.batch_filter(np.cumsum(rng.standard_normal(30)))
     x, P = xs.reshape(30, 2), covs
-    ours_x, ours_P = rts_smoother(x, P, np.repeat(f.F[None], 29, 0), np.repeat(f.Q[None], 29, 0))
+    ours_x, ours_P, _ = rts_smoother(x, P, np.repeat(f.F[None], 29, 0), np.repeat(f.Q[None], 29, 0))
     oracle_x, oracle_P, _, _ = f.rts_smoother(xs, covs)
     assert np.allclose(ours_x, oracle_x.reshape(30, 2), rtol=1e-8)
     assert np.allclose(ours_P, oracle_P, rtol=1e-8)

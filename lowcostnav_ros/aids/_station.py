@@ -60,7 +60,7 @@ class StationAid(Aid):
     def prepare(self, measurement: Any, innovation: Innovation, host: Host) -> Innovation:
         """Assign a state to a station that has none, and form the innovation with it: only a reading that is used takes another's state."""
         is_new = self._rows is not None and self.slots.index(measurement.station) is None
-        self.slots.take(measurement.station, measurement.stamp_ns, host.P, host.core.estimate)
+        self.slots.take(measurement.station, measurement.stamp_ns, host.P, host.core.estimate, host.core.history)
         again = self.innovation(measurement, host) if is_new else innovation
         self._used_ns[measurement.station] = measurement.stamp_ns
         return innovation if isinstance(again, str) else again

@@ -246,7 +246,7 @@ class SatelliteAid(Aid):
             self.receiver.integrity.clock_jumped(self.status.stamp_ns)
         row = self._clock + self.clock_state
         host.core.estimate[row] += obs.clock_step
-        kalman.reset_block(host.P, slice(row, row + 1), np.array([[self.clock_sigma**2]]))
+        kalman.reset_block(host.P, slice(row, row + 1), np.array([[self.clock_sigma**2]]), host.core.history)
         self.receiver.clock_known[self.clock_state] = True
 
     def _stepped(self, obs: Observations, host: Host) -> Observations:

@@ -29,7 +29,8 @@ def add_arguments(replay: argparse.ArgumentParser) -> None:
     replay.add_argument("bag", help="bag directory, .mcap or .db3 file")
     add_common(replay)
     replay.add_argument("--truth", metavar="TOPIC", help="odometry topic to compare with (default: truth/odometry)")
-    replay.add_argument("--out", metavar="DIR", help="write <navigator>.csv, _aids.csv, _errors.csv, _states.csv and summary.json there")
+    text = "write <navigator>.csv, _aids.csv, _errors.csv, _states.csv, _smoothed.csv and summary.json there"
+    replay.add_argument("--out", metavar="DIR", help=text)
     replay.add_argument("--json", metavar="FILE", help="write the result as JSON")
     replay.add_argument("--baseline", metavar="FILE", help="compare with this baseline; exit status 1 when worse")
     replay.add_argument("--write-baseline", metavar="FILE", help="write a baseline from this replay")
@@ -41,6 +42,7 @@ def add_common(parser: argparse.ArgumentParser, note: str = "") -> None:
     parser.add_argument("--config", metavar="DIR", help=f"directory with <navigator>.yaml (default: the package's own){note}")
     text = f"keep sources back; repeatable{note}"
     parser.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-[B]]", help=text)
+    parser.add_argument("--smooth", action="store_true", help=f"smooth the whole flight backwards as well{note}")
 
 
 @job("Run the navigators over a bag, offline and repeatable to the last bit, and judge them.", add_arguments, NOTES)
@@ -74,7 +76,7 @@ def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth:
     withhold = tuple(parse_withhold(text) for text in arguments.withhold)
     config = Path(arguments.config) if arguments.config else None
     with progress_bar("replay") as advance:
-        options = bag_replay.ReplayOptions(names, config, withhold, truth, out, arguments.registry, advance)
+        options = bag_replay.ReplayOptions(names, config, withhold, truth, out, arguments.registry, advance, arguments.smooth)
         return bag_replay.replay_bag(arguments.bag if "bag" in arguments else arguments.source, options)
 
 

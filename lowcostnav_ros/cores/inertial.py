@@ -20,6 +20,7 @@ from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS
+from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.physics.earth import EARTH_RATE, STANDARD_GRAVITY, displace, gravity, radii
 from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_to_dcm, skew
 from lowcostnav_ros.physics.strapdown import strapdown_step
@@ -131,17 +132,19 @@ def without_errors(f, w, estimate, kind, axis):
 
 
 @kernel
-def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd):
+def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track):
     """Carry P over the interval gathered in ``sums`` and clear it; estimates of Gauss-Markov states decay, those of a chain add up.
 
-    ``sums`` (19,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3).
+    ``sums`` (19,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3); ``track``: see :func:`.kalman.lead`.
     """
     dt = sums[0]
     if dt <= 0.0:
         return
     C = sums[4:13].reshape(3, 3) / dt
     F = inertial_dynamics(nav, sums[1:4] / dt, sums[13:16] / dt, sums[16:19] / dt, C, kind, axis, rate)
-    kalman.predict_covariance(P, kalman.transition(F, dt), noise_density(C, psd), dt)
+    Phi = kalman.transition(F, dt)
+    kalman.predict_covariance(P, Phi, noise_density(C, psd), dt)
+    kalman.lead(track, Phi)
     for i in range(CORE, kind.shape[0]):
         if rate[i] > 0.0:
             estimate[i] *= np.exp(-rate[i] * dt)
@@ -159,7 +162,7 @@ def mean_step(nav, last, f, w, dt):
 
 
 @kernel
-def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, stamps, f_m, w_m, start, step_ns, output_ns):
+def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, stamps, f_m, w_m, start, step_ns, output_ns):
     """Carry mean and covariance through inertial samples ``start``...; stop after the one on which an output falls due.
 
     Returns the index of the next sample and the stamp reached.  Covariance steps fall on a grid of stamps, never on the cut of a block.
@@ -181,7 +184,7 @@ def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, stamps,
                 sums[4 + 3 * r + j] += C[r, j] * dt
         due = stamps[k] // output_ns != t_ns // output_ns
         if due or stamps[k] // step_ns != t_ns // step_ns:
-            covariance_step(nav, sums, P, estimate, kind, axis, rate, psd)
+            covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track)
             errors = sensor_errors(estimate, kind, axis)
         t_ns = stamps[k]
         if due:
@@ -237,6 +240,7 @@ class InertialCore:
 
     velocity_rows, attitude_rows = VEL, ATT
     ranging = None
+    history: History | None = None
 
     def __init__(self, layout: Layout, variance_ceiling: np.ndarray | None = None) -> None:
         self.layout, self.wind_rows = layout, layout.components(Kind.WIND, 2)
@@ -266,11 +270,14 @@ class InertialCore:
         layout = self.layout
         if layout.is_paced:
             layout.pace(self.speed_mps)
+        track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
         following, t_ns = run_block(
-            *(self.t_ns, self.nav, self._last, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd),
+            *(self.t_ns, self.nav, self._last, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd, track),
             *(block.stamps_ns, block.specific_force_b, block.angular_rate_b, start, COVARIANCE_STEP_NS, output_ns),
         )
         self.t_ns = int(t_ns)
+        if self.history is not None:
+            self.history.end(self.P)
         return following
 
     def settle(self) -> None:
@@ -278,7 +285,10 @@ class InertialCore:
         layout = self.layout
         if layout.is_paced:
             layout.pace(self.speed_mps)
-        covariance_step(self.nav, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd)
+        track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
+        covariance_step(self.nav, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd, track)
+        if self.history is not None:
+            self.history.end(self.P)
 
     def correct(self, dx: np.ndarray) -> None:
         """Inject a correction (n,): the estimate moves, the error state is zero again."""
@@ -286,9 +296,14 @@ class InertialCore:
         nav[0], nav[1], nav[2] = displace(nav[0], nav[1], nav[2], dx[POS])
         nav[3:6] += dx[VEL]
         nav[6:10] = quat_apply_phi_n(nav[6:10], dx[ATT])
+        if self.history is not None:
+            self.history.correct(dx)
+            self.history.begin(self.P)[6:8, 6:8] = [[np.cos(dx[8]), -np.sin(dx[8])], [np.sin(dx[8]), np.cos(dx[8])]]
         turn_covariance(self.P, dx[8])
         self.estimate[CORE:] += dx[CORE:]
         self.guard_actions += kalman.guard_covariance(self.P, self._floor, self._ceiling)
+        if self.history is not None:
+            self.history.end(self.P)
 
     def errors(self) -> np.ndarray:
         """Estimated sensor errors, shape (4, 3): accel bias, gyro bias, accel scale, gyro scale."""
@@ -330,6 +345,11 @@ class InertialCore:
             return self.force_b, self.rate_b
         return self.corrected(block.specific_force_b[-1], block.angular_rate_b[-1])
 
+    def output_rows(self) -> dict[str, np.ndarray]:
+        """Quantities of a solution by the error states, (m, n) each, for the smoother."""
+        states = np.eye(self.layout.size)
+        return {"pos": states[POS], "vel": states[VEL], "att": states[ATT], "wind": self.wind_rows}
+
     # views of aids -----------------------------------------------------------------------------------------------------------
 
     @property
@@ -351,8 +371,8 @@ class InertialCore:
 
     def velocity_at(self, lever_b: np.ndarray) -> VelocitySeen | str:
         """Velocity of an antenna: v + C (w x l); what the lever arm adds depends on attitude and gyro bias, too."""
-        C, w, l = self.C_nb(), self.rate_b, lever_b
-        swing_n = C @ np.array([w[1] * l[2] - w[2] * l[1], w[2] * l[0] - w[0] * l[2], w[0] * l[1] - w[1] * l[0]])
+        C, w, arm = self.C_nb(), self.rate_b, lever_b
+        swing_n = C @ np.array([w[1] * arm[2] - w[2] * arm[1], w[2] * arm[0] - w[0] * arm[2], w[0] * arm[1] - w[1] * arm[0]])
         H = np.zeros((3, self.layout.size))
         H[:, VEL], H[:, ATT] = np.eye(3), -skew(swing_n)
         if "gyro_bias" in self.layout:

@@ -15,6 +15,7 @@ from lowcostnav_ros.cores.inertial import POS, VEL
 from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Kind, Layout
+from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.physics.earth import displace, transport_rate_n
 
 CHAIN = int(Kind.CHAIN)
@@ -37,8 +38,8 @@ def motion_dynamics(moving, kind, axis, rate):
 
 
 @kernel
-def predict(nav, estimate, P, moving, kind, axis, rate, psd, dt):
-    """Carry mean and covariance over ``dt`` s, in place, in steps of at most :data:`STEP_S`."""
+def predict(nav, estimate, P, moving, kind, axis, rate, psd, dt, track):
+    """Carry mean and covariance over ``dt`` s, in place, in steps of at most :data:`STEP_S`; ``track``: see :func:`.kalman.lead`."""
     n = P.shape[0]
     steps = max(1, math.ceil(dt / STEP_S - 1e-9))
     h = dt / steps
@@ -61,6 +62,7 @@ def predict(nav, estimate, P, moving, kind, axis, rate, psd, dt):
             if kind[i] == CHAIN and axis[i] > 0:
                 estimate[i - 1] += estimate[i] * h
         kalman.predict_covariance_by_simpson(P, Phi, Phi_half, GQG, h)
+        kalman.lead(track, Phi)
 
 
 class MotionCore:
@@ -71,6 +73,7 @@ class MotionCore:
 
     velocity_rows = VEL
     ranging = None
+    history: History | None = None
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
@@ -101,14 +104,17 @@ class MotionCore:
         """Predict to a stamp."""
         if self.layout.is_paced:
             self.layout.pace(self.speed_mps)
-        predict(self.nav, self.estimate, self.P, *self._model, 1e-9 * (t_ns - self.t_ns))
+        track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
+        predict(self.nav, self.estimate, self.P, *self._model, 1e-9 * (t_ns - self.t_ns), track)
         self.t_ns = int(t_ns)
+        if self.history is not None:
+            self.history.end(self.P)
 
     def ahead(self, t_ns: int) -> tuple[np.ndarray, np.ndarray]:
         """Mean and covariance at a later stamp, leaving this state alone."""
         nav, P = self.nav.copy(), self.P.copy()
         if t_ns > self.t_ns:
-            predict(nav, self.estimate.copy(), P, *self._model, 1e-9 * (t_ns - self.t_ns))
+            predict(nav, self.estimate.copy(), P, *self._model, 1e-9 * (t_ns - self.t_ns), kalman.NO_TRACK)
         return nav, P
 
     def correct(self, dx: np.ndarray) -> None:
@@ -117,10 +123,17 @@ class MotionCore:
         nav[0], nav[1], nav[2] = displace(nav[0], nav[1], nav[2], dx[POS])
         nav[3:6] += dx[VEL]
         self.estimate[6:] += dx[6:]
+        if self.history is not None:
+            self.history.correct(dx)
 
     def dynamics(self) -> np.ndarray:
         """Continuous dynamics F (n, n)."""
         return motion_dynamics(*self._model[:-1])
+
+    def output_rows(self) -> dict[str, np.ndarray]:
+        """Quantities of a solution by the error states, (m, n) each, for the smoother."""
+        states = np.eye(self.layout.size)
+        return {"pos": states[POS], "vel": states[VEL]}
 
     # views of aids -----------------------------------------------------------------------------------------------------------
 

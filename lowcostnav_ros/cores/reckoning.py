@@ -18,6 +18,7 @@ from lowcostnav_ros.cores.reckoning_model import CLIMB, CORE, POS
 from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
+from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.rotation import quat_rotate
 
@@ -196,6 +197,7 @@ class ReckoningCore:
     """
 
     velocity_rows = None
+    history: History | None = None
 
     def __init__(self, settings: ReckoningSettings, layout: Layout) -> None:
         self.settings, self.layout, self.held = settings, layout, HeldInputs()
@@ -244,12 +246,17 @@ class ReckoningCore:
             return
         layout.pace(math.hypot(sums[1], sums[2]) / sums[0])
         heading, airspeed = (settings.heading.noise_deg * DEGREE) ** 2, settings.airspeed.noise_mps**2
-        model.carry_covariance(self.P, sums, layout.kind, layout.axis, layout.rate, layout.psd, heading, airspeed, self._walk())
+        track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
+        model.carry_covariance(self.P, sums, layout.kind, layout.axis, layout.rate, layout.psd, heading, airspeed, self._walk(), track)
+        if self.history is not None:
+            self.history.end(self.P)
 
     def correct(self, dx: np.ndarray) -> None:
         """Inject a correction (n,): the estimate moves, the error state is zero again."""
         self.nav[:] = displace(self.nav[0], self.nav[1], self.nav[2], dx[POS])
         self.estimate[CLIMB:] += dx[CLIMB:]
+        if self.history is not None:
+            self.history.correct(dx)
         self.guard_actions += kalman.guard_covariance(self.P, self._floor, self._ceiling)
 
     def timed_out(self, t_ns: int | None = None) -> str:
@@ -303,6 +310,10 @@ class ReckoningCore:
         if self.timed_out() or not self.held.airborne:
             return max(2.0 * LOST_S * self.held.fastest**2, settings.ground_walk_mps**2)
         return 2.0 * settings.wind.gust_mps**2 * settings.wind.gust_tau_s
+
+    def output_rows(self) -> dict[str, np.ndarray]:
+        """Quantities of a solution by the error states, (m, n) each, for the smoother."""
+        return {"pos": np.eye(self.layout.size)[POS], "vel": self.velocity()[1], "wind": self.wind_rows}
 
     # views of aids -----------------------------------------------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ import numpy as np
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.small_matrices import turned
 from lowcostnav_ros.estimation.error_state import Kind
+from lowcostnav_ros.estimation.kalman import lead
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.rotation import quat_from_rotvec, quat_multiply, quat_rotate
 
@@ -181,14 +182,15 @@ def add_position_noise(Qd, sums, heading, airspeed, walk):
 
 
 @kernel
-def carry_covariance(P, sums, kind, axis, rate, psd, heading, airspeed, walk):
-    """Carry P (n, n) in place over the interval gathered in ``sums`` and clear it."""
+def carry_covariance(P, sums, kind, axis, rate, psd, heading, airspeed, walk, track):
+    """Carry P (n, n) in place over the interval gathered in ``sums`` and clear it; ``track``: see :func:`.kalman.lead`."""
     dt = sums[0]
     if dt <= 0.0:
         return
     G = coupling(sums[1] / dt, sums[2] / dt, sums[6] / dt, kind, axis)
     Phi, Qd = step_matrices(G, rate, psd, dt)
     add_position_noise(Qd, sums, heading, airspeed, walk)
+    lead(track, Phi)
     moved = turned(Phi, P) + Qd
     for i in range(P.shape[0]):
         for j in range(i + 1):

@@ -334,7 +334,7 @@ class Aid(ABC):
 
 def reset_to(host: Host, rows: slice, y: np.ndarray, covariance: np.ndarray) -> None:
     """Reset some states to a measured value: correction ``y`` (m,), covariance (m, m), no correlation with other states."""
-    kalman.reset_block(host.P, rows, covariance)
+    kalman.reset_block(host.P, rows, covariance, host.core.history)
     dx = np.zeros(host.layout.size)
     dx[rows] = y
     host.correct(dx)

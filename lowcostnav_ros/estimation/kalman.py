@@ -5,10 +5,15 @@ scalar measurement updates in Joseph form, a guard on the covariance, and the st
 The error state is zero before every update, so an update returns the correction to inject and the new covariance.
 """
 
+from typing import Any
+
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul, matvec, turned
+
+NO_TRACK = np.zeros((0, 0))
+"""Where no product of transitions is wanted (:func:`lead`)."""
 
 
 def van_loan(F: np.ndarray, GQG: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -53,6 +58,13 @@ def transition(F, dt):
     for i in range(F.shape[0]):
         Phi[i, i] += 1.0
     return Phi
+
+
+@kernel
+def lead(track, Phi):
+    """Add a transition to a product of transitions ``track`` (n, n), in place; one of no size is of no interest."""
+    if track.shape[0]:
+        track[:] = matmul(Phi, track)
 
 
 @kernel
@@ -199,11 +211,18 @@ def guard_covariance(P, variance_floor, variance_ceiling):
     return acted
 
 
-def reset_block(P: np.ndarray, rows: slice, covariance: np.ndarray) -> None:
-    """Forget what is known of one block, in place: its covariance is replaced, its correlations with the rest removed."""
+def reset_block(P: np.ndarray, rows: slice, covariance: np.ndarray, history: Any = None) -> None:
+    """Forget what is known of one block, in place: its covariance is replaced, its correlations with the rest removed.
+
+    ``history`` is that of the core, for the smoother.
+    """
+    if history is not None:
+        history.begin(P)[rows] = 0.0
     P[rows, :] = 0.0
     P[:, rows] = 0.0
     P[rows, rows] = covariance
+    if history is not None:
+        history.end(P)
 
 
 def steady_state_gain(Phi: np.ndarray, Qd: np.ndarray, H: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

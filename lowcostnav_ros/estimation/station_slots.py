@@ -1,5 +1,7 @@
 """Slow errors of ground stations as states: a few states, as many stations as are received."""
 
+from typing import Any
+
 import numpy as np
 
 from lowcostnav_ros.estimation import kalman
@@ -25,7 +27,7 @@ class StationSlots:
         """State that holds the error of a station, None when no state does."""
         return None if self._rows is None or station not in self._slots else self._rows.start + self._slots[station]
 
-    def take(self, station: str, now_ns: int, P: np.ndarray, estimate: np.ndarray) -> int | None:
+    def take(self, station: str, now_ns: int, P: np.ndarray, estimate: np.ndarray, history: Any = None) -> int | None:
         """Return the state of a station, resetting it in ``P`` (n, n) and ``estimate`` (n,) if need be; None without states."""
         if self._rows is None:
             return None
@@ -34,7 +36,7 @@ class StationSlots:
             self._slots = {name: i for name, i in self._slots.items() if i != slot}
             self._slots[station] = slot
             index = self._rows.start + slot
-            kalman.reset_block(P, slice(index, index + 1), np.array([[self._variance]]))
+            kalman.reset_block(P, slice(index, index + 1), np.array([[self._variance]]), history)
             estimate[index] = 0.0
         self._used_ns[self._slots[station]] = now_ns
         return self.index(station)

@@ -15,6 +15,7 @@ from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
+from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
 
@@ -119,6 +120,8 @@ class Navigator(ABC):
         Sources without which it does not run.
     inertial : str or None
         The IMU source that carries its state.
+    smooths : bool
+        Whether it can keep a history for the smoother: its core reports to one, and its solutions go out by :meth:`publish`.
     not_observable : str
         Why there is no ``core.dynamics()`` to study its observability with; empty where there is.
     settings, inputs, aids, layout, core
@@ -137,9 +140,11 @@ class Navigator(ABC):
     needs: tuple[str, ...] = ()
     required: ClassVar[tuple[str, ...]] = ()
     not_observable: ClassVar[str] = ""
+    smooths: ClassVar[bool] = False
     inertial: str | None = None
     layout: Layout
     core: Any = None
+    history: History | None = None
     inputs: Mapping[str, bool] = {}
     frames: Mapping[str, tuple[str, ...]] = {}
     kinds: Mapping[str, str] = {}
@@ -339,6 +344,19 @@ class Navigator(ABC):
         self.restarts[reason] += 1
         self.mode, self.reason = Mode.INITIALISING, reason
         self._restart()
+        if self.history is not None:
+            self.history.cut()
+            self.core.history = self.history
+
+    def keep_history(self) -> None:
+        """Keep, from now on, what the smoother needs; the solutions stay the same to the bit."""
+        self.history = self.core.history = History()
+
+    def publish(self, solution: NavSolution) -> None:
+        """Give out the fused solution of the present state."""
+        self._out.append(solution)
+        if self.history is not None:
+            self.history.output(solution, self.P, self.core.output_rows())
 
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """Run one aid on one measurement and notify the observer, if there is one."""

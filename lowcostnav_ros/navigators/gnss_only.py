@@ -64,6 +64,7 @@ class GnssOnly(Navigator):
     """
 
     name = "gnss_only"
+    smooths = True
     colour = "#8c6d31"
     modes = {"suspect": ("#d95f02", "")}
     OwnSettings = GnssOnlyOwnSettings
@@ -108,7 +109,7 @@ class GnssOnly(Navigator):
                 return
         self._judge(item)
         if self._fused_ns == item.stamp_ns:
-            self._out.append(self._solution_at(item.stamp_ns, self.core.nav, self.P, range(6, self.layout.size)))
+            self.publish(self._solution_at(item.stamp_ns, self.core.nav, self.P, range(6, self.layout.size)))
 
     def _start(self, epoch: GnssEpoch) -> bool:
         try:

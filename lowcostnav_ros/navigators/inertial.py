@@ -55,6 +55,7 @@ class InertialNavigator(Navigator):
     """
 
     inertial = IMU
+    smooths = True
     fix_word = "GPS fix"
 
     def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
@@ -124,7 +125,7 @@ class InertialNavigator(Navigator):
                 for channel in self.clocked:
                     self.use_channel(channel, Measurement(self.core.t_ns, IMU))
                 self._judge()
-                self._out.append(self._solution(self.core.t_ns, self.core.nav, self.core.force_b, self.core.rate_b))
+                self.publish(self._solution(self.core.t_ns, self.core.nav, self.core.force_b, self.core.rate_b))
         self.core.passed(block)
 
     def _aid(self, item: Measurement) -> None:

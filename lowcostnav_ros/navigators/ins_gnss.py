@@ -115,10 +115,10 @@ class InsGnss(InertialNavigator):
 
     def _restart(self) -> None:
         super()._restart()
-        ranges = self.aids_of(RangeAid)
-        if self.tight and ranges:
-            self.receiver = ranges[0].receiver
-            self.receiver.restart()
+        self._ranges, self._rates = self.aids_of(RangeAid), self.aids_of(RangeRateAid)
+        for aid in self._ranges if self.tight else ():
+            aid.receiver.restart()
+        self.receiver = self._ranges[0].receiver if self.tight else None
         self.slope.clear()
         self._solved_ns = -(10**18)
 
@@ -193,7 +193,7 @@ class InsGnss(InertialNavigator):
         if self.receiver is None:
             return
         if self.mode == Mode.GPS:
-            ranges, rates = (sum(len(aid.used) for aid in self.aids_of(kind)[:1]) for kind in (RangeAid, RangeRateAid))
+            ranges, rates = sum(len(aid.used) for aid in self._ranges), sum(len(aid.used) for aid in self._rates)
             self.mode = Mode.GPS if ranges >= ENOUGH else Mode.SPARSE
             self.reason = f"{ranges} satellites" if ranges or not rates else f"no pseudorange, {rates} Dopplers"
         alarm = self.receiver.integrity.status.alarm

@@ -45,6 +45,8 @@ class ReplayOptions:
         Navigators by name, None for the package's.
     on_progress : callable or None
         Called with the share done, 0 to 1.
+    smooth : bool
+        Whether every navigator that can is smoothed at the end.
     """
 
     navigators: tuple[str, ...] | None = None
@@ -54,6 +56,7 @@ class ReplayOptions:
     out: Path | None = None
     registry: Registry | None = None
     on_progress: Callable[[float], None] | None = None
+    smooth: bool = False
 
 
 def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> ReplayResult:
@@ -107,7 +110,8 @@ class _Replay:
         first_ns = first_stamp(head)
         windows = [resolve(w, first_ns) for w in self.options.withhold]
         rules = self.reader.decoder.rules
-        session = Session(self.navigators, windows, self.truth is not None, self.outputs, self.options.out, rules)
+        further = self.options.out, rules, self.options.smooth
+        session = Session(self.navigators, windows, self.truth is not None, self.outputs, *further)
         true = ((m.stamp_ns, (m,)) for m in self.reference.measurements(self.true_sources) if m.source in self.true)
         alongside = _Alongside(session.feed_truth, true), _Alongside(session.feed_recorded, _recorded(self.recorded, self.outputs))
         for measurement in itertools.chain([head], stream):

@@ -226,7 +226,7 @@ class InputSummary:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class NavigatorResult:
-    """Everything about one navigator."""
+    """Everything about one navigator; ``smoothed``: errors of its smoothed solutions, where they were asked for."""
 
     fused: Fused
     solutions: int
@@ -239,6 +239,7 @@ class NavigatorResult:
     aids: dict[str, AidSummary] = _empty()
     inputs: dict[str, InputSummary] = _empty()
     feed_seconds: float = 0.0
+    smoothed: NavigatorErrors | None = _omitted()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -24,6 +24,8 @@ INTEGRITY_HEADER = "t_s,verdict,hpl_m,vpl_m,lasting_hpl_m,lasting_vpl_m,excluded
 NAVIGATOR_FILES = {"": SOLUTION_HEADER, "_errors": ERRORS_HEADER, "_aids": AIDS_HEADER, "_states": STATES_HEADER}
 NAVIGATOR_FILES |= {"_integrity": INTEGRITY_HEADER}
 """Files of one navigator: what follows its name, and the header."""
+SMOOTHED_FILES = {"_smoothed": SOLUTION_HEADER, "_smoothed_errors": ERRORS_HEADER}
+"""And of one that was smoothed."""
 TRUTH_HEADER = "t_s,lat_deg,lon_deg,height_m,vn_mps,ve_mps,vd_mps,roll_deg,pitch_deg,heading_deg"
 TRUTH_WIND_HEADER = "t_s,wind_north_mps,wind_east_mps"
 GPS_HEADER = "t_s,lat_deg,lon_deg,height_m,withheld"

@@ -59,9 +59,10 @@ class AidStatistics:
 class NavigatorFiles:
     """The result files of one navigator."""
 
-    def __init__(self, folder: Path, name: str) -> None:
-        tables = [files.Table(folder / f"{name}{ending}.csv", header) for ending, header in files.NAVIGATOR_FILES.items()]
-        self.solutions, self.errors, self.aids, self.states, self.integrity = self._tables = tables
+    def __init__(self, folder: Path, name: str, smooth: bool = False) -> None:
+        wanted = files.NAVIGATOR_FILES | (files.SMOOTHED_FILES if smooth else {})
+        self._tables = [files.Table(folder / f"{name}{ending}.csv", header) for ending, header in wanted.items()]
+        self.solutions, self.errors, self.aids, self.states, self.integrity, *self.smoothed = self._tables
         self._sampled_ns: int | None = None
 
     def add(self, solutions: list[NavSolution]) -> None:
@@ -77,6 +78,14 @@ class NavigatorFiles:
     def add_errors(self, errors: Errors) -> None:
         """Write errors."""
         self.errors.rows(files.error_rows(errors))
+
+    def add_smoothed(self, solutions: list[NavSolution]) -> None:
+        """Write the smoothed solutions."""
+        self.smoothed[0].rows(files.solution_rows(columns_of(solutions), [s.mode for s in solutions]))
+
+    def add_smoothed_errors(self, errors: Errors) -> None:
+        """Write the errors of the smoothed solutions."""
+        self.smoothed[1].rows(files.error_rows(errors))
 
     def close(self) -> None:
         """Close all files."""
@@ -100,16 +109,24 @@ class NavigatorRun:
     out : NavigatorFiles or None
     compare : bool
         Whether the recording holds a fused solution of this navigator to compare with.
+    smoothed : Evaluation or None
+        Where its smoothed solutions are compared with the reference; None: they are not wanted.
     """
 
-    def __init__(self, link: Link, evaluation: Evaluation, out: NavigatorFiles | None, compare: bool) -> None:
+    def __init__(
+        self, link: Link, evaluation: Evaluation, out: NavigatorFiles | None, compare: bool, smoothed: Evaluation | None = None
+    ) -> None:
         self.link = link
         self.navigator: Navigator = link.navigator
         self.evaluation = evaluation
+        self.smoothed = smoothed
         self.out = out
         self.comparison = Comparison(expected=compare)
         self.integrity = IntegrityRecord()
         evaluation.listeners += [self.integrity.add_errors, *([out.add_errors] if out is not None else [])]
+        if smoothed is not None:
+            self.navigator.keep_history()
+            smoothed.listeners += [out.add_smoothed_errors] if out is not None else []
         self.seconds = 0.0
         self.solutions = 0
         self.mode_seconds: dict[str, float] = defaultdict(float)
@@ -159,6 +176,15 @@ class NavigatorRun:
             self._pending = []
         self.evaluation.advance()
 
+    def smooth(self) -> None:
+        """Smooth the whole pass, write and evaluate what comes of it."""
+        solutions = [] if self.smoothed is None else list(self.navigator.history.smoothed())
+        if solutions:
+            if self.out is not None:
+                self.out.add_smoothed(solutions)
+            self.smoothed.add_solutions(solution_columns(solutions))
+            self.smoothed.advance()
+
     def _on_aid(self, status: AidStatus) -> None:
         computed = status.innovation is not None and status.innovation is not self._innovations.get(status.name)
         self._innovations[status.name] = status.innovation
@@ -182,4 +208,5 @@ class NavigatorRun:
             {name: statistics.result(self.labels[name]) for name, statistics in sorted(self.aids.items())},
             {i.source: InputSummary(i.required, i.received, dict(sorted(i.rejected.items()))) for i in status.inputs},
             self.seconds,
+            None if self.smoothed is None else self.smoothed.result(end_ns),
         )

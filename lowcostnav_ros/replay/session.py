@@ -55,9 +55,9 @@ class SessionFiles:
             self.wind = files.Table(self.folder / "truth_wind.csv", files.TRUTH_WIND_HEADER)
             self.gps = files.Table(self.folder / "gps.csv", files.GPS_HEADER)
 
-    def navigator(self, name: str) -> NavigatorFiles | None:
+    def navigator(self, name: str, smooth: bool) -> NavigatorFiles | None:
         """The files of one navigator."""
-        return None if self.folder is None else NavigatorFiles(self.folder, name)
+        return None if self.folder is None else NavigatorFiles(self.folder, name, smooth)
 
     def add_truth(self, columns: NavColumns) -> None:
         """Write true states and true wind, whichever the columns hold."""
@@ -96,6 +96,8 @@ class Session:
         Topics whose recorded solutions will be given to :meth:`feed_recorded` for comparison.
     out : Path, optional
         Folder of the result files.
+    smooth : bool
+        Whether every navigator that can is smoothed at the end.
     """
 
     def __init__(
@@ -106,9 +108,11 @@ class Session:
         recorded: Iterable[str] = (),
         out: Path | None = None,
         rules: DecodeRules | None = None,
+        smooth: bool = False,
     ) -> None:
         self.windows = list(windows)
         self.truth = Truth() if has_truth else None
+        self.kept = Truth() if smooth and has_truth else None
         self.gaps = GpsGaps()
         self.files = SessionFiles(out)
         self.files.open()
@@ -122,9 +126,10 @@ class Session:
         self.runs: dict[str, NavigatorRun] = {}
         for name in in_order(navigators):
             link = Link(name, navigators[name], rules)
-            out_files = self.files.navigator(name)
+            smoothed = Evaluation(self.kept, self.gaps, self.windows) if smooth and navigators[name].smooths else None
+            out_files = self.files.navigator(name, smoothed is not None)
             evaluation = Evaluation(self.truth, self.gaps, self.windows)
-            self.runs[name] = NavigatorRun(link, evaluation, out_files, link.topic in recorded)
+            self.runs[name] = NavigatorRun(link, evaluation, out_files, link.topic in recorded, smoothed)
         self.replaced = {topic for name in self.runs for topic in fused_topics(name)}
         self._is_chain = any(topic in run.navigator.inputs for topic in self.replaced for run in self.runs.values())
         self._wanted = {source for run in self.runs.values() for source in run.navigator.inputs}
@@ -156,6 +161,8 @@ class Session:
             columns = truth_columns(truth)
             self.truth.states.add(columns)
             self.files.add_truth(_ten_hertz(columns))
+            if self.kept is not None:
+                self.kept.states.add(_ten_hertz(columns))
         else:
             (self._true_winds if truth.lat is None else self._true_states).append(truth)
 
@@ -164,10 +171,12 @@ class Session:
         states = columns_of(self._true_states)
         stamps = np.array([t.stamp_ns for t in self._true_winds], dtype=np.int64)
         winds = blank_columns(stamps, wind_n=columns_of(self._true_winds).wind_n)
-        for track, columns in ((truth.states, states), (truth.winds, winds)):
+        for name, columns in (("states", states), ("winds", winds)):
             if len(columns):
-                track.add(columns)
+                getattr(truth, name).add(columns)
                 self.files.add_truth(columns)
+                if self.kept is not None:
+                    getattr(self.kept, name).add(_ten_hertz(columns))
         self._true_states, self._true_winds = [], []
 
     def feed_recorded(self, name: str, message: Any, solution: NavSolution | None) -> None:
@@ -185,7 +194,8 @@ class Session:
         if isinstance(held, GpsPosition | GpsVelocity):
             columns = fix_columns(held)
             for run in self.runs.values():
-                run.evaluation.add_withheld(columns)
+                for evaluation in filter(None, (run.evaluation, run.smoothed)):
+                    evaluation.add_withheld(columns)
 
     def _write_fix(self, fix: GpsPosition, withheld: bool) -> None:
         if self.files.gps is not None:
@@ -214,6 +224,7 @@ class Session:
         self.flush()
         for run in self.runs.values():
             run.comparison.finish()
+            run.smooth()
             if run.out is not None:
                 run.out.close()
         self.files.close()
@@ -263,6 +274,7 @@ def replay_stream(
     withhold: Sequence[Withhold] = (),
     out: Path | None = None,
     on_progress: Callable[[int], None] | None = None,
+    smooth: bool = False,
 ) -> ReplayResult:
     """Feed a stream of measurements and true states to navigators; return the statistics.
 
@@ -279,13 +291,15 @@ def replay_stream(
         Folder for the result files.
     on_progress : callable, optional
         Called with the newest stamp (ns) now and then.
+    smooth : bool
+        Whether every navigator that can is smoothed at the end.
     """
     began = perf_counter()
     items = iter(items)
     head: list[Item] = list(itertools.islice(items, 2))
     first_ns = min((first_stamp(item) for item in head), default=0)
     has_truth = any(isinstance(item, TruthBlock) for item in head)
-    session = Session(navigators, [resolve(w, first_ns) for w in withhold], has_truth, out=out)
+    session = Session(navigators, [resolve(w, first_ns) for w in withhold], has_truth, out=out, smooth=smooth)
     for count, item in enumerate(itertools.chain(head, items)):
         if isinstance(item, TruthBlock):
             session.feed_truth(item)

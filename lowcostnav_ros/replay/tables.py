@@ -51,6 +51,13 @@ def _parts(result: ReplayResult) -> Iterator[tuple[str, str, ErrorSummary]]:
         yield from ((name, _PARTS[part], errors) for part, errors in navigator.errors.parts())
 
 
+def _smoothed(result: ReplayResult) -> Iterator[tuple[str, str, ErrorSummary]]:
+    """The same of what was smoothed."""
+    for name, navigator in result.navigators.items():
+        parts = navigator.smoothed.parts() if navigator.smoothed else ()
+        yield from ((f"{name}, smoothed", _PARTS[part], errors) for part, errors in parts)
+
+
 def _size(size: str, statistic: str, page_only: bool = False, short: str = "") -> Column:
     """Column of one statistic of one size."""
     (name, _, unit), words = _SIZES[size], {"rms": "RMS", "p95": "95 %", "max": "max"}[statistic]
@@ -77,7 +84,7 @@ def error_table(result: ReplayResult) -> Table:
         Column("error/sigma N E", axes, "", "err/sigma\nN E"),
         Column("error/sigma", lambda row: number(error_over_sigma(row[2].error_over_sigma), 2), page_only=True),
     ]
-    return Table.of("Errors (estimate minus reference)", columns, _parts(result))
+    return Table.of("Errors (estimate minus reference)", columns, [*_parts(result), *_smoothed(result)])
 
 
 def size_table(result: ReplayResult) -> Table:

@@ -51,6 +51,7 @@ class DeadReckoning(Navigator):
     """
 
     name = "dead_reckoning"
+    smooths = True
     colour = "#d55e00"
     modes = {"dme_aided": ("#7570b3", ""), "vor_aided": ("#a17fa6", "")}
     OwnSettings = DeadReckoningOwnSettings
@@ -161,7 +162,7 @@ class DeadReckoning(Navigator):
                 for channel in self.clocked:
                     self.use_channel(channel, Measurement(due, self.name))
                 self._judge()
-                self._out.append(self._solution(core))
+                self.publish(self._solution(core))
                 self._last_out_ns = due
             due += period
         core.move(stamp_ns)

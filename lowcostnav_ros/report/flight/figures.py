@@ -10,7 +10,7 @@ from lowcostnav_ros.report.chart import Band, Curve, Dots, Item, TimeAxis, time_
 from lowcostnav_ros.report.flight.map_chart import Ellipse, Track, map_chart
 from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
 
-TRUTH_COLOUR = "#222222"
+TRUTH_COLOUR, SMOOTHED_COLOUR = "#222222", "#00856a"
 _SPARE = ("#7a5195", "#8c6d31", "#56b4e9", "#5f7f3a")
 HALF = 474
 ELLIPSE_EVERY_S = 60.0
@@ -59,6 +59,9 @@ def ground_map(result: Result) -> str:
         if _known(navigator.solutions, "lat_deg"):
             place = navigator.solutions["lat_deg"], navigator.solutions["lon_deg"]
             tracks.append(Track(*place, colour_of(name, names), name, dash=label_of(name).dash or None))
+            if _known(navigator.smoothed, "lat_deg"):
+                place = navigator.smoothed["lat_deg"], navigator.smoothed["lon_deg"]
+                tracks.append(Track(*place, SMOOTHED_COLOUR, f"{name} smoothed", 1.3))
             ellipses += _ellipses(navigator, colour_of(name, names), result.summary.without_gps.intervals_s)
     return map_chart(tracks, result.summary.stations, ellipses)
 
@@ -85,6 +88,11 @@ def error_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> li
             rows = np.isfinite(errors[name])  # withheld fixes give position and velocity in turns
             t, values, sigma = _broken(errors["t_s"][rows], errors[name][rows], errors[f"sigma_{name}"][rows])
             items: list[Item] = [Band(t, sigma, colour), Curve(t, values, colour, "error in 1 and 2 sigma")]
+            if _known(navigator.smoothed_errors, name):
+                after = navigator.smoothed_errors
+                rows = np.isfinite(after[name])
+                t, values, sigma = _broken(after["t_s"][rows], after[name][rows], after[f"sigma_{name}"][rows])
+                items += [Band(t, sigma, SMOOTHED_COLOUR), Curve(t, values, SMOOTHED_COLOUR, "smoothed", 1.2)]
             width = 960 if name in ("north_m", "east_m", "heading_deg") else HALF
             charts.append(time_chart(title, axis, items, width=width))
     return charts

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lowcostnav_ros.replay.result import ReplayResult
-from lowcostnav_ros.replay.result_files import NAVIGATOR_FILES
+from lowcostnav_ros.replay.result_files import NAVIGATOR_FILES, SMOOTHED_FILES
 
 Columns = dict[str, np.ndarray]
 """Column name to values, shape (n,); numbers as float64 (NaN where blank), text columns as str."""
@@ -30,6 +30,8 @@ class NavigatorResult:
     aids: Columns
     states: Columns
     integrity: Columns
+    smoothed: Columns
+    smoothed_errors: Columns
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +84,7 @@ def read_result(folder: Path) -> Result:
         summary = ReplayResult.from_mapping(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
         raise ReportError(f"{folder} holds no readable summary.json; give a bag, or a folder written by replay --out.") from error
-    parts = {name: (read_table(folder / f"{name}{part}.csv") for part in NAVIGATOR_FILES) for name in summary.navigators}
+    parts = {name: (read_table(folder / f"{name}{part}.csv") for part in NAVIGATOR_FILES | SMOOTHED_FILES) for name in summary.navigators}
     navigators = {name: NavigatorResult(name, *tables) for name, tables in parts.items()}
     recorded = {p.stem.removeprefix("recorded_"): read_table(p) for p in sorted(folder.glob("recorded_*.csv"))}
     truth, truth_wind, gps = (read_table(folder / f"{name}.csv") for name in ("truth", "truth_wind", "gps"))

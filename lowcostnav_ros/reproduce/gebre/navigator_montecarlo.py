@@ -67,7 +67,7 @@ def fly_reduced(nav, estimate, P, kind, axis, rate, psd, free, air_n, seconds, t
     places[0], covariance[0] = nav, P[0:2, 0:2]
     for k in range(1, count + 1):
         move(nav, estimate, kind, axis, held, rate[3], air_n[k - 1], True, 1.0, sums)
-        carry_covariance(P, sums, kind, axis, rate, psd, 0.0, 0.0, walk)
+        carry_covariance(P, sums, kind, axis, rate, psd, 0.0, 0.0, walk, np.zeros((0, 0)))
         while due < seconds.shape[0] and seconds[due] == k:
             tower = towers[due]
             predicted, direction = range_and_direction(nav[0], nav[1], nav[2], tower[0], tower[1], tower[2])
