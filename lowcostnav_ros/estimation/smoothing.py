@@ -11,6 +11,7 @@ soon as it is full and gives the gains K of its steps; their product carries wha
 
 import dataclasses
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -67,10 +68,11 @@ class _Output:
 
     def smoothed(self, d: np.ndarray, D: np.ndarray) -> NavSolution:
         x, P = self.x + self.gain @ d, self.P + self.gain @ D @ self.gain.T
-        old, new = self.solution, {"states": None, "integrity": None}
+        old = self.solution
+        new: dict[str, Any] = {"states": None, "integrity": None}
         for name, rows in self.rows.items():
             if name == "pos":
-                new["lat"], new["lon"], new["height"] = (float(v) for v in displace(old.lat, old.lon, old.height, x[rows]))
+                new |= dict(zip(("lat", "lon", "height"), map(float, displace(old.lat, old.lon, old.height, x[rows])), strict=True))
             elif name == "att":
                 new["q_nb"] = quat_apply_phi_n(old.q_nb, x[rows])
             else:
@@ -93,6 +95,11 @@ class History:
     def __init__(self) -> None:
         self._segments: list[list[_Block]] = [[]]
         self._outputs: list[tuple[int, NavSolution, Mapping[str, np.ndarray]]] = []
+        self._x: list[np.ndarray] = []
+        self._P: list[np.ndarray] = []
+        self._Phi: list[np.ndarray] = []
+        self._Q: list[np.ndarray] = []
+        self._X = np.zeros(0)
 
     def cut(self) -> None:
         """End the segment: what comes next has nothing to do with what was."""

@@ -178,8 +178,9 @@ class NavigatorRun:
 
     def smooth(self) -> None:
         """Smooth the whole pass, write and evaluate what comes of it."""
-        solutions = [] if self.smoothed is None else list(self.navigator.history.smoothed())
-        if solutions:
+        history = self.navigator.history
+        solutions = [] if history is None else list(history.smoothed())
+        if self.smoothed is not None and solutions:
             if self.out is not None:
                 self.out.add_smoothed(solutions)
             self.smoothed.add_solutions(solution_columns(solutions))
