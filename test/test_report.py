@@ -221,6 +221,15 @@ def test_blank_cells_come_back_as_nan(folder):
     assert set(columns["mode"].tolist()) == {"gps"}
 
 
+def test_every_navigator_has_the_columns_of_its_own_files(folder):
+    result = read_result(folder)
+    assert len(result.navigators) > 1
+    for name, navigator in result.navigators.items():
+        own = read_table(folder / f"{name}.csv")
+        assert np.array_equal(navigator.solutions["heading_deg"], own["heading_deg"], equal_nan=True)
+        assert np.array_equal(navigator.errors["t_s"], read_table(folder / f"{name}_errors.csv")["t_s"])
+
+
 @pytest.mark.parametrize(
     ("metres", "said"), [(3.14, "3.1 m"), (412.4, "412 m"), (1999.0, "1999 m"), (3704.0, "3.7 km (2.0 NM)")]
 )

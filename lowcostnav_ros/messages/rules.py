@@ -75,7 +75,9 @@ class DecodeRules:
         SettingsError
             When two listeners take one source for different kinds.
         """
-        for source, kind in listener.kinds.items():
+        for source, topic in listener.kinds.items():
+            canonical = find(topic, {})  # ``radar/fix`` carries what every navigator's fix does
+            kind = topic if canonical is None else canonical.name
             frames = {*self.frames.get(source, ()), *listener.frames.get(source, ())}
             if source not in TOPICS:
                 if self.kinds.get(source, kind) != kind:

@@ -84,8 +84,9 @@ def read_result(folder: Path) -> Result:
         summary = ReplayResult.from_mapping(json.loads((folder / "summary.json").read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
         raise ReportError(f"{folder} holds no readable summary.json; give a bag, or a folder written by replay --out.") from error
-    parts = {name: (read_table(folder / f"{name}{part}.csv") for part in NAVIGATOR_FILES | SMOOTHED_FILES) for name in summary.navigators}
-    navigators = {name: NavigatorResult(name, *tables) for name, tables in parts.items()}
+    parts = [*NAVIGATOR_FILES, *SMOOTHED_FILES]
+    tables = {name: [read_table(folder / f"{name}{part}.csv") for part in parts] for name in summary.navigators}
+    navigators = {name: NavigatorResult(name, *columns) for name, columns in tables.items()}
     recorded = {p.stem.removeprefix("recorded_"): read_table(p) for p in sorted(folder.glob("recorded_*.csv"))}
     truth, truth_wind, gps = (read_table(folder / f"{name}.csv") for name in ("truth", "truth_wind", "gps"))
     return Result(summary, navigators, truth, truth_wind, gps, recorded)
