@@ -31,6 +31,7 @@ svg .station-name{font-weight:600}
 .scale{fill:none;stroke:#333;stroke-width:1.5}
 .north{fill:#333}
 .cursor{stroke:#333;stroke-dasharray:3 3;pointer-events:none}
+.wide{overflow-x:auto}
 table{border-collapse:collapse;margin:10px 0 18px;font-size:12.5px;font-variant-numeric:tabular-nums;width:100%}
 caption{text-align:left;font-weight:600;padding:4px 0}
 th{font-weight:600;color:var(--soft);border-bottom:1.5px solid #c3ccd3;vertical-align:bottom}

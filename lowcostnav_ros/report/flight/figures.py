@@ -61,7 +61,7 @@ def ground_map(result: Result) -> str:
             tracks.append(Track(*place, colour_of(name, names), name, dash=label_of(name).dash or None))
             if _known(navigator.smoothed, "lat_deg"):
                 place = navigator.smoothed["lat_deg"], navigator.smoothed["lon_deg"]
-                tracks.append(Track(*place, SMOOTHED_COLOUR, f"{name} smoothed", 1.3))
+                tracks.append(Track(*place, colour_of(name, names), f"{name} smoothed", 1.3, dash="7 3"))
             ellipses += _ellipses(navigator, colour_of(name, names), result.summary.without_gps.intervals_s)
     return map_chart(tracks, result.summary.stations, ellipses)
 
