@@ -38,4 +38,5 @@ def html_table(table: Table) -> str:
     body = "".join(f"<tr>{cells('td', row)}</tr>" for row in table.rows)
     notes = "".join(f'<p class="note">{escape(note)}</p>' for note in table.notes)
     caption = f"<caption>{escape(table.title)}</caption>"
-    return f"<div class="wide"><table>{caption}<thead><tr>{cells('th', heads)}</tr></thead><tbody>{body}</tbody></table></div>{notes}"
+    table_text = f"<table>{caption}<thead><tr>{cells('th', heads)}</tr></thead><tbody>{body}</tbody></table>"
+    return f'<div class="wide">{table_text}</div>{notes}'
