@@ -20,7 +20,7 @@ Letters
 
 Errors
 ------
-An error state is **true minus estimated** for everything additive, so an estimate is mended by adding it:
+An error state is **true minus estimated** for everything additive, so an estimate is corrected by adding it:
 ``vel_true = vel_est + dv``; position errors are metres north, east, down.  The attitude error is the small rotation
 ``phi_n``, resolved in n, with ``C_nb_true = (I + [phi_n x]) C_nb_est``.  An innovation is measured minus predicted.
 

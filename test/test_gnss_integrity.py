@@ -89,7 +89,7 @@ def test_healthy_satellites_stay_and_the_error_stays_below_the_protection_level(
         assert lasting and max(lasting) < 0.5 * reports[-1][1].hpl_m
 
 
-def test_a_satellite_that_is_mended_is_used_again():
+def test_a_satellite_that_recovers_is_used_again():
     number = satellite()
     faulty, sound = epochs(range_faults=[FAULT_S, number, 50.0]), epochs()
     heard = [f if f.stamp_ns - sound[0].stamp_ns < 1e9 * (FAULT_S + 5.0) else s for f, s in zip(faulty, sound, strict=True)]

@@ -78,7 +78,7 @@ def test_records_that_cannot_be_used_are_counted_by_reason():
     read = parse_navigation("\n".join(start(3.04, "N") + sum(records, [])))
     assert read.rejected == {
         "repeated ephemeris": 1, "GLONASS is not used": 1, "incomplete record": 2, "impossible record": 1,
-        "Galileo F/NAV is not used": 1, "no accuracy stated": 1, "week number mended from the date": 1,
+        "Galileo F/NAV is not used": 1, "no accuracy stated": 1, "week number corrected from the date": 1,
     }  # fmt: skip
     assert read.store.satellites() == [("E", 11), ("G", 3), ("G", 10), ("G", 14)]
     assert read.store.find("E", 11, TOE)[0].group_delay_s == pytest.approx(-3.3e-9)
@@ -93,7 +93,7 @@ def test_blank_fields_that_do_not_matter_and_headers_that_are_damaged():
     broken = start(2.1, "N", head("LEAP SECONDS", "  soon"), head("ION ALPHA", "  1.0"), head("ION BETA", "  1.0"))
     read = parse_navigation("\n".join(broken + lines))
     assert read.store.find("G", 3, TOE)[0].toe_ns == TOE
-    assert read.rejected == {"week number mended from the date": 1}
+    assert read.rejected == {"week number corrected from the date": 1}
     assert read.klobuchar is None and read.remarks == []
 
 

@@ -231,10 +231,10 @@ def test_coning_drift_is_the_closed_form():
     true_turn = 0.5 * math.sin(half_angle) ** 2 * (turn - math.sin(turn))
     given_back = math.sin(half_angle) ** 2 * math.sin(turn / 2) ** 2 * math.sin(turn) / 3
     plain = vibration_free_fall(np.zeros((count, 3)), dtheta, dt, False)[1]
-    mended = vibration_free_fall(np.zeros((count, 3)), dtheta, dt, True)[1]
+    corrected = vibration_free_fall(np.zeros((count, 3)), dtheta, dt, True)[1]
     assert plain[2] == pytest.approx(-count * true_turn, rel=0.01)
-    assert mended[2] == pytest.approx(-count * (true_turn - given_back), rel=0.05)
-    assert abs(mended[2]) < 0.03 * abs(plain[2])
+    assert corrected[2] == pytest.approx(-count * (true_turn - given_back), rel=0.05)
+    assert abs(corrected[2]) < 0.03 * abs(plain[2])
 
 
 def test_sculling_rectifies_as_the_bessel_function_says():
@@ -246,10 +246,10 @@ def test_sculling_rectifies_as_the_bessel_function_says():
     dtheta[:, 0] = angle * np.diff(np.sin(wave * fine[::4]))
     dv[:, 1] = -force / wave * np.diff(np.cos(wave * fine[::4]))
     expected = force * j1(angle) * count * dt
-    mended = vibration_free_fall(dv, dtheta, dt, True)[0][2]
+    corrected = vibration_free_fall(dv, dtheta, dt, True)[0][2]
     plain = vibration_free_fall(dv, dtheta, dt, False)[0][2]
-    assert mended == pytest.approx(expected, rel=2e-3)
-    assert abs(plain - expected) > 10 * abs(mended - expected)
+    assert corrected == pytest.approx(expected, rel=2e-3)
+    assert abs(plain - expected) > 10 * abs(corrected - expected)
 
 
 SMALL = st.floats(-1.0, 1.0)

@@ -79,7 +79,7 @@ def _records(lines: list[str]) -> list[list[str]]:
 
 
 def _ephemeris(record: list[str], version: float) -> tuple[Ephemeris | None, str]:
-    """Ephemeris of a record, or None, and a reason to count (a mended week is counted too)."""
+    """Ephemeris of a record, or None, and a reason to count (a corrected week is counted too)."""
     head = record[0]
     system = head[0] if version >= 3.0 else GPS
     if system not in (GPS, GALILEO):
@@ -123,7 +123,7 @@ def _build(system: str, sat_id: int, toc: int, v: list[float]) -> tuple[Ephemeri
     if not ura >= 0.0:  # -1 and NaN: no accuracy prediction
         return None, "no accuracy stated"
     toe = nearest_tow(toe_s, toc)
-    mended = "" if toe // WEEK_NS == week else "week number mended from the date"
+    corrected = "" if toe // WEEK_NS == week else "week number corrected from the date"
     orbit = (root, e, m0, node, i0, perigee, node_rate, idot, dn, cuc, cus, crc, crs, cic, cis)
     rest = (0.0 if math.isnan(delay) else delay, max(ura, 1.0), health == 0.0, int(issue), VALID_S[system])
-    return Ephemeris(system, sat_id, toe, toc, *orbit, af0, af1, af2, *rest), mended
+    return Ephemeris(system, sat_id, toe, toc, *orbit, af0, af1, af2, *rest), corrected

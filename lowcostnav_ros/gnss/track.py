@@ -56,7 +56,7 @@ class Located:
 
     @property
     def usable(self) -> bool:
-        """Whether there is a position that nothing speaks against (unchecked with four satellites, which is not healthy)."""
+        """Whether there is a position with no fault against it (unchecked with four satellites, which is not healthy)."""
         return self.result is not None and self.result.verdict != raim.FAULTY
 
 

@@ -16,7 +16,7 @@ DRAW_S = 1.0
 
 
 class _Stop(Exception):
-    """Somebody asked for the end."""
+    """The operator (or a signal) asked it to stop."""
 
 
 def up(graph: Graph, out: Path | None = None, show: bool | None = None, until_finished: bool = False) -> int:
