@@ -47,6 +47,7 @@ class Registry(Mapping[str, T], Generic[T]):
         self.what, self.room, self.hidden, self.many = what, room, hidden, many
         self._things: dict[str, T] = {}
         self._origins: dict[str, str] = {}
+        self._complete = False
 
     def register(self, name: str, thing: T, origin: str) -> T:
         """Enter a thing; ``origin`` is the module that defines it and may enter it again (when it is imported twice).
@@ -76,7 +77,8 @@ class Registry(Mapping[str, T], Generic[T]):
             raise RegistryError(f"There is no {self.what} '{name}'{nearest(name, list(self))}.") from None
 
     def __contains__(self, name: object) -> bool:
-        return name in set(self)
+        names = self._load()
+        return name in self._things or name in names
 
     def __iter__(self) -> Iterator[str]:
         names = self._load()
@@ -91,13 +93,14 @@ class Registry(Mapping[str, T], Generic[T]):
         return tuple(name for name in self if self._origins[name].startswith(f"{self.room}.")) if self.many else tuple(names)
 
     def _load(self) -> dict[str, str]:
-        """Import the plugins, and the modules of a room of many; return the entries that a look-up may still import."""
+        """Import the plugins, and once the modules of a room of many; return the entries that a look-up may still import."""
         load_plugins()
-        places = self._places()
         if not self.many:
-            return places
-        for module in places.values():
-            importlib.import_module(module)
+            return self._places()
+        if not self._complete:  # messages are looked up by the thousand
+            for module in self._places().values():
+                importlib.import_module(module)
+            self._complete = True
         return {}
 
     def _places(self) -> dict[str, str]:
