@@ -137,6 +137,20 @@ def test_a_name_that_is_taken_and_a_plugin_that_is_not_there_are_refused(plugged
     assert told.returncode == 2 and "cannot be imported" in told.stderr and "Traceback" not in told.stderr
 
 
+@pytest.mark.parametrize(
+    ("text", "fault", "place"),
+    [
+        ("x = 1\ny = not_defined\n", "NameError: name 'not_defined' is not defined", "second_receiver.py line 2"),
+        ("def f(:\n", "SyntaxError: ", "second_receiver.py, line 1"),
+    ],
+)
+def test_a_plugin_that_fails_is_named_with_the_line_to_correct(plugged, tmp_path, text, fault, place):
+    (tmp_path / "second_receiver.py").write_text(text)
+    told = plugged("-m", "lowcostnav_ros.cli", "parameters", "gps_simulator")
+    assert told.returncode == 2 and "The plugin 'second_receiver'" in told.stderr and "Traceback" not in told.stderr
+    assert fault in told.stderr and place in told.stderr
+
+
 def test_names_labels_and_light_nodes_need_no_compiler():
     pytest.importorskip("rclpy")
     light = [name for name in EXECUTABLES.own() if not needs_compiler(name)]

@@ -10,6 +10,7 @@ import contextlib
 import importlib
 import os
 import pkgutil
+import traceback
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from functools import cache
@@ -209,11 +210,18 @@ def load_plugins() -> None:
     Raises
     ------
     RegistryError
-        When one cannot be imported.
+        When one cannot be imported, or fails while it is.
     """
     for name in filter(None, (part.strip() for part in os.environ.get(PLUGINS, "").split(","))):
         try:
             importlib.import_module(name)
+        except RegistryError:
+            raise
         except ImportError as error:
             sentence = f"The plugin '{name}' of {PLUGINS} cannot be imported ({error}); correct the name or PYTHONPATH."
+            raise RegistryError(sentence) from error
+        except Exception as error:  # whatever a plugin's code may raise
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            where = "" if isinstance(error, SyntaxError) else f", {Path(last.filename).name} line {last.lineno}"
+            sentence = f"The plugin '{name}' of {PLUGINS} fails when it is imported ({type(error).__name__}: {error}{where}); correct it."
             raise RegistryError(sentence) from error
