@@ -226,6 +226,16 @@ def test_silent_airspeed_fails_the_mode_and_the_sigma_runs_away():
     assert nav.status().level == Level.ERROR
 
 
+def test_silent_airspeed_is_one_phrase_to_count_by_however_long_it_lasts():
+    flight = straight(120.0)
+    nav = quiet()
+    air = [m for m in flight.airspeeds() if m.stamp_ns < START_NS + 60e9]
+    nav.feed_all(in_order(flight.attitudes(), air, gps_until(flight, 120.0)))
+    velocity = nav.aid("gps_velocity").status
+    assert velocity.reason == "no airspeed for 59 s"
+    assert set(velocity.rejected) == {"no airspeed"} and velocity.rejected["no airspeed"] > 20
+
+
 def test_airspeed_that_collapses_without_gps_is_not_believed_to_be_a_landing():
     flight = straight(120.0)
     nav = quiet()

@@ -9,6 +9,7 @@ import pytest
 from replay_fakes import REGISTRY, SPEED, FakeAhrs, FakeSettings, FixFollower, Listener, flight, truth, write_bag, write_config
 
 from lowcostnav_ros.base.measurements import Attitude, ImuBlock, NavSolution
+from lowcostnav_ros.estimation.aiding import AidStatus, Reason
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.navigators.base import HorizonSettings
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
@@ -16,6 +17,7 @@ from lowcostnav_ros.replay.digest import Comparison, imu_record, odometry_record
 from lowcostnav_ros.replay.links import in_order
 from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.replay.result_files import SOLUTION_HEADER, seconds_text
+from lowcostnav_ros.replay.runs import AidStatistics
 from lowcostnav_ros.replay.selection import SelectionError, select
 from lowcostnav_ros.replay.session import replay_stream, simulated
 from lowcostnav_ros.replay.withhold import parse_withhold
@@ -242,3 +244,10 @@ def test_selection_follows_the_chain_of_needs():
         select(inputs, {"imu/data_raw"}, insist=True)
     with pytest.raises(SelectionError, match="No navigator can run"):
         select(inputs, {"gps/fix"}, insist=False)
+
+
+def test_reasons_that_differ_in_their_detail_alone_are_counted_as_one():
+    statistics = AidStatistics(1)
+    for seconds in (3, 4, 5):
+        statistics.add(AidStatus("aid", ("value_m",), reason=Reason("no airspeed", f"for {seconds} s", " ")), False)
+    assert statistics.result(("value_m",)).not_used_or_limited == {"no airspeed": 3}

@@ -17,6 +17,7 @@ from lowcostnav_ros.cores import reckoning_model as model
 from lowcostnav_ros.cores.reckoning_model import CLIMB, CORE, POS
 from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.aiding import Reason
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.physics.earth import displace
@@ -156,7 +157,7 @@ class HeldInputs:
             if stamp_ns is None:
                 return f"no {what} yet"
             if t_ns - stamp_ns > 1e9 * limit_s:
-                return f"no {what} for {1e-9 * (t_ns - stamp_ns):.0f} s"
+                return Reason(f"no {what}", f"for {1e-9 * (t_ns - stamp_ns):.0f} s", " ")
         return ""
 
 

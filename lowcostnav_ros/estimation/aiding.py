@@ -30,9 +30,9 @@ class Reason(str):
 
     phrase: str
 
-    def __new__(cls, phrase: str, detail: str = "") -> "Reason":
-        """Make the reason ``phrase``, or ``phrase: detail``."""
-        text = f"{phrase}: {detail}" if detail else phrase
+    def __new__(cls, phrase: str, detail: str = "", joint: str = ": ") -> "Reason":
+        """Make the reason ``phrase``, or ``phrase: detail``; ``joint`` stands between the two where another reads better."""
+        text = f"{phrase}{joint}{detail}" if detail else phrase
         made = super().__new__(cls, text)
         made.phrase = phrase
         return made
@@ -42,6 +42,11 @@ class Reason(str):
         """The reason of a text ``phrase: detail``; empty for none."""
         phrase, _, detail = text.partition(": ")
         return cls(phrase, detail)
+
+    @staticmethod
+    def phrase_of(reason: str) -> str:
+        """What a reason is counted by: its phrase, or a plain text itself."""
+        return getattr(reason, "phrase", reason)
 
 
 class Decision(Enum):
@@ -328,7 +333,7 @@ class Aid(ABC):
 
     def _refused(self, reason: str) -> bool:
         self.status.accepted, self.status.reason = False, reason
-        self.status.rejected[getattr(reason, "phrase", reason)] += 1
+        self.status.rejected[Reason.phrase_of(reason)] += 1
         return False
 
 

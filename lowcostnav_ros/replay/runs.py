@@ -10,7 +10,7 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
-from lowcostnav_ros.estimation.aiding import AidStatus
+from lowcostnav_ros.estimation.aiding import AidStatus, Reason
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
 from lowcostnav_ros.replay.columns import columns_of
@@ -39,7 +39,7 @@ class AidStatistics:
         if status.accepted:
             self.used += 1
         if status.reason:
-            self.rejected[status.reason] += 1
+            self.rejected[Reason.phrase_of(status.reason)] += 1
         if computed and status.innovation is not None:
             self.tested += 1
             self.nis_sum += status.nis
