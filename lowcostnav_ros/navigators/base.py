@@ -9,6 +9,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
+from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
@@ -52,7 +53,7 @@ class InputStatus:
 
 @dataclass(slots=True)
 class NavigatorStatus:
-    """How a navigator is: mode, why, how bad, one record per input and per aid, and further values for diagnostics by name."""
+    """How a navigator is: mode, why, how bad, one record per input and per aid, further values by name, what disagrees."""
 
     name: str
     mode: str
@@ -64,6 +65,7 @@ class NavigatorStatus:
     aids: list[AidStatus]
     integrity: Integrity | None = None
     details: Mapping[str, str] = field(default_factory=dict)
+    contradictions: tuple[Contradiction, ...] = ()
 
 
 class Channel:
