@@ -217,3 +217,21 @@ def test_a_correction_of_the_heading_turns_what_tilt_and_heading_share_with_the_
     assert np.array_equal(core.P, core.P.T)
     core.correct(np.concatenate((np.zeros(6), [0.1, -0.2, 0.0], np.zeros(layout.size - CORE))))
     assert np.array_equal(core.P, P)
+
+
+@pytest.mark.parametrize("split", [False, True])
+def test_velocity_of_a_lever_arm_depends_on_every_gyro_bias_as_differences_say(split):
+    layout, lever_b, w_m = layout_of(split_turn_on=split), np.array([1.5, -0.4, -2.0]), np.array([0.3, -0.2, 0.5])
+    core = InertialCore(layout)
+    core.start(0, NAV, np.eye(CORE))
+    block = ImuBlock.of("imu/data_raw", np.array([0]), np.array([[0.1, 0.2, -9.8]]), w_m[None])
+
+    def seen():
+        core.note(block)
+        return core.velocity_at(lever_b)
+
+    before = seen()
+    for i in np.flatnonzero(layout.kind == Kind.GYRO_BIAS):
+        core.estimate[i] = 1e-4
+        assert (seen().swing_n - before.swing_n) / 1e-4 == pytest.approx(before.H[:, i], abs=1e-9)
+        core.estimate[i] = 0.0

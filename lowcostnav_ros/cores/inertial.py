@@ -375,8 +375,7 @@ class InertialCore:
         swing_n = C @ np.array([w[1] * arm[2] - w[2] * arm[1], w[2] * arm[0] - w[0] * arm[2], w[0] * arm[1] - w[1] * arm[0]])
         H = np.zeros((3, self.layout.size))
         H[:, VEL], H[:, ATT] = np.eye(3), -skew(swing_n)
-        if "gyro_bias" in self.layout:
-            H[:, self.layout["gyro_bias"]] = C @ skew(lever_b)
+        self.layout.fill(H, Kind.GYRO_BIAS, C @ skew(lever_b))
         return VelocitySeen(self.nav[3:6], swing_n, H)
 
     def wind_n(self) -> np.ndarray:
