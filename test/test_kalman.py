@@ -66,6 +66,44 @@ def test_update_equals_filterpy():
     assert kalman.normalised_innovation_squared(y, S) == pytest.approx(oracle.mahalanobis**2, rel=1e-9)
 
 
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 9), st.integers(1, 3), st.floats(-6.0, 6.0))
+def test_update_with_a_semidefinite_noise_equals_the_pseudo_inverse(seed, n, rank, power):
+    rng = np.random.default_rng(seed)
+    P, H, y, B = random_covariance(rng, n), rng.standard_normal((3, n)), rng.standard_normal(3), rng.standard_normal((3, rank))
+    R = B @ B.T * 10.0**power
+    if rank < 3:
+        H[2] = B[2] @ np.linalg.pinv(B[:2]) @ H[:2] + (rng.standard_normal(n) if rank == 2 else 0.0)
+    S = H @ P @ H.T + R
+    K = P @ H.T @ np.linalg.pinv(S, rcond=1e-13)
+    ours = P.copy()
+    dx = kalman.update(ours, S @ y, H, R, np.ones(n))  # in the range of S, so that nothing contradicts itself
+    assert np.allclose(dx, K @ S @ y, rtol=1e-4, atol=1e-5 * np.abs(K @ S @ y).max())
+    assert np.allclose(ours, P - K @ S @ K.T, atol=1e-5 * np.abs(P).max())
+
+
+@pytest.mark.parametrize("variance", [0.0, 5e-324, 1e-300, 1e-18, 1e29, 1e300])
+@pytest.mark.parametrize("correlation", [0.0, 1.0, -1.0])
+def test_no_noise_makes_a_covariance_that_is_none(variance, correlation):
+    R = np.full((3, 3), correlation * variance)
+    R[0] *= np.sign(correlation)
+    R[:, 0] *= np.sign(correlation)
+    np.fill_diagonal(R, variance)
+    P = random_covariance(np.random.default_rng(3), 6)
+    for _ in range(3):
+        dx = kalman.update(P, np.array([1.0, -2.0, 0.5]), np.eye(3, 6), R, np.ones(6))
+        assert np.isfinite(dx).all()
+        assert P.diagonal().min() > 0.0
+        assert np.linalg.eigvalsh(P).min() > -1e-14 * np.trace(P)
+
+
+def test_a_correction_that_is_no_number_leaves_the_covariance_alone():
+    P = random_covariance(np.random.default_rng(3), 4)
+    before = P.copy()
+    assert np.isnan(kalman.update(P, np.array([1e300]), np.full((1, 4), 1e200), np.eye(1), np.ones(4))).all()
+    assert np.array_equal(P, before)
+
+
 def test_filter_run_equals_filterpy():
     rng = np.random.default_rng(2)
     dt = 1.0

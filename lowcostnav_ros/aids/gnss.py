@@ -172,17 +172,17 @@ class SatelliteAid(Aid):
         obs = self.observations(measurement, host)
         self.count(measurement, obs.excluded)
         if not obs.rows.size:
-            return self._refused("no usable satellite")
+            return self.refuse("no usable satellite")
         if not np.isfinite(obs.y).all():
-            return self._refused(aiding.NOT_FINITE)
+            return self.refuse(aiding.NOT_FINITE)
         slots = slots_of(measurement, obs.rows)
         excluded = integrity.is_excluded(slots)
         if integrity.distrusted or excluded.all():
-            return self._refused("satellites not used since the alarm" if integrity.distrusted else EXCLUDED_BY_TEST)
+            return self.refuse("satellites not used since the alarm" if integrity.distrusted else EXCLUDED_BY_TEST)
         self._seed(obs, host)
         S = scalar_variances(host.P, obs.H, obs.r)
         if not np.isfinite(S).all():
-            return self._refused(aiding.NOT_FINITE)
+            return self.refuse(aiding.NOT_FINITE)
         ratios = obs.y**2 / (S * self.threshold) if self.settings.screening else np.zeros(len(S))
         self._report(obs, ratios, ~excluded, host)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
@@ -190,7 +190,7 @@ class SatelliteAid(Aid):
         decision, reason = self.control(measurement.stamp_ns, float(ordered[(len(ordered) - 1) // 2]), host)
         self.decision = decision
         if decision is Decision.REJECT:
-            return self._refused(reason)
+            return self.refuse(reason)
         status.reason = ""
         if decision is Decision.RECOVER:
             good = ~excluded
@@ -201,7 +201,7 @@ class SatelliteAid(Aid):
             passed = (ratios <= 1.0) & ~excluded
             good = self._tested(measurement, obs, slots, passed, host)
             if not good.any():
-                return self._refused("satellites contradict each other")
+                return self.refuse("satellites contradict each other")
             if not good.all():
                 self.count(measurement, [(row, aiding.BEYOND_GATE) for row in obs.rows[~passed & ~excluded]])
                 self.count(measurement, [(row, EXCLUDED_BY_TEST) for row in obs.rows[excluded | (passed & ~good)]])

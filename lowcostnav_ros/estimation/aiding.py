@@ -21,6 +21,7 @@ import numpy as np
 from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.base.small_matrices import at_least
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Layout
 
@@ -62,6 +63,11 @@ BEYOND_GATE = "innovation beyond gate"
 LIMITED = "innovation limited"
 RECOVERED = "recovered after rejections"
 NOT_FINITE = "innovation not finite"
+NO_CORRECTION = "correction not finite"
+
+
+class CorrectionNotFinite(ArithmeticError):
+    """Raised by a host that is asked to move its state by what is no number; the state is as before."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +131,8 @@ class Host(Protocol):
     """What an aid asks of the navigator it serves.
 
     ``layout`` names the states; ``P`` (n, n) is their covariance; ``core`` holds the mean and offers the views of
-    :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,); ``gps_good(stamp_ns)``: GPS holds the solution.
+    :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,), or
+    raises :class:`CorrectionNotFinite`; ``gps_good(stamp_ns)``: GPS holds the solution.
     """
 
     name: str
@@ -307,9 +314,9 @@ class Aid(ABC):
         status.stamp_ns = measurement.stamp_ns
         innovation = self.innovation(measurement, host)
         if isinstance(innovation, str):
-            return self._refused(innovation)
+            return self.refuse(innovation)
         if not math.isfinite(innovation.y.sum() + innovation.H.sum() + innovation.R.sum()):
-            return self._refused(NOT_FINITE)
+            return self.refuse(NOT_FINITE)
         S = kalman.innovation_covariance(host.P, innovation.H, innovation.R)
         nis = kalman.normalised_innovation_squared(innovation.y, S)
         status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
@@ -317,7 +324,7 @@ class Aid(ABC):
         decision, reason = self.control(measurement.stamp_ns, status.test_ratio, host)
         self.decision = decision
         if decision is Decision.REJECT:
-            return self._refused(reason)
+            return self.refuse(reason)
         innovation = self.applied = self.prepare(measurement, innovation, host)
         if decision is Decision.RECOVER:
             status.rejected[reason] += 1
@@ -331,7 +338,8 @@ class Aid(ABC):
         status.fused += 1
         return True
 
-    def _refused(self, reason: str) -> bool:
+    def refuse(self, reason: str) -> bool:
+        """Note that the measurement is not used, and count it under the phrase of its reason; return False."""
         self.status.accepted, self.status.reason = False, reason
         self.status.rejected[Reason.phrase_of(reason)] += 1
         return False
@@ -346,11 +354,11 @@ def reset_to(host: Host, rows: slice, y: np.ndarray, covariance: np.ndarray) -> 
 
 
 def floored(cov: np.ndarray, scale: float, floor: float) -> np.ndarray:
-    """Covariance (m, m) scaled by the sigma factor ``scale``, no variance below ``floor`` squared."""
+    """Covariance (m, m) scaled by the sigma factor ``scale``, no variance below ``floor`` squared, in oblique directions neither."""
     out = cov * (scale * scale)
     for i in range(len(out)):
         out[i, i] = max(out[i, i], floor * floor)
-    return out
+    return at_least(out, floor)
 
 
 Maker = Callable[[Any, str, Any], list[Aid]]

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul, matvec, turned
+from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul, matvec, turned, unit_cholesky
 
+SHARPEST = 1e-12
+"""A measurement counts for no better than this share of the variance it meets: what is finer is lost to round-off."""
 NO_TRACK = np.zeros((0, 0))
 """Where no product of transitions is wanted (:func:`lead`)."""
 
@@ -109,11 +111,13 @@ def innovation_covariance(P, H, R):
 
 @kernel
 def normalised_innovation_squared(y, S):
-    """y' S^-1 y by a Cholesky factor, without an inverse; NaN when S is not positive definite."""
-    white = forward_solve(cholesky(S), y)
+    """y' S^-1 y by the pivots of S, without an inverse; infinite where S claims to know exactly what y contradicts."""
+    L, d = unit_cholesky(S)
+    apart = forward_solve(L, y)
     total = 0.0
-    for value in white:
-        total += value * value
+    for i in range(y.shape[0]):
+        if apart[i] != 0.0:
+            total += apart[i] * apart[i] / d[i]
     return total
 
 
@@ -151,13 +155,14 @@ def scalar_update(dx, P, y, h, r, free):
     """
     n = dx.shape[0]
     Ph = matvec(P, h)
-    s = r
+    s = 0.0
     for i in range(n):
         s += h[i] * Ph[i]
+    s += max(r, SHARPEST * s)
     residual = y
     for i in range(n):
         residual -= h[i] * dx[i]
-    gain = Ph / s * free
+    gain = Ph / s * free if s > 0.0 else np.zeros(n)  # nothing is measured, and nothing is uncertain about it
     for i in range(n):
         dx[i] += gain[i] * residual
     # Joseph form (I-Kh)P(I-Kh)' + K r K' = P - K (Ph)' - (Ph) K' + K s K', valid for any gain
@@ -171,11 +176,22 @@ def scalar_update(dx, P, y, h, r, free):
 
 @kernel
 def update(P, y, H, R, free):
-    """Fuse a vector measurement as whitened scalars; P changes in place, the correction (n,) is returned."""
-    dx = np.zeros(P.shape[0])
-    yw, Hw = whiten(y, H, R)
-    for i in range(yw.shape[0]):
-        scalar_update(dx, P, yw[i], Hw[i], 1.0, free)
+    """Fuse a vector measurement as scalars that L^-1 makes independent (R = L D L', positive semidefinite).
+
+    P changes in place and the correction (n,) is returned; where any of it would not be finite, P stays and the correction is NaN.
+    """
+    n = P.shape[0]
+    dx, after = np.zeros(n), P.copy()
+    L, d = unit_cholesky(R)
+    apart = forward_solve(L, y)
+    rows = H.copy()
+    for j in range(n):
+        rows[:, j] = forward_solve(L, H[:, j])
+    for i in range(y.shape[0]):
+        scalar_update(dx, after, apart[i], rows[i], d[i], free)
+    if not (np.isfinite(dx).all() and np.isfinite(after).all()):
+        return np.full(n, np.nan)
+    P[:] = after
     return dx
 
 

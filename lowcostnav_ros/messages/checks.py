@@ -8,11 +8,25 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.small_matrices import at_least
 from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal
 
 ABSURD = 1.0e30
 """No variance is this large; senders write 1e308 for infinity."""
+LEAST_SIGMA = {
+    "position": 0.01,  # m: a receiver with carrier phase
+    "velocity": 0.005,  # m/s
+    "wind": 0.01,
+    "airspeed": 0.05,
+    "orientation": 1e-4,  # rad
+    "magnetic field": 1e-9,  # T
+    "pressure": 0.1,  # Pa
+    "temperature": 0.01,  # K
+    "range": 1.0,  # m: a pulse of 3.5 us
+    "bearing": 1e-4,  # rad
+}
+"""What no sensor of a datum is better than, 1 sigma; a smaller one that is stated is raised, along every direction."""
 
 
 def stamp_ns(header: Any) -> int:
@@ -51,10 +65,27 @@ class Received:
         """Return a checked covariance in our axes, the default where it is None, which means unknown."""
         return np.diag(self.assumed()) if cov is None else swap(cov)
 
+    def covariance(self, flat: np.ndarray | list[float], what: str, may_be_zero: bool = False) -> np.ndarray | None:
+        """Return what :func:`covariance` does, raised where it states a sigma that no sensor has, and note that."""
+        known = covariance(flat, what, may_be_zero)
+        if known is None or may_be_zero:
+            return known
+        raised = at_least(known, LEAST_SIGMA.get(what, 0.0))
+        if raised is not known:
+            self._note_raised(what)
+        return raised
+
+    def _note_raised(self, what: str) -> None:
+        self.notes[f"{self.kind.name}: {what} sigma raised to what a sensor can have"] += 1
+
     def variance(self, value: float, what: str) -> float:
-        """Return the checked variance, the default where it is unknown."""
-        known = variance(value, what)
-        return self.assumed()[0] if known is None else known
+        """Return the checked variance, the default where it is unknown, raised where no sensor is that good."""
+        known, least = variance(value, what), LEAST_SIGMA.get(what, 0.0) ** 2
+        if known is None:
+            return self.assumed()[0]
+        if known < least:
+            self._note_raised(what)
+        return max(known, least)
 
 
 def xyz(vector: Any) -> tuple[float, float, float]:
@@ -70,12 +101,14 @@ def station(header: Any) -> str:
     return ident
 
 
-def twist(message: Any, what: str, limit: float, may_be_zero: bool = False) -> tuple[np.ndarray, np.ndarray | None]:
+def twist(
+    message: Any, received: Received, what: str, limit: float, may_be_zero: bool = False
+) -> tuple[np.ndarray, np.ndarray | None]:
     """Return the checked linear velocity of a TwistWithCovarianceStamped and its covariance, both in the message's axes."""
     velocity = xyz(message.twist.twist.linear)
     finite(velocity, what)
     magnitude(velocity, limit, f"{what} implausible")
-    return np.array(velocity), covariance(np.reshape(message.twist.covariance, (6, 6))[:3, :3].ravel(), what, may_be_zero)
+    return np.array(velocity), received.covariance(np.reshape(message.twist.covariance, (6, 6))[:3, :3].ravel(), what, may_be_zero)
 
 
 def finite(values: Sequence[float] | np.ndarray, what: str) -> None:
@@ -148,7 +181,8 @@ def covariance(flat: np.ndarray | list[float], what: str, may_be_zero: bool = Fa
 
 def _refuse_indefinite(matrix: np.ndarray, what: str) -> None:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = matrix.tolist()
-    a, b, c = xy / math.sqrt(xx * yy), xz / math.sqrt(xx * zz), yz / math.sqrt(yy * zz)  # as correlations, so that units do not matter
+    sx, sy, sz = math.sqrt(xx), math.sqrt(yy), math.sqrt(zz)  # each for itself: a product of two variances can underflow
+    a, b, c = xy / sx / sy, xz / sx / sz, yz / sy / sz  # as correlations, so that units do not matter
     determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
     if max(abs(a), abs(b), abs(c)) > 1.0 + 1e-9 or determinant < -1e-9:  # principal minors of a matrix with ones on its diagonal
         raise Refusal(f"{what} covariance is not positive")

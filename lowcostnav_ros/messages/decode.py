@@ -145,3 +145,5 @@ def _carefully(raw: bytes | memoryview, kind: Kind, rules: DecodeRules, notes: N
         return kind.decode(message, checks.Received((stamp_ns, kind.name), kind, rules, notes))
     except Refusal as refusal:
         return Rejected(kind.name, refusal.reason, refusal.detail, stamp_ns)
+    except (ArithmeticError, ValueError) as error:  # numbers that no check foresaw must not end a flight
+        return Rejected(kind.name, "numbers cannot be used", f"{type(error).__name__}: {error}"[:120], stamp_ns)

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from lowcostnav_ros.base.measurements import Attitude, ImuBlock
-from lowcostnav_ros.messages.checks import ABSURD, covariance
+from lowcostnav_ros.base.small_matrices import at_least
+from lowcostnav_ros.messages.checks import ABSURD, LEAST_SIGMA, covariance
 from lowcostnav_ros.messages.conversions import quat_from_ros, swap_world_cov
 from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal
@@ -53,7 +54,7 @@ def attitude(raw: bytes | memoryview, kind: Kind, rules: DecodeRules) -> Attitud
         matrix = covariance(cov, "orientation")
     except Refusal:
         return None  # the careful decoder finds the same and names it
-    if matrix is None:
+    if matrix is None or at_least(matrix, LEAST_SIGMA["orientation"]) is not matrix:
         return None
     force, rate = np.array((v[12], -v[13], -v[14])), np.array((v[0], -v[1], -v[2]))
     return Attitude(stamp, kind.name, quat_from_ros(x, y, z, w), swap_world_cov(matrix), rate, force)

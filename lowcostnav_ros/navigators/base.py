@@ -13,7 +13,7 @@ from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
-from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
+from lowcostnav_ros.estimation.aiding import NO_CORRECTION, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Sensor, unique
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
 from lowcostnav_ros.estimation.smoothing import History
@@ -255,7 +255,15 @@ class Navigator(ABC):
         return self.core.P
 
     def correct(self, dx: np.ndarray) -> None:
-        """Inject a correction (an aid calls this)."""
+        """Inject a correction (an aid calls this).
+
+        Raises
+        ------
+        CorrectionNotFinite
+            When it is none; the one place at which all navigators look.
+        """
+        if not np.isfinite(dx).all():
+            raise CorrectionNotFinite
         self.core.correct(dx)
 
     def gps_good(self, stamp_ns: int) -> bool:
@@ -319,7 +327,12 @@ class Navigator(ABC):
         for item in self.horizon.take():
             self._fuse(item)
         out, self._out = self._out, []
-        return out
+        return out if all(solution.is_sound for solution in out) else self._lost(out)
+
+    def _lost(self, out: list[NavSolution]) -> list[NavSolution]:
+        """Begin anew after a solution that is none; what was sound before it still goes out."""
+        self.realign("solution not finite")
+        return [solution for solution in out if solution.is_sound]
 
     def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
         """Feed many; return all fused solutions."""
@@ -327,7 +340,8 @@ class Navigator(ABC):
 
     def output(self) -> NavSolution | None:
         """The solution carried to the newest stamp by mean propagation alone (low latency), None before alignment."""
-        return self._predict()
+        solution = self._predict()
+        return solution if solution is None or solution.is_sound else None
 
     def status(self) -> NavigatorStatus:
         """Mode, reason, level and all records, for diagnostics and reports."""
@@ -362,7 +376,10 @@ class Navigator(ABC):
 
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """Run one aid on one measurement and notify the observer, if there is one."""
-        used = aid.process(measurement, self)
+        try:
+            used = aid.process(measurement, self)
+        except CorrectionNotFinite:
+            used = aid.refuse(NO_CORRECTION)
         if self.on_aid is not None:
             self.on_aid(aid.status)
         return used

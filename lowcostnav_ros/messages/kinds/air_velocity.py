@@ -15,7 +15,7 @@ from lowcostnav_ros.messages.samples import VELOCITY
 
 def _decode(message: Any, received: checks.Received) -> AirVelocity:
     received.frame(message.header.frame_id)
-    velocity, cov = checks.twist(message, "airspeed", 400.0)
+    velocity, cov = checks.twist(message, received, "airspeed", 400.0)
     if velocity[0] < -50.0:
         raise Refusal("airspeed is negative", f"{velocity[0]:g} m/s")
     return AirVelocity(*received.head, conv.swap_body(velocity), received.known(cov, conv.swap_body_cov))

@@ -47,6 +47,12 @@ POINT = np.dtype(list(_FORMATS.items()))
 NEAREST_M, FARTHEST_M = 1.5e7, 6.0e7
 """Pseudoranges outside are impossible for a navigation satellite; its distance from the earth's centre is held to the same."""
 
+FASTEST_MPS = 1.0e5
+"""No navigation satellite is faster, nor a range rate."""
+
+LEAST_SIGMA_M, LEAST_SIGMA_MPS, ABSURD_SIGMA = 0.3, 0.01, 1.0e6
+"""No code is measured and no satellite known better; a smaller sigma that is stated is raised, one beyond the last is no sigma."""
+
 SAME_SIGMAS = 5.0
 """Two points of one satellite agree when they differ by less than this many sigmas of their difference."""
 
@@ -87,15 +93,17 @@ def _decode(message: Any, received: Received) -> GnssEpoch:
     points = _points(message)
     position, velocity = (np.column_stack([points[f"{v}{name}"] for name in "xyz"]) for v in ("", "v"))
     with np.errstate(invalid="ignore", over="ignore"):
-        placed = np.isfinite(velocity).all(axis=1) & _between(np.linalg.norm(position, axis=1))
-        good_range = placed & _between(points["pseudorange"]) & (points["sigma"] > 0.0) & np.isfinite(points["sigma"])
-        good_rate = placed & (np.abs(points["doppler"]) < 1e5) & (points["sigma_doppler"] > 0.0) & np.isfinite(points["sigma_doppler"])
+        placed = (np.abs(velocity) < FASTEST_MPS).all(axis=1) & _between(np.linalg.norm(position, axis=1))
+        good_range = placed & _between(points["pseudorange"]) & _is_sigma(points["sigma"])
+        good_rate = placed & (np.abs(points["doppler"]) < FASTEST_MPS) & _is_sigma(points["sigma_doppler"])
     stated_range, stated_rate = (points["flags"] & 1) != 0, (points["flags"] & 2) != 0
     for what, stated, good in (("pseudorange", stated_range, good_range), ("doppler", stated_rate, good_rate)):
         if np.any(stated & ~good):
             received.notes[f"{received.kind.name}: implausible {what} not used"] += int(np.count_nonzero(stated & ~good))
-    pseudorange, doppler, sigma, sigma_doppler, cn0 = (_finite(points[name]) for name in _REALS[6:])
-    columns = pseudorange, doppler, sigma, sigma_doppler, cn0
+    pseudorange, doppler = np.where(good_range, points["pseudorange"], 0.0), np.where(good_rate, points["doppler"], 0.0)
+    sigma = _raised(points["sigma"], LEAST_SIGMA_M, good_range, received)
+    sigma_doppler = _raised(points["sigma_doppler"], LEAST_SIGMA_MPS, good_rate, received)
+    columns = pseudorange, doppler, sigma, sigma_doppler, np.where(np.isfinite(points["cn0"]), points["cn0"], 0.0)
     system = np.array([chr(code) for code in points["system"]], dtype="<U1")
     states = np.where(placed[:, None], position, 0.0), np.where(placed[:, None], velocity, 0.0)
     valid = stated_range & good_range, stated_rate & good_rate
@@ -142,8 +150,16 @@ def _between(metres: np.ndarray) -> np.ndarray:
     return (metres >= NEAREST_M) & (metres <= FARTHEST_M)
 
 
-def _finite(column: np.ndarray) -> np.ndarray:
-    return np.where(np.isfinite(column), column, 0.0)
+def _is_sigma(column: np.ndarray) -> np.ndarray:
+    return (column > 0.0) & (column <= ABSURD_SIGMA)
+
+
+def _raised(sigma: np.ndarray, least: float, good: np.ndarray, received: Received) -> np.ndarray:
+    """Sigmas of good observations, none smaller than a sensor can have; zero of the others."""
+    low = good & (sigma < least)
+    if low.any():
+        received.notes[f"{received.kind.name}: sigma raised to what a receiver can have"] += int(np.count_nonzero(low))
+    return np.where(good, np.maximum(sigma, least), 0.0)
 
 
 def _points(message: Any) -> np.ndarray:

@@ -14,7 +14,7 @@ from lowcostnav_ros.messages.parts import nav_sat_fix
 def _decode(message: Any, received: checks.Received) -> GpsPosition:
     received.frame(message.header.frame_id)
     place = checks.geodetic(message)
-    cov = checks.covariance(message.position_covariance, "position")
+    cov = received.covariance(message.position_covariance, "position")
     return GpsPosition(*received.head, *place, received.known(cov if message.position_covariance_type else None, conv.swap_world_cov))
 
 

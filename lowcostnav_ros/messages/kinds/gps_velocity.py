@@ -14,7 +14,7 @@ from lowcostnav_ros.messages.samples import VELOCITY
 
 def _decode(message: Any, received: checks.Received) -> GpsVelocity:
     received.frame(message.header.frame_id)
-    velocity, cov = checks.twist(message, "velocity", 600.0)
+    velocity, cov = checks.twist(message, received, "velocity", 600.0)
     return GpsVelocity(*received.head, conv.swap_world(velocity), received.known(cov, conv.swap_world_cov))
 
 

@@ -43,7 +43,7 @@ def _decode_raw(message: Any, received: Received) -> ImuBlock:
 def orientation(message: Any, received: Received) -> tuple[np.ndarray, np.ndarray]:
     """Return the checked ``q_nb`` (4,) and its covariance (3, 3) of an Imu message object; raises Refusal."""
     received.frame(message.header.frame_id)
-    cov = checks.covariance(message.orientation_covariance, "orientation", received.kind.name == "truth/imu")
+    cov = received.covariance(message.orientation_covariance, "orientation", received.kind.name == "truth/imu")
     cov_att = received.known(cov, conv.swap_world_cov)
     q = message.orientation
     checks.quaternion(q.x, q.y, q.z, q.w)

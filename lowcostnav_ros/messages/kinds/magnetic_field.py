@@ -17,7 +17,7 @@ def _decode(message: Any, received: checks.Received) -> MagneticField:
     field = checks.xyz(message.magnetic_field)
     checks.finite(field, "magnetic field")
     _refuse_wrong_unit(math.hypot(*field), received.rules.mag_range)
-    cov = received.known(checks.covariance(message.magnetic_field_covariance, "magnetic field"), conv.swap_body_cov)
+    cov = received.known(received.covariance(message.magnetic_field_covariance, "magnetic field"), conv.swap_body_cov)
     return MagneticField(*received.head, conv.swap_body(np.array(field)), cov)
 
 

@@ -29,7 +29,7 @@ def _decode_fix(message: Any, received: Received) -> NavSolution:
     """Turn a navigator's NavSatFix into a solution with position and covariance only."""
     received.frame(message.header.frame_id)
     place = checks.geodetic(message)
-    cov = checks.covariance(message.position_covariance, "position")
+    cov = received.covariance(message.position_covariance, "position")
     return NavSolution(*received.head, *place, cov_pos=None if cov is None else conv.swap_world_cov(cov))
 
 
@@ -39,7 +39,7 @@ def _decode_wind(message: Any, received: Received) -> NavSolution:
     A vertical component with a variance below :data:`UNKNOWN_VARIANCE`, as the truth has it, becomes the state ``wind_down_mps``.
     """
     received.frame(message.header.frame_id)
-    (east, north, up), cov = checks.twist(message, "wind", 150.0, received.kind.name.startswith(_TRUTH))
+    (east, north, up), cov = checks.twist(message, received, "wind", 150.0, received.kind.name.startswith(_TRUTH))
     cov = received.known(cov, conv.swap_world_cov)
     states = {"wind_down_mps": (-float(up), math.sqrt(cov[2, 2]))} if cov[2, 2] < UNKNOWN_VARIANCE else None
     return NavSolution(*received.head, wind_n=np.array([north, east]), cov_wind=cov[:2, :2].copy(), states=states)
@@ -65,8 +65,8 @@ def _decode_odometry(message: Any, received: Received) -> NavSolution:
     truth = received.kind.name.startswith(_TRUTH)
     pose, twist = message.pose, message.twist
     position, attitude = pose.pose.position, pose.pose.orientation
-    cov_position, cov_rotation = _blocks(pose.covariance, "position", "orientation", truth)
-    cov_velocity, cov_rate = _blocks(twist.covariance, "velocity", "angular rate", truth)
+    cov_position, cov_rotation = _blocks(received, pose.covariance, "position", "orientation", truth)
+    cov_velocity, cov_rate = _blocks(received, twist.covariance, "velocity", "angular rate", truth)
     position_enu = np.array([position.x, position.y, position.z])
     velocity, rate = twist.twist.linear, twist.twist.angular
     vel_flu, rate_flu = np.array([velocity.x, velocity.y, velocity.z]), np.array([rate.x, rate.y, rate.z])
@@ -92,10 +92,10 @@ def _decode_odometry(message: Any, received: Received) -> NavSolution:
     )
 
 
-def _blocks(flat: np.ndarray, first: str, second: str, truth: bool) -> tuple[np.ndarray, np.ndarray]:
+def _blocks(received: Received, flat: np.ndarray, first: str, second: str, truth: bool) -> tuple[np.ndarray, np.ndarray]:
     """Return the two checked (3, 3) diagonal blocks of a pose or twist covariance, as large as unknown where they are all zeros."""
     matrix = np.reshape(flat, (6, 6))
-    blocks = (checks.covariance(matrix[k : k + 3, k : k + 3].ravel(), what, truth) for k, what in ((0, first), (3, second)))
+    blocks = (received.covariance(matrix[k : k + 3, k : k + 3].ravel(), what, truth) for k, what in ((0, first), (3, second)))
     upper, lower = (_NOT_ESTIMATED if block is None else block for block in blocks)
     return upper, lower
 
