@@ -72,35 +72,6 @@ def cholesky(A):
     return L
 
 
-PIVOT = 1e-14
-"""Share of a variance below which what is left of it, once the rows before are known, is round-off."""
-
-
-@kernel
-def unit_cholesky(A):
-    """Unit lower L (n, n) and pivots d (n,) of a symmetric positive semidefinite A = L diag(d) L'.
-
-    A direction in which A has no extent has the pivot zero, and its column of L is that of the identity (Golub and Van Loan, Matrix
-    Computations, section 4.2.8); a pivot of a matrix that is not semidefinite is NaN.
-    """
-    n = A.shape[0]
-    L, d = np.eye(n), np.zeros(n)
-    for j in range(n):
-        pivot = A[j, j]
-        for k in range(j):
-            pivot -= L[j, k] * L[j, k] * d[k]
-        if pivot > PIVOT * A[j, j]:
-            d[j] = pivot
-            for i in range(j + 1, n):
-                total = A[i, j]
-                for k in range(j):
-                    total -= L[i, k] * L[j, k] * d[k]
-                L[i, j] = total / pivot
-        elif not pivot >= -PIVOT * A[j, j]:
-            d[j] = np.nan
-    return L, d
-
-
 @kernel
 def forward_solve(L, b):
     """Solve L x = b for a lower triangular L (n, n) and b (n,)."""
@@ -123,4 +94,4 @@ def at_least(cov: np.ndarray, sigma: float) -> np.ndarray:
         return cov
     share = np.diag(np.maximum(sigma * sigma, RESOLVED * variances))
     with np.errstate(invalid="ignore"):  # what is infinite stays so, and is refused by whoever uses it
-        return cov if np.isfinite(unit_cholesky(cov - (1.0 - 1e-9) * share)[1]).all() else cov + share
+        return cov if np.isfinite(cholesky(cov - (1.0 - 1e-9) * share)).all() else cov + share

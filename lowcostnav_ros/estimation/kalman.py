@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul, matvec, turned, unit_cholesky
+from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul, matvec, turned
 
 SHARPEST = 1e-12
 """A measurement counts for no better than this share of the variance it meets: what is finer is lost to round-off."""
+PIVOT = 1e-13
+"""Share of a variance below which what is left of it, once other components are known, is round-off."""
 NO_TRACK = np.zeros((0, 0))
 """Where no product of transitions is wanted (:func:`lead`)."""
 
@@ -112,13 +114,42 @@ def innovation_covariance(P, H, R):
 @kernel
 def normalised_innovation_squared(y, S):
     """y' S^-1 y by the pivots of S, without an inverse; infinite where S claims to know exactly what y contradicts."""
-    L, d = unit_cholesky(S)
-    apart = forward_solve(L, y)
+    parts, _, variances = independent(y, np.zeros((y.shape[0], 0)), S)
     total = 0.0
     for i in range(y.shape[0]):
-        if apart[i] != 0.0:
-            total += apart[i] * apart[i] / d[i]
+        if parts[i] != 0.0:
+            total += parts[i] * parts[i] / variances[i]
     return total
+
+
+@kernel
+def independent(y, H, R):
+    """Combine a measurement of noise R (m, m) into scalars of independent noise, by pivots, the largest share of its variance first.
+
+    Returns innovations (m,), rows (m, n) and variances (m,); these are zero where a semidefinite R says that the scalar is known exactly.
+    Nothing is divided by what is round-off (Golub and Van Loan, Matrix Computations, section 4.2.8).
+    """
+    m = y.shape[0]
+    y, H, R, variances, order = y.copy(), H.copy(), R.copy(), np.zeros(m), np.arange(m)
+    stated = np.diag(R).copy()
+    for done in range(m):
+        best = done
+        for i in range(done + 1, m):
+            if R[order[i], order[i]] * stated[order[best]] > R[order[best], order[best]] * stated[order[i]]:
+                best = i
+        order[done], order[best] = order[best], order[done]
+        k = order[done]
+        if R[k, k] <= PIVOT * stated[k]:
+            break
+        variances[done] = R[k, k]
+        for i in order[done + 1 :]:
+            factor = R[i, k] / R[k, k]
+            if factor != 0.0:
+                y[i] -= factor * y[k]
+                H[i] -= factor * H[k]
+                for j in order[done + 1 :]:
+                    R[i, j] -= factor * R[k, j]
+    return y[order], H[order], variances
 
 
 @kernel
@@ -176,19 +207,15 @@ def scalar_update(dx, P, y, h, r, free):
 
 @kernel
 def update(P, y, H, R, free):
-    """Fuse a vector measurement as scalars that L^-1 makes independent (R = L D L', positive semidefinite).
+    """Fuse a vector measurement of any positive semidefinite noise as independent scalars.
 
     P changes in place and the correction (n,) is returned; where any of it would not be finite, P stays and the correction is NaN.
     """
     n = P.shape[0]
     dx, after = np.zeros(n), P.copy()
-    L, d = unit_cholesky(R)
-    apart = forward_solve(L, y)
-    rows = H.copy()
-    for j in range(n):
-        rows[:, j] = forward_solve(L, H[:, j])
+    parts, rows, variances = independent(y, H, R)
     for i in range(y.shape[0]):
-        scalar_update(dx, after, apart[i], rows[i], d[i], free)
+        scalar_update(dx, after, parts[i], rows[i], variances[i], free)
     if not (np.isfinite(dx).all() and np.isfinite(after).all()):
         return np.full(n, np.nan)
     P[:] = after
