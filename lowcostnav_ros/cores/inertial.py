@@ -15,7 +15,7 @@ import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import ImuBlock
-from lowcostnav_ros.base.small_matrices import matvec
+from lowcostnav_ros.base.small_matrices import matvec, turned
 from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Kind, Layout
@@ -287,6 +287,19 @@ class InertialCore:
             layout.pace(self.speed_mps)
         track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
         covariance_step(self.nav, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd, track)
+        if self.history is not None:
+            self.history.end(self.P)
+
+    def disturb(self, kick_b: np.ndarray, variance_b: np.ndarray) -> None:
+        """Add a velocity and a rotation (6,) in b, m/s and rad, that samples did not show, and their variances (6,)."""
+        self.settle()
+        C = self.C_nb()
+        self.nav[3:6] += C @ kick_b[:3]
+        self.nav[6:10] = quat_apply_phi_n(self.nav[6:10], C @ kick_b[3:])
+        if self.history is not None:
+            self.history.begin(self.P)
+        for rows, variance in ((VEL, variance_b[:3]), (ATT, variance_b[3:])):
+            self.P[rows, rows] += turned(C, np.diag(variance))
         if self.history is not None:
             self.history.end(self.P)
 

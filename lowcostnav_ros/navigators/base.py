@@ -16,6 +16,7 @@ from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation.aiding import NO_CORRECTION, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Sensor, unique
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
+from lowcostnav_ros.estimation.inertial_spikes import InertialSpikes, Jolt
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
@@ -165,6 +166,7 @@ class Navigator(ABC):
         lag_ns, jump_ns = round(1e9 * (settings.horizon.lag_s + latency_s)), round(1e9 * settings.horizon.jump_s)
         self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns)
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
+        self.spikes = InertialSpikes()
         self.origin: LocalFrame | None = None
         self.input_status = {source: InputStatus(source, required) for source, required in self.inputs.items()}
         self.mode: str = Mode.INITIALISING
@@ -325,9 +327,29 @@ class Navigator(ABC):
             return []
         record.stamp_ns = measurement.stamp_ns if record.stamp_ns is None else max(record.stamp_ns, measurement.stamp_ns)
         for item in self.horizon.take():
-            self._fuse(item)
+            if isinstance(item, ImuBlock):
+                self._screened(item)
+            else:
+                self._fuse(item)
         out, self._out = self._out, []
         return out if all(solution.is_sound for solution in out) else self._lost(out)
+
+    def _screened(self, block: ImuBlock) -> None:
+        """Take inertial samples in, spikes replaced; what the state gains instead comes at its own time."""
+        for jolt, samples, phrase in self.spikes.screen(block):
+            if phrase:
+                self.input_status[block.source].reject(phrase)
+            if jolt is not None:
+                self._disturb(jolt)
+            self._fuse(samples)
+
+    def _disturb(self, jolt: Jolt) -> None:  # noqa: B027 - one without inertial sensors feels nothing
+        """Take in what inertial samples that were held back amount to."""
+
+    def ahead(self) -> ImuBlock | None:
+        """Inertial samples beyond the horizon, spikes replaced."""
+        block, _ = self.horizon.ahead()
+        return None if block is None else self.spikes.preview(block)
 
     def _lost(self, out: list[NavSolution]) -> list[NavSolution]:
         """Begin anew after a solution that is none; what was sound before it still goes out."""
@@ -353,6 +375,7 @@ class Navigator(ABC):
     def reset(self, reason: str) -> None:
         """Restart: forget the state and what is held, keep the settings, the origin and the counters."""
         self.horizon.clear()
+        self.spikes.clear()
         self.realign(reason)
 
     def realign(self, reason: str) -> None:

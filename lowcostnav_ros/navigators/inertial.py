@@ -16,6 +16,7 @@ from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
 from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.error_state import Block, Layout
+from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator, position_sigmas
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
@@ -195,12 +196,17 @@ class InertialNavigator(Navigator):
         no_fix_ns = item.stamp_ns - round(1e9 * self.settings.gps.timeout_s) - 1  # it coasts until there is a fix
         self._begin(Start(item.stamp_ns, *state, no_fix_ns))
 
+    def _disturb(self, jolt: Jolt) -> None:
+        """As every navigator, once aligned."""
+        if self._aligned:
+            self.core.disturb(jolt.kick, jolt.variance)
+
     # outputs -----------------------------------------------------------------------------------------------------------------
 
     def _predict(self) -> NavSolution | None:
         if not self._aligned:
             return None
-        block, _ = self.horizon.ahead()
+        block = self.ahead()
         return self._solution(*self.core.predicted(block), *self.core.latest(block))
 
     def _solution(self, t_ns: int, nav: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:

@@ -36,6 +36,7 @@ from lowcostnav_ros.cores.imu_errors import bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
 from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.navigators.ahrs.filter import IMU
 from lowcostnav_ros.navigators.ahrs.settings import FILTERS, AhrsOwnSettings
 from lowcostnav_ros.navigators.base import Navigator
@@ -265,6 +266,11 @@ class Ahrs(Navigator):
             self.use_channel(channel, Measurement(now, IMU))
         self._judge()
 
+    def _disturb(self, jolt: Jolt) -> None:
+        """As every navigator, once aligned."""
+        if self._aligned:
+            self.core.disturb(jolt.kick, jolt.variance)
+
     # outputs -----------------------------------------------------------------------------------------------------------------
 
     def _judge(self) -> None:
@@ -279,7 +285,7 @@ class Ahrs(Navigator):
     def _predict(self) -> NavSolution | None:
         if not self._aligned:
             return None
-        block, _ = self.horizon.ahead()
+        block = self.ahead()
         return self._solution(*self.core.predicted(block), *self.core.latest(block))
 
     def _solution(self, t_ns: int, nav: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
