@@ -22,10 +22,12 @@ from lowcostnav_ros.estimation.horizon import HOLE_NS
 SPIKE = "single sample unlike those before and after, replaced"
 SATURATED = "sensor at its limit"
 
-STEP = np.array([15.0, 15.0, 15.0, 0.5, 0.5, 0.5])
-"""A difference of two samples below this is a motion, m/s^2 and rad/s."""
-JERK = np.array([150.0, 150.0, 150.0, 10.0, 10.0, 10.0])
-"""And so is one that comes about at this rate, m/s^3 (15 g a second) and rad/s^2 (a snap roll begins with 8)."""
+GAIN = np.array([0.25, 0.25, 0.25, 0.016, 0.016, 0.016])
+"""Samples that differ by less than this velocity or angle over their interval, m/s and rad, show vibration: a wheel over a stone."""
+STEP = np.array([15.0, 15.0, 15.0, 1.0, 1.0, 1.0])
+"""And so do two that differ by less than this, m/s^2 and rad/s, however long the interval."""
+JERK = np.array([150.0, 150.0, 150.0, 20.0, 20.0, 20.0])
+"""A difference that comes about at this rate is a motion, m/s^3 (15 g a second) and rad/s^2 (a snap roll begins with 10)."""
 USUAL, USUAL_S = 6.0, 1.0
 """Differences of so many times their root mean square over so long are usual."""
 LOST = 0.25
@@ -70,7 +72,7 @@ def judge(axes, times, stamp, x, out, kick, variance):
     times[INTERVAL], times[BEGUN] = times[NOW] - times[BEGUN], times[NOW]
     interval, found = 1e-9 * max(times[INTERVAL], dt_ns), 0
     for a in range(6):
-        limit = max(STEP[a] + JERK[a] * interval, USUAL * np.sqrt(axes[LEVEL, a]))
+        limit = max(max(STEP[a], GAIN[a] / interval) + JERK[a] * interval, USUAL * np.sqrt(axes[LEVEL, a]))
         if axes[SUSPECT, a] > 0.0:
             axes[SUSPECT, a] = 0.0
             if abs(x[a] - axes[LAST, a]) < abs(x[a] - axes[GOOD, a]):
