@@ -99,10 +99,11 @@ def settings_of(name: str, values: dict[str, Any]) -> Any:
     return complete_settings(NAVIGATORS[name].Settings, {**stations, **values})
 
 
-def build(variant: str) -> Navigator:
-    """A fresh navigator."""
+def build(variant: str, further: dict[str, Any] | None = None) -> Navigator:
+    """A fresh navigator, with ``further`` groups of settings."""
     name, values = VARIANTS[variant]
-    return make_navigator(settings_of(name, values), NAVIGATORS[name])
+    groups = {key: {**values.get(key, {}), **group} for key, group in (further or {}).items()}
+    return make_navigator(settings_of(name, {**values, **groups}), NAVIGATORS[name])
 
 
 def flight_of(seed: int) -> Flight:

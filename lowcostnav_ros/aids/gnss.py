@@ -51,6 +51,8 @@ CLOCK_SIGMA_M, CLOCK_SIGMA_MPS = 100.0, 10.0
 UNKNOWN_DRIFT_MPS = 1000.0
 """1-sigma of the drift of a clock not yet measured: three parts in a million, a common crystal."""
 NOTHING = np.zeros(0, dtype=np.int64)
+SUDDEN, USUAL_EPOCHS = 1.0 / 3.0, 10.0
+"""A stated sigma counts for no less than this share of what was usual over so many epochs: a receiver does not get better at once."""
 JUMP_SIGMAS = 8.0
 """A clock jump moves most satellites together by more than this many sigmas, and apart by less."""
 
@@ -133,6 +135,7 @@ class SatelliteAid(Aid):
         self.used = NOTHING
         self.satellites: Counter[str] = Counter()
         self.epoch_nis, self.epoch_dof = 0.0, 0
+        self._usual = 0.0
 
     def blocks(self) -> list[Block]:
         """Receiver clock, and the clock between systems where it is a state."""
@@ -170,6 +173,7 @@ class SatelliteAid(Aid):
         integrity = self.receiver.integrity
         status.stamp_ns = measurement.stamp_ns
         obs = self.observations(measurement, host)
+        self._usual += (1.0 / USUAL_EPOCHS if self._usual else 1.0) * (float(np.median(obs.stated)) - self._usual) if obs.rows.size else 0.0
         self.count(measurement, obs.excluded)
         if not obs.rows.size:
             return self.refuse("no usable satellite")
@@ -325,9 +329,10 @@ class RangeAid(SatelliteAid):
             offset = self._offset.start
             H[:, offset] = epoch.system[rows] == "E"
             y -= H[:, offset] * host.core.estimate[offset]
-        r = (self.settings.range_sigma_scale * epoch.sigma_m[rows]) ** 2
+        sigma = np.maximum(epoch.sigma_m[rows], SUDDEN * self._usual)
+        r = (self.settings.range_sigma_scale * sigma) ** 2
         common = common_part(r, sin_elevation[rows]) if self.settings.common_error else np.zeros(len(rows))
-        return self._stepped(Observations(rows, y, H, r, common, others), host)
+        return self._stepped(Observations(rows, y, H, r, common, others, stated=epoch.sigma_m[rows]), host)
 
     def usable_at(self, epoch: GnssEpoch, host: Host) -> np.ndarray:
         """Rows of an epoch whose pseudoranges can be used at the state of a navigator, which may have no receiver clock."""
@@ -363,8 +368,9 @@ class RangeRateAid(SatelliteAid):
         if lever_b.any():
             host.layout.fill(H, Kind.GYRO_BIAS, H[:, VEL] @ quat_to_dcm(host.core.nav[6:10]) @ skew(lever_b))
         y = epoch.doppler_mps[rows] - rates[rows] - host.core.estimate[drift]
-        r = (self.settings.doppler_sigma_scale * epoch.sigma_mps[rows]) ** 2
-        return self._stepped(Observations(rows, y, H, r, np.zeros(len(rows)), others), host)
+        sigma = np.maximum(epoch.sigma_mps[rows], SUDDEN * self._usual)
+        r = (self.settings.doppler_sigma_scale * sigma) ** 2
+        return self._stepped(Observations(rows, y, H, r, np.zeros(len(rows)), others, stated=epoch.sigma_mps[rows]), host)
 
     def shared(self, obs: Observations) -> np.ndarray:
         """Velocity and clock drift."""

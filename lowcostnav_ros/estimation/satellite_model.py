@@ -119,7 +119,7 @@ class Observations:
 
     ``common`` (m,) is how one unit of an error common to all satellites shows in each; its square is part of the variance.  ``excluded``
     pairs each row that cannot be used with its reason.  ``clock_step`` is by how much the clock (m) or its drift (m/s) must be moved first,
-    None: not at all; the innovations are those after it.
+    None: not at all; the innovations are those after it.  ``stated`` (m,) is the sigma that the receiver states.
     """
 
     rows: np.ndarray
@@ -129,6 +129,7 @@ class Observations:
     common: np.ndarray
     excluded: list[tuple[int, str]] = field(default_factory=list)
     clock_step: float | None = None
+    stated: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def covariance(self, rows: np.ndarray) -> np.ndarray:
         """Covariance of the noise of some of them (rows or a mask), (k, k)."""
