@@ -20,6 +20,7 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -106,6 +107,7 @@ def build(variant: str, further: dict[str, Any] | None = None) -> Navigator:
     return make_navigator(settings_of(name, {**values, **groups}), NAVIGATORS[name])
 
 
+@cache
 def flight_of(seed: int) -> Flight:
     """Fly, with GPS lost at :data:`LOST_S`; sensors and navigators publish."""
     changes = {"truth.duration_s": OUT_S + ON_S + 5.0, "truth.mission": MISSION, "sensors": SENSORS, "gps.outages_s": []}

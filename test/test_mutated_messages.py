@@ -1,0 +1,27 @@
+"""A few hundred mutated messages into every navigator in flight; benchmarks/mutated_messages.py throws more of them."""
+
+from collections import Counter
+
+import mutated_messages as campaign
+import pytest
+
+
+@pytest.mark.timeout(300)
+def test_one_bad_message_is_refused_or_limited_alone():
+    kinds = [kind for kind in campaign.MUTATIONS if kind != "stamps"]
+    outcomes = campaign.campaign(272, 7, list(campaign.VARIANTS), kinds)
+    harm = [o for o in outcomes if o.word in ("thrown", "restarted", "blinded", "unsound", "exception")]
+    assert not harm
+    counts = Counter(o.word for o in outcomes)
+    assert counts["refused"] > 40
+    assert counts["harmless"] > 40
+    assert counts["shaken"] < 10
+
+
+@pytest.mark.timeout(300)
+def test_the_campaign_sees_a_navigator_that_is_thrown(monkeypatch):
+    """Without the screen of inertial samples spikes throw the solution, or the test above would show nothing."""
+    screen = "lowcostnav_ros.estimation.inertial_spikes.InertialSpikes.screen"
+    monkeypatch.setattr(screen, lambda self, block: iter([(None, block, "")]))
+    outcomes = campaign.campaign(30, 7, ["ins_gps"], ["spikes"])
+    assert Counter(o.word for o in outcomes)["thrown"] > 3
