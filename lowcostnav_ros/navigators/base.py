@@ -13,7 +13,8 @@ from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
-from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
+from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Reason, Sensor, unique
+from lowcostnav_ros.estimation.clocks import HELD
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
 from lowcostnav_ros.estimation.smoothing import History
@@ -46,8 +47,8 @@ class InputStatus:
     rejected: Counter = field(default_factory=Counter)
 
     def reject(self, reason: str) -> None:
-        """Count one rejection under its reason."""
-        self.rejected[reason] += 1
+        """Count one rejection under the phrase of its reason."""
+        self.rejected[Reason.phrase_of(reason)] += 1
         self.reason = reason
 
 
@@ -163,7 +164,7 @@ class Navigator(ABC):
         listed = [getattr(settings, key) for key in getattr(settings, "aids", ())]
         latency_s += max((getattr(own, "latency_s", 0.0) for own in listed), default=0.0)
         lag_ns, jump_ns = round(1e9 * (settings.horizon.lag_s + latency_s)), round(1e9 * settings.horizon.jump_s)
-        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns)
+        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns, next(iter(self.inputs), None))
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
         self.origin: LocalFrame | None = None
         self.input_status = {source: InputStatus(source, required) for source, required in self.inputs.items()}
@@ -308,18 +309,26 @@ class Navigator(ABC):
         record.received += len(measurement) if isinstance(measurement, ImuBlock) else 1
         if self._magnetometer is not None and isinstance(measurement, MagneticField):
             measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
-        refusal = self.horizon.push(measurement)
-        if refusal == TIME_JUMPED:
-            self.reset("time base jumped")
-            refusal = self.horizon.push(measurement)
-        if refusal:
-            record.reject(refusal)
-            return []
-        record.stamp_ns = measurement.stamp_ns if record.stamp_ns is None else max(record.stamp_ns, measurement.stamp_ns)
+        for piece in self.horizon.clocks.pieces(measurement):
+            self._push(piece, record)
         for item in self.horizon.take():
             self._fuse(item)
         out, self._out = self._out, []
         return out
+
+    def _push(self, measurement: Measurement, record: InputStatus) -> None:
+        """Give a measurement to the horizon; count what is refused."""
+        refusal = self.horizon.push(measurement)
+        if refusal == TIME_JUMPED:
+            self.reset("time base jumped")
+            refusal = self.horizon.push(measurement)
+        for source, reason in self.horizon.clocks.refused:
+            self.input_status[source].reject(reason)
+        self.horizon.clocks.refused.clear()
+        if refusal and refusal != HELD:
+            record.reject(refusal)
+        elif not refusal:
+            record.stamp_ns = measurement.stamp_ns if record.stamp_ns is None else max(record.stamp_ns, measurement.stamp_ns)
 
     def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
         """Feed many; return all fused solutions."""
@@ -333,8 +342,12 @@ class Navigator(ABC):
         """Mode, reason, level and all records, for diagnostics and reports."""
         aids = [aid.status for aid in self.aids]
         inputs = list(self.input_status.values())
-        now_ns, further = self.horizon.passed_ns, (self._integrity(), self._details())
+        now_ns, further = self.horizon.passed_ns, (self._integrity(), self._details(), self.contradictions())
         return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, *further)
+
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """What disagrees: inputs whose clocks are off."""
+        return self.horizon.clocks.contradictions()
 
     def reset(self, reason: str) -> None:
         """Restart: forget the state and what is held, keep the settings, the origin and the counters."""
