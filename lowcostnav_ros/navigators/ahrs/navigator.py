@@ -35,6 +35,7 @@ from lowcostnav_ros.cores.imu_errors import bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
 from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.error_state import Layout
+from lowcostnav_ros.estimation.horizon import unbroken
 from lowcostnav_ros.navigators.ahrs.filter import IMU
 from lowcostnav_ros.navigators.ahrs.settings import FILTERS, AhrsOwnSettings
 from lowcostnav_ros.navigators.base import Navigator
@@ -270,6 +271,8 @@ class Ahrs(Navigator):
         if not self._aligned:
             return None
         block, _ = self.horizon.ahead()
+        if block is not None:
+            block = unbroken(block)[0] if block.stamps_ns[0] - self.core.t_ns <= GAP_NS else None
         return self._solution(*self.core.predicted(block), *self.core.latest(block))
 
     def _solution(self, t_ns: int, nav: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
