@@ -24,7 +24,7 @@ HELD = "held"
 AHEAD, LATE, IMPLAUSIBLE = "stamp ahead of the other inputs", "late", "stamp implausible"
 CLOCK_OFFSET = "clock offset"
 
-TRANSPORT_NS = 50_000_000
+TRANSPORT_NS = 100_000_000
 """Inputs of one instant may arrive this much apart, however short the lag of the horizon."""
 QUEUE_NS = 500_000_000
 """A busy machine lets one input wait this long beside the others: a message of an input that has kept time is used none the less."""
@@ -32,6 +32,8 @@ LATENCY_NS = 2_000_000_000
 """Transport takes less; inputs that all lie further behind one other are not late, the other is ahead."""
 PACES = 3.0
 """An input may pause for so many of its usual intervals."""
+BEAT = 1.5
+"""The base rests no longer than this many intervals of the fastest input."""
 PROGRESS_NS = 100_000_000
 """Nobody is believed for less than this long."""
 LIVE_NS = 5_000_000_000
@@ -159,7 +161,7 @@ class Clocks:
             clock = self._clocks[measurement.source] = Clock(measurement.source)
         self._serial += 1
         base = stamp if self.time_ns is None else self.time_ns
-        ahead = first - base > self._near_ns and first - base > self._near_ns + self._pace_ns(base)
+        ahead = first - base > self._near_ns and first - base > self._near_ns + self._pause_ns(base, clock)
         passed = passed_ns is not None and stamp <= passed_ns
         if not ahead and not passed and stamp >= base - self.lag_ns - QUEUE_NS:
             clock.agreed(first, stamp, count, self._serial)
@@ -186,18 +188,26 @@ class Clocks:
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """Inputs whose clocks are off, each with the input it is compared with, and by how much."""
-        off = [clock for clock in self._clocks.values() if clock.is_off]
+        off = [(c, (c.source, self._reference(c))) for c in self._clocks.values() if c.is_off]
         return tuple(
-            Contradiction(
-                CLOCK_OFFSET, (c.source, self._reference(c)), abs(c.high_ns) * 1e-9, "s", c.since_ns, c.source, f"{self.words(c)}; not used"
-            )
-            for c in off
+            Contradiction(CLOCK_OFFSET, parties, abs(self._offset_s(c)), "s", c.since_ns, c.source, f"{self.words(c)}: not used")
+            for c, parties in off
         )
 
+    def sentences(self) -> list[str]:
+        """What is wrong with which clock, for people."""
+        return [f"{self.words(clock)}: not used" for clock in self._clocks.values() if clock.is_off]
+
     def words(self, clock: Clock) -> str:
-        """Size of an offset, for people: ``gps/fix is 1.0 s ahead of imu/data_raw``; the least delayed message is the best measure."""
-        lead_s = 1e-9 * clock.high_ns
+        """Size of an offset, for people: ``gps/fix is 1.0 s ahead of imu/data_raw``."""
+        lead_s = self._offset_s(clock)
         return f"{clock.source} is {abs(lead_s):.1f} s {'ahead of' if lead_s > 0.0 else 'behind'} {self._reference(clock)}"
+
+    def _offset_s(self, clock: Clock) -> float:
+        """The least delayed message is the best measure, or the one that comes right after a slower reference's."""
+        reference = self._clocks.get(self._reference(clock))
+        slower = reference is not None and reference.pace_ns > PACES * clock.pace_ns > 0.0
+        return 1e-9 * (clock.low_ns if slower else clock.high_ns)
 
     def _reason(self, clock: Clock, ahead: bool) -> str:
         phrase = IMPLAUSIBLE if max(abs(clock.low_ns), abs(clock.high_ns)) > self.jump_ns else AHEAD if ahead else LATE
@@ -211,10 +221,16 @@ class Clocks:
             return str(self.anchor)
         return min(keeping, key=lambda c: (c.pace_ns or LIVE_NS, c.source)).source if keeping else "the other inputs"
 
-    def _pace_ns(self, base: int, but: Clock | None = None) -> float:
-        """How far the base moves between two messages: by the pace of the fastest input; at the start anything is possible."""
-        paces = [c.pace_ns for c in self._clocks.values() if c is not but and c.pace_ns and c.lives(base)]
-        return PACES * min(paces) if paces else 0.0 if any(c.pace_ns for c in self._clocks.values()) else float(self.jump_ns)
+    def _pause_ns(self, base: int, clock: Clock) -> float:
+        """How long the base may rest: by the pace of the fastest input, one alone may miss a message or two; at first, anything."""
+        if not any(c.pace_ns for c in self._clocks.values()):
+            return float(self.jump_ns)
+        others = self._pace_ns(base, but=clock)
+        return min(PACES * clock.pace_ns or np.inf, BEAT * others) if others else PACES * clock.pace_ns
+
+    def _pace_ns(self, base: int, but: Clock) -> float:
+        """Interval of the fastest other input; 0 where there is none."""
+        return min((c.pace_ns for c in self._clocks.values() if c is not but and c.pace_ns and c.lives(base)), default=0.0)
 
     def _outvotes(self, clock: Clock, stamp: int, ahead: bool, base: int) -> bool:
         """Whether those that left the base together with a clock outvote those that have spoken for it since."""
@@ -228,10 +244,11 @@ class Clocks:
         if not theirs:
             if len(ours) > 1:
                 return self._serial - left >= 2
-            alone = min(self._pace_ns(base, clock), NAMED_NS) if any(c.lives(base) for c in others) else 0.0
+            alone = min(PACES * self._pace_ns(base, clock), NAMED_NS) if any(c.lives(base) for c in others) else 0.0
             return clock.out >= (2 if ahead else 3) and progress >= max(PROGRESS_NS, alone)
-        if not ahead and base - stamp <= LATENCY_NS:
-            return False
+        anchored = any(c.source == self.anchor and c in others and not c.out and c.spoke > left for c in self._clocks.values())
+        if not ahead and base - stamp <= LATENCY_NS and (anchored or not clock.is_off):
+            return False  # they may all be late
         if len(ours) > len(theirs):
             return progress >= PROGRESS_NS
         return len(ours) == len(theirs) and clock.source == self.anchor and progress >= NAMED_NS

@@ -21,6 +21,11 @@ from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
 
+SILENT_NS = 2_000_000_000
+"""A navigator that puts out nothing for longer than this is not healthy, whatever its mode."""
+ALL_REFUSED = 100
+"""Nor is one that has refused so many messages in a row."""
+
 AidType = TypeVar("AidType", bound=Aid)
 
 
@@ -173,6 +178,8 @@ class Navigator(ABC):
         self.restarts: Counter[str] = Counter()
         self.on_aid: Callable[[AidStatus], None] | None = None
         self._out: list[NavSolution] = []
+        self._out_ns: int | None = None
+        self._refused_in_row = 0
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
 
@@ -314,6 +321,8 @@ class Navigator(ABC):
         for item in self.horizon.take():
             self._fuse(item)
         out, self._out = self._out, []
+        if out:
+            self._out_ns = out[-1].stamp_ns
         return out
 
     def _push(self, measurement: Measurement, record: InputStatus) -> None:
@@ -327,7 +336,9 @@ class Navigator(ABC):
         self.horizon.clocks.refused.clear()
         if refusal and refusal != HELD:
             record.reject(refusal)
+            self._refused_in_row += 1
         elif not refusal:
+            self._refused_in_row = 0
             record.stamp_ns = measurement.stamp_ns if record.stamp_ns is None else max(record.stamp_ns, measurement.stamp_ns)
 
     def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
@@ -342,8 +353,23 @@ class Navigator(ABC):
         """Mode, reason, level and all records, for diagnostics and reports."""
         aids = [aid.status for aid in self.aids]
         inputs = list(self.input_status.values())
-        now_ns, further = self.horizon.passed_ns, (self._integrity(), self._details(), self.contradictions())
-        return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, *further)
+        mode, level, contradictions = self.mode, self._level(), self.contradictions()
+        reason = "; ".join([self.reason, *self.horizon.clocks.sentences()])
+        silent = self._silence()
+        if silent and level == Level.OK:
+            mode, level, reason = Mode.FAILED, Level.ERROR, f"{silent}; {reason}"
+        further = self._sigmas(), inputs, aids, self._integrity(), self._details(), contradictions
+        return NavigatorStatus(self.name, mode, reason, level, self.horizon.passed_ns, *further)
+
+    def _silence(self) -> str:
+        """Why a navigator that reports itself healthy is not: nothing comes out, or nothing that comes in can be used; empty when it is."""
+        if self._refused_in_row >= ALL_REFUSED:
+            return f"the last {self._refused_in_row} messages were all refused"
+        newest_ns, last_ns = self.horizon.newest_ns, self._out_ns
+        if newest_ns is None or last_ns is None:
+            return ""
+        silent_ns = newest_ns - last_ns - self.horizon.lag_ns
+        return f"no solution for {1e-9 * silent_ns:.1f} s" if silent_ns > max(SILENT_NS, 3 * self.output_period_ns) else ""
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """What disagrees: inputs whose clocks are off."""
@@ -352,6 +378,7 @@ class Navigator(ABC):
     def reset(self, reason: str) -> None:
         """Restart: forget the state and what is held, keep the settings, the origin and the counters."""
         self.horizon.clear()
+        self._out_ns = None
         self.realign(reason)
 
     def realign(self, reason: str) -> None:
