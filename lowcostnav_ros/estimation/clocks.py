@@ -26,6 +26,8 @@ CLOCK_OFFSET = "clock offset"
 
 TRANSPORT_NS = 100_000_000
 """Inputs of one instant may arrive this much apart, however short the lag of the horizon."""
+NEARLY = 0.8
+"""Up to this share of the lag ahead a stamp moves the base: what comes without delay must not be late by it."""
 QUEUE_NS = 500_000_000
 """A busy machine lets one input wait this long beside the others: a message of an input that has kept time is used none the less."""
 LATENCY_NS = 2_000_000_000
@@ -34,6 +36,8 @@ PACES = 3.0
 """An input may pause for so many of its usual intervals."""
 BEAT = 1.5
 """The base rests no longer than this many intervals of the fastest input."""
+LONE_MESSAGES = 5
+"""So many messages of one device, while the others are silent, mean that these have stopped."""
 PROGRESS_NS = 100_000_000
 """Nobody is believed for less than this long."""
 LIVE_NS = 5_000_000_000
@@ -125,7 +129,7 @@ class Clocks:
     def __init__(self, lag_ns: int, jump_ns: int, anchor: str | None = None) -> None:
         self.lag_ns, self.jump_ns, self.anchor = lag_ns, jump_ns, anchor
         self.refused: list[tuple[str, str]] = []
-        self._near_ns = max(lag_ns, TRANSPORT_NS)
+        self._near_ns = max(NEARLY * lag_ns, TRANSPORT_NS)
         self.clear()
 
     def clear(self) -> None:
@@ -173,7 +177,7 @@ class Clocks:
         self._serial += count - 1
         if self._outvotes(clock, stamp, ahead, base):
             return self._move(clock, first, stamp, count, base)
-        prompt = clock.kept >= NAMED_MESSAGES and first - base <= self._near_ns + QUEUE_NS
+        prompt = first - base <= self.lag_ns + QUEUE_NS * (clock.kept >= NAMED_MESSAGES)
         if (prompt if ahead else base - stamp <= self.jump_ns) and not passed and not clock.is_off:
             return ""  # it has kept time until now, and the others may be late; the base does not move
         if ahead and not clock.is_off and len(self._held) < MAX_HELD:
@@ -244,8 +248,9 @@ class Clocks:
         if not theirs:
             if len(ours) > 1:
                 return self._serial - left >= 2
-            alone = min(PACES * self._pace_ns(base, clock), NAMED_NS) if any(c.lives(base) for c in others) else 0.0
-            return clock.out >= (2 if ahead else 3) and progress >= max(PROGRESS_NS, alone)
+            if any(c.lives(base) for c in others):
+                return clock.out >= LONE_MESSAGES and progress >= max(PROGRESS_NS, min(PACES * self._pace_ns(base, clock), NAMED_NS))
+            return clock.out >= (2 if ahead else 3) and progress >= PROGRESS_NS
         anchored = any(c.source == self.anchor and c in others and not c.out and c.spoke > left for c in self._clocks.values())
         if not ahead and base - stamp <= LATENCY_NS and (anchored or not clock.is_off):
             return False  # they may all be late
