@@ -33,10 +33,10 @@ AidType = TypeVar("AidType", bound=Aid)
 class HorizonSettings:
     """The fusion horizon and the outputs."""
 
-    lag_s: float = setting(0.05, "Fusion stays this far behind the newest stamp to outlast transport.", unit="s", minimum=0.0, maximum=10.0)
+    lag_s: float = setting(0.05, "Fusion stays this far behind the time base to outlast transport.", unit="s", minimum=0.0, maximum=10.0)
     output_period_s: float = setting(0.1, "Spacing of the fused solutions.", unit="s", minimum=0.005, maximum=10.0)
     jump_s: float = setting(
-        10.0, "Stamps this far from the newest are suspect; must exceed a sole source's interval.", unit="s", minimum=1.0, maximum=3600.0
+        10.0, "Stamps this far off are implausible; a time base that moves so far is a fresh start.", unit="s", minimum=1.0, maximum=3600.0
     )
 
 
