@@ -11,7 +11,8 @@ from lowcostnav_ros.aids.baro import BaroSettings
 from lowcostnav_ros.aids.gps import GpsSettings
 from lowcostnav_ros.aids.magnetic import MagneticSettings
 from lowcostnav_ros.aids.wheels import WheelSettings
-from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock
+from lowcostnav_ros.base.measurements import AirVelocity, GpsPosition, GpsVelocity, ImuBlock
+from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.cores.imu_errors import imu_settings
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import nees
@@ -272,6 +273,47 @@ def test_holes_are_bridged_to_the_same_bits_however_blocks_are_cut(truth, cut):
         return [np.concatenate((s.cov_pos.ravel(), s.q_nb, s.vel_n, s.place)) for s in fed(out)[1]]
 
     np.testing.assert_array_equal(again(1000), again(cut))
+
+
+def restamped(m, shift_ns):
+    changed = {"stamps_ns": m.stamps_ns + shift_ns} if isinstance(m, ImuBlock) else {}
+    return dataclasses.replace(m, stamp_ns=m.stamp_ns + shift_ns, **changed)
+
+
+@pytest.mark.parametrize("step_s", [-5.0, -9.0, -3600.0])
+def test_a_step_back_of_all_clocks_starts_over_and_is_right_again(truth, step_s):
+    stream = measurements(truth, 6, rate_hz=5.0)
+    start, step_ns = truth.stamps_ns[0], round(step_s * 1e9)
+    moved = [restamped(m, step_ns if m.stamp_ns - start > 60e9 else 0) for m in stream]
+    navigator, solutions = fed(moved)
+    assert dict(navigator.restarts) == {"time base jumped": 1}
+    after = [dataclasses.replace(s, stamp_ns=s.stamp_ns - step_ns) for s in solutions[next(iter(_steps_back(solutions))) :]]
+    e, score = errors(truth, after)
+    assert e[0, 0] < 64.0
+    assert e[-1, 0] > 148.0
+    assert score.max() < 36.0
+
+
+def _steps_back(solutions):
+    return [k for k in range(1, len(solutions)) if solutions[k].stamp_ns < solutions[k - 1].stamp_ns]
+
+
+@pytest.mark.parametrize("step_s", [3600.0, -3600.0, 5.0])
+def test_inertial_data_with_a_wrong_clock_is_named_and_the_navigator_is_not_well(truth, step_s):
+    stream = measurements(truth[:9000], 6, rate_hz=5.0)
+    air = [AirVelocity(t, "air/velocity", np.zeros(3), np.eye(3)) for t in range(truth.stamps_ns[0], truth.stamps_ns[8999], 100_000_000)]
+    start = truth.stamps_ns[0]
+    wrong = [restamped(m, round(step_s * 1e9)) if isinstance(m, ImuBlock) and m.stamp_ns - start > 60e9 else m for m in stream]
+    order = sorted([*zip(stream, wrong, strict=True), *zip(air, air, strict=True)], key=lambda pair: pair[0].stamp_ns)
+    navigator, solutions = fed([m for _, m in order])
+    status = navigator.status()
+    assert not navigator.restarts
+    assert status.level != Level.OK
+    assert "no inertial data" in status.reason
+    assert [(c.name, c.suspect, round(c.size)) for c in status.contradictions] == [("clock offset", "imu/data_raw", abs(round(step_s)))]
+    e, score = errors(truth, solutions)
+    assert e[-1, 0] > 87.0
+    assert score[e[:, 0] > 60.0].max() < 36.0
 
 
 @pytest.mark.parametrize("broken", [{"lat": np.nan}, {"cov_n": np.full((3, 3), np.inf)}])
