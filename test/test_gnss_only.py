@@ -145,3 +145,19 @@ def test_low_latency_output_carries_the_state_to_the_newest_stamp():
     ahead = navigator.output()
     assert ahead.stamp_ns == navigator.horizon.newest_ns > navigator.core.t_ns
     assert np.trace(ahead.cov_pos) > np.trace(navigator.P[:3, :3])
+
+
+@pytest.mark.parametrize("step_s", [0.6, 3.0, 9.9, 60.0, 100.0, -60.0, 1e6, -1e6])
+def test_one_wild_stamp_costs_one_epoch(step_s):
+    count = iter(range(10**6))
+
+    def stamped(epoch):
+        return dataclasses.replace(epoch, stamp_ns=epoch.stamp_ns + round(step_s * 1e9) * (next(count) == 40))
+
+    plain, _ = flown()
+    navigator, _ = flown(change=stamped)
+    assert navigator.restarts == plain.restarts
+    assert navigator.mode == "gps"
+    assert navigator.input_status["gnss/raw"].received == plain.input_status["gnss/raw"].received
+    assert sum(navigator.input_status["gnss/raw"].rejected.values()) == 1
+    assert navigator.range_aid.status.fused >= plain.range_aid.status.fused - 3

@@ -11,7 +11,8 @@ from lowcostnav_ros.aids.baro import BaroSettings
 from lowcostnav_ros.aids.gps import GpsSettings
 from lowcostnav_ros.aids.magnetic import MagneticSettings
 from lowcostnav_ros.aids.wheels import WheelSettings
-from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock
+from lowcostnav_ros.base.measurements import AirVelocity, GpsPosition, GpsVelocity, ImuBlock
+from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.cores.imu_errors import imu_settings
 from lowcostnav_ros.estimation.aiding import GateSettings
 from lowcostnav_ros.estimation.consistency import nees
@@ -224,17 +225,95 @@ def test_a_unit_error_at_the_start_is_named(force, rate, sentence):
     assert sentence in navigator.reason
 
 
-@pytest.mark.parametrize("rate_hz", [1.0, 5.0])
-def test_a_hole_in_the_inertial_data_realigns_and_says_so(truth, rate_hz):
-    stream = measurements(truth, 6, rate_hz=rate_hz)
+def without_imu(stream, truth, begin, end):
     start = truth.stamps_ns[0]
-    holed = [m for m in stream if not (isinstance(m, ImuBlock) and 60e9 < m.stamp_ns - start < 62e9)]
-    navigator, solutions = fed(holed)
-    assert navigator.restarts["inertial data missing for more than 0.5 s"] == 1
+    return [m for m in stream if not (isinstance(m, ImuBlock) and begin * 1e9 < m.stamp_ns - start < end * 1e9)]
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0])
+@pytest.mark.parametrize(("begin", "end"), [(52.0, 52.7), (60.0, 62.0), (52.0, 57.0), (66.0, 76.0), (52.0, 72.0)])
+def test_a_hole_in_the_inertial_data_is_bridged_with_an_honest_sigma(truth, rate_hz, begin, end):
+    navigator, solutions = fed(without_imu(measurements(truth, 6, rate_hz=rate_hz), truth, begin, end))
+    assert not navigator.restarts  # 52 s and 66 s: in a turn that ends in the hole
     assert navigator.mode == "gps"
-    assert navigator.input_status["gps/fix"].rejected["inertial data missing"] >= 1
+    e, score = errors(truth, solutions)
+    after = (e[:, 0] > begin) & (e[:, 0] < end + 40.0)
+    assert np.diff(e[after, 0]).max() < 0.15
+    assert score[after].max() < 36.0
+    assert np.abs(e[e[:, 0] > end + 20.0, 1:4]).max() < 3.0
+    assert {s.mode for s in solutions if begin + 1.0 < 1e-9 * (s.stamp_ns - truth.stamps_ns[0]) < end} <= {"coasting"}
+
+
+@pytest.mark.parametrize("length", [2.0, 5.0, 8.0])
+def test_a_hole_in_an_outage_does_not_throw_the_state_away(truth, length):
+    stream = without_imu(measurements(truth, 3, rate_hz=5.0, outages_s=[60.0, 100.0]), truth, 66.0, 66.0 + length)
+    navigator, solutions = fed(stream)
+    assert not navigator.restarts
+    e, score = errors(truth, solutions)
+    after = (e[:, 0] > 60.0) & (e[:, 0] < 120.0)
+    assert np.diff(e[after, 0]).max() < 0.15
+    assert score[after].max() < 36.0
+    assert np.abs(e[e[:, 0] > 110.0, 1:4]).max() < 3.0
+
+
+def test_beyond_what_can_be_bridged_it_aligns_anew_and_says_so(truth):
+    navigator, solutions = fed(without_imu(measurements(truth, 6), truth, 60.0, 100.0))
+    assert navigator.restarts["inertial data missing for more than 30 s"] == 1
+    assert navigator.mode == "gps"
     e, _ = errors(truth, solutions)
-    assert np.abs(e[e[:, 0] > 100.0, 1:4]).max() < 6.0
+    assert np.abs(e[e[:, 0] > 120.0, 1:4]).max() < 6.0
+
+
+@pytest.mark.parametrize("cut", [1, 7, 50])
+def test_holes_are_bridged_to_the_same_bits_however_blocks_are_cut(truth, cut):
+    def again(size):
+        out = []
+        for m in without_imu(measurements(truth[:8000], 6, rate_hz=5.0), truth, 52.0, 57.0):
+            out += [m[k : k + size] for k in range(0, len(m), size)] if isinstance(m, ImuBlock) else [m]
+        return [np.concatenate((s.cov_pos.ravel(), s.q_nb, s.vel_n, s.place)) for s in fed(out)[1]]
+
+    np.testing.assert_array_equal(again(1000), again(cut))
+
+
+def restamped(m, shift_ns):
+    changed = {"stamps_ns": m.stamps_ns + shift_ns} if isinstance(m, ImuBlock) else {}
+    return dataclasses.replace(m, stamp_ns=m.stamp_ns + shift_ns, **changed)
+
+
+@pytest.mark.parametrize("step_s", [-5.0, -9.0, -3600.0])
+def test_a_step_back_of_all_clocks_starts_over_and_is_right_again(truth, step_s):
+    stream = measurements(truth, 6, rate_hz=5.0)
+    start, step_ns = truth.stamps_ns[0], round(step_s * 1e9)
+    moved = [restamped(m, step_ns if m.stamp_ns - start > 60e9 else 0) for m in stream]
+    navigator, solutions = fed(moved)
+    assert dict(navigator.restarts) == {"time base jumped": 1}
+    after = [dataclasses.replace(s, stamp_ns=s.stamp_ns - step_ns) for s in solutions[next(iter(_steps_back(solutions))) :]]
+    e, score = errors(truth, after)
+    assert e[0, 0] < 64.0
+    assert e[-1, 0] > 148.0
+    assert score.max() < 36.0
+
+
+def _steps_back(solutions):
+    return [k for k in range(1, len(solutions)) if solutions[k].stamp_ns < solutions[k - 1].stamp_ns]
+
+
+@pytest.mark.parametrize("step_s", [3600.0, -3600.0, 5.0])
+def test_inertial_data_with_a_wrong_clock_is_named_and_the_navigator_is_not_well(truth, step_s):
+    stream = measurements(truth[:9000], 6, rate_hz=5.0)
+    air = [AirVelocity(t, "air/velocity", np.zeros(3), np.eye(3)) for t in range(truth.stamps_ns[0], truth.stamps_ns[8999], 100_000_000)]
+    start = truth.stamps_ns[0]
+    wrong = [restamped(m, round(step_s * 1e9)) if isinstance(m, ImuBlock) and m.stamp_ns - start > 60e9 else m for m in stream]
+    order = sorted([*zip(stream, wrong, strict=True), *zip(air, air, strict=True)], key=lambda pair: pair[0].stamp_ns)
+    navigator, solutions = fed([m for _, m in order])
+    status = navigator.status()
+    assert not navigator.restarts
+    assert status.level != Level.OK
+    assert "no inertial data" in status.reason
+    assert [(c.name, c.suspect, round(c.size)) for c in status.contradictions] == [("clock offset", "imu/data_raw", abs(round(step_s)))]
+    e, score = errors(truth, solutions)
+    assert e[-1, 0] > 87.0
+    assert score[e[:, 0] > 60.0].max() < 36.0
 
 
 @pytest.mark.parametrize("broken", [{"lat": np.nan}, {"cov_n": np.full((3, 3), np.inf)}])

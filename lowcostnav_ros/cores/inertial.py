@@ -16,6 +16,7 @@ import numpy as np
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.small_matrices import matvec, turned
+from lowcostnav_ros.cores.bridging import LastMotion
 from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Kind, Layout
@@ -249,9 +250,11 @@ class InertialCore:
         self.P = layout.initial_covariance()
         self.t_ns = 0
         self.guard_actions = 0
+        self._newest: ImuBlock | None = None
         self.rest()
         self._last = np.zeros(6)
         self._sums = np.zeros(19)
+        self._motion: LastMotion | None = None  # that a hole began with
         self._floor = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2
         self._ceiling = np.full(layout.size, 1e14) if variance_ceiling is None else variance_ceiling
 
@@ -264,10 +267,11 @@ class InertialCore:
         self.P[:CORE, :CORE] = core_covariance
         self._last[:] = 0.0
         self._sums[:] = 0.0
+        self._motion = None
 
     def advance(self, block: ImuBlock, start: int, output_ns: int) -> int:
         """Run samples of an ImuBlock from index ``start``; return the next index (an output is due when short of the end)."""
-        layout = self.layout
+        layout, self._motion = self.layout, None
         if layout.is_paced:
             layout.pace(self.speed_mps)
         track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
@@ -302,6 +306,27 @@ class InertialCore:
             self.P[rows, rows] += turned(C, np.diag(variance))
         if self.history is not None:
             self.history.end(self.P)
+
+    def bridge(self, t_ns: int) -> None:
+        """Carry the state to ``t_ns`` over a hole in the inertial data (:mod:`.bridging`)."""
+        self.settle()
+        layout, dt = self.layout, 1e-9 * (t_ns - self.t_ns)
+        if self._motion is None:
+            self._motion = LastMotion(self.C_nb(), self._last[0:3], self._last[3:6])
+        decay, Phi = np.exp(-layout.rate * dt), np.diag(np.where(layout.kind == CHAIN, 1.0, np.exp(-layout.rate * dt)))
+        Phi[:CORE, :CORE] = self._motion.carry(self.nav, dt)
+        before = self.P if self.history is None else self.history.begin(self.P)
+        Q = np.diag(layout.psd * dt)
+        Q[:CORE, :CORE] = self._motion.noise(self.P, dt)
+        self.P[:] = Phi @ self.P @ Phi.T + Q
+        self.estimate[CORE:] *= decay[CORE:]
+        if self.history is not None:
+            kalman.lead(before, Phi)
+            self.history.end(self.P)
+        self.t_ns, self._newest = int(t_ns), None
+        C = self.C_nb()
+        self.force_b, self.rate_b = C.T @ np.array([0.0, 0.0, -STANDARD_GRAVITY]), C.T @ np.array([0.0, 0.0, self._motion.turn])
+        self._last[0:3], self._last[3:6] = 0.0, 0.0
 
     def correct(self, dx: np.ndarray) -> None:
         """Inject a correction (n,): the estimate moves, the error state is zero again."""
@@ -339,7 +364,7 @@ class InertialCore:
     def rest(self) -> None:
         """Take the latest sample for that of a unit at rest."""
         self.rate_b, self.force_b = np.zeros(3), np.array([0.0, 0.0, -STANDARD_GRAVITY])
-        self._newest: ImuBlock | None = None
+        self._newest = None
 
     def note(self, block: ImuBlock | None = None, row: int = -1) -> None:
         """Keep the corrected specific force and rate of a sample; without a block, of the newest one passed."""

@@ -7,24 +7,26 @@ hole of the inertial data gets nothing: the navigator sees that its state has no
 
 import heapq
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
+from lowcostnav_ros.estimation.clocks import LATE, TIME_JUMPED, Clocks
+
+__all__ = ["HOLE_NS", "TIME_JUMPED", "TIME_JUMP_NS", "FusionHorizon"]
 
 TIME_JUMP_NS = 10_000_000_000
-"""A stamp this far from the newest is not lateness: it is a bad stamp, or a restarted clock when it persists (default)."""
-
-JUMP_VOTES = 3
-"""So many stamps in a row must agree before the time base counts as jumped."""
+"""A stamp this far from the time base is not lateness: it is a bad stamp, or a restarted clock when all inputs agree (default)."""
 
 HOLE_NS = 500_000_000
-"""Longest interval one inertial sample may stand for; a longer one is a hole in the data, and no aid is fused inside it."""
+"""Longest interval one inertial sample may stand for; a longer one is a hole in the data."""
+
+WAIT_NS = 1_000_000_000
+"""Inertial samples are waited for this long beyond the lag; then the horizon goes on, and the navigator bridges the hole."""
 
 MAX_WAITING = 20_000
-"""Aids held while there is no inertial data; beyond it the oldest are dropped and counted."""
-
-TIME_JUMPED = "time jumped"
+"""Aids, and inertial samples, held at once; beyond it the oldest aid is dropped, a sample refused, and counted."""
 
 
 class FusionHorizon:
@@ -33,21 +35,31 @@ class FusionHorizon:
     Parameters
     ----------
     lag_ns : int
-        How far the horizon stays behind the newest stamp; covers transport delays and declared sensor latencies.
+        How far the horizon stays behind the time base; covers transport delays and declared sensor latencies.
     inertial : str or None
-        Source of the :class:`ImuBlock` stream that carries the state; nothing is handed over beyond its newest sample.
+        Source of the :class:`ImuBlock` stream that carries the state; it is waited for.
     jump_ns : int
-        A stamp this far from the newest is suspected; more than the interval of a sole source.
+        A stamp this far from the time base is implausible; a base that moves so far is a fresh start.
+    anchor : str or None
+        Input that is believed about the time when it is one against one: the inertial one, or where there is none this.
+
+    Attributes
+    ----------
+    clocks : Clocks
+        The time base and the clocks of all inputs.
+    passed_ns : int or None
+        Up to where measurements were handed over.
     """
 
-    def __init__(self, lag_ns: int, inertial: str | None = None, jump_ns: int = TIME_JUMP_NS) -> None:
+    def __init__(self, lag_ns: int, inertial: str | None = None, jump_ns: int = TIME_JUMP_NS, anchor: str | None = None) -> None:
         self.lag_ns, self.jump_ns = int(lag_ns), int(jump_ns)
         self.inertial = inertial
+        self.clocks = Clocks(self.lag_ns, self.jump_ns, inertial or anchor)
         self.clear()
 
     def clear(self) -> None:
         """Forget everything held and every stamp seen."""
-        self.newest_ns: int | None = None
+        self.clocks.clear()
         self.passed_ns: int | None = None
         self._waiting: list = []
         self._keys: set = set()
@@ -55,33 +67,43 @@ class FusionHorizon:
         self._imu: ImuBlock | None = None
         self._imu_newest_ns: int | None = None
         self._carried_ns: int | None = None  # up to where inertial samples were handed over
-        self._suspect_ns = 0
-        self._votes = 0
+
+    @property
+    def newest_ns(self) -> int | None:
+        """The time base: newest stamp of the inputs that agree."""
+        return self.clocks.time_ns
 
     def push(self, measurement: Measurement) -> str:
-        """Take one measurement in.
+        """Take one measurement in, or a block of samples as :meth:`.Clocks.pieces` cuts them.
 
         Returns
         -------
         str
-            Empty when accepted; else the reason: ``late``, ``duplicate stamp``, ``stamp implausible``, ``no inertial data``, or
-            :data:`TIME_JUMPED` when the time base moved for good and the caller must reset and push again.
+            Empty when accepted; :data:`.HELD` when it is not decided yet; else the reason: ``late``, ``stamp ahead of the other inputs``,
+            ``stamp implausible``, ``duplicate stamp``, ``no inertial data``, or :data:`.TIME_JUMPED` when the time base moved for good and
+            the caller must reset and push again.
         """
-        stamp = measurement.stamp_ns
-        reason = self._implausible(stamp)
-        if reason:
-            return reason
+        verdict = self.clocks.judge(measurement, self.passed_ns)
+        if verdict:
+            return verdict
+        for earlier in self.clocks.released():
+            reason = self._insert(earlier)
+            if reason:
+                self.clocks.refused.append((earlier.source, reason))
+        return self._insert(measurement)
+
+    def _insert(self, measurement: Measurement) -> str:
         if isinstance(measurement, ImuBlock):
             return self._push_imu(measurement)
+        stamp = measurement.stamp_ns
         if self.passed_ns is not None and stamp <= self.passed_ns:
-            return "late"
+            return LATE
         key = (stamp, measurement.source, measurement.part)
         if key in self._keys:
             return "duplicate stamp"
         self._keys.add(key)
         self._sequence += 1
         heapq.heappush(self._waiting, (stamp, measurement.source, key[2], self._sequence, measurement))
-        self._advance_newest(stamp)
         if len(self._waiting) > MAX_WAITING:
             self._pop()
             return "no inertial data"
@@ -107,25 +129,13 @@ class FusionHorizon:
         return self._imu, [entry[-1] for entry in sorted(self._waiting, key=lambda e: e[:4])]
 
     def _limit_ns(self) -> int | None:
-        if self.newest_ns is None:
+        newest = self.newest_ns
+        if newest is None:
             return None
-        limit = self.newest_ns - self.lag_ns
+        limit = newest - self.lag_ns
         if self.inertial is None:
             return limit
-        return None if self._imu_newest_ns is None else min(limit, self._imu_newest_ns)
-
-    def _implausible(self, stamp: int) -> str:
-        if self.newest_ns is None or abs(stamp - self.newest_ns) <= self.jump_ns:
-            self._votes = 0
-            return ""
-        agrees = self._votes and abs(stamp - self._suspect_ns) <= self.jump_ns
-        self._votes = self._votes + 1 if agrees else 1
-        self._suspect_ns = stamp
-        return TIME_JUMPED if self._votes >= JUMP_VOTES else "stamp implausible"
-
-    def _advance_newest(self, stamp: int) -> None:
-        if self.newest_ns is None or stamp > self.newest_ns:
-            self.newest_ns = stamp
+        return None if self._imu_newest_ns is None else min(limit, max(self._imu_newest_ns, limit - WAIT_NS))
 
     def _pop(self) -> Measurement:
         stamp, source, part, _, measurement = heapq.heappop(self._waiting)
@@ -137,10 +147,12 @@ class FusionHorizon:
         if floor is not None and block.stamps_ns[0] <= floor:
             keep = block.stamps_ns > floor
             if not keep.any():
-                return "late"
+                return LATE
             block = block[keep]
         if held is None:
             self._imu = block
+        elif len(held) + len(block) > MAX_WAITING:
+            return "too many samples at once"
         elif block.stamps_ns[0] > held.stamp_ns:
             self._imu = _joined(held, block)
         else:
@@ -149,8 +161,7 @@ class FusionHorizon:
             self._imu = merged[first]
             if len(stamps) == len(held):
                 return "duplicate stamp"
-        self._imu_newest_ns = self._imu.stamp_ns
-        self._advance_newest(block.stamp_ns)
+        self._imu_newest_ns = max(self._imu.stamp_ns, self._imu_newest_ns or 0)
         return ""
 
     def _inertial_until(self, stamp: int, *, split: bool) -> Iterator[ImuBlock]:
@@ -161,7 +172,7 @@ class FusionHorizon:
         n = int(np.searchsorted(stamps, stamp, side="right"))
         if n:
             self._carried_ns = int(stamps[n - 1])
-            yield held[:n]
+            yield from unbroken(held[:n])
         carried = self._carried_ns
         if split and n < len(stamps) and (carried is None or (carried < stamp and stamps[n] - carried <= HOLE_NS)):
             self._carried_ns = stamp
@@ -170,6 +181,14 @@ class FusionHorizon:
             self._imu = None
         elif n:
             self._imu = held[n:]
+
+
+def unbroken(block: ImuBlock) -> list[ImuBlock]:
+    """The block cut before every sample that comes after a hole in the data."""
+    if block.stamps_ns[-1] - block.stamps_ns[0] <= HOLE_NS:
+        return [block]
+    cuts = np.flatnonzero(np.diff(block.stamps_ns) > HOLE_NS) + 1
+    return [block[a:b] for a, b in pairwise([0, *cuts.tolist(), len(block)])]
 
 
 def _joined(a: ImuBlock, b: ImuBlock) -> ImuBlock:

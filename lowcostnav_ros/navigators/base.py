@@ -13,13 +13,19 @@ from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
-from lowcostnav_ros.estimation.aiding import NO_CORRECTION, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Sensor, unique
+from lowcostnav_ros.estimation.aiding import NO_CORRECTION, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
+from lowcostnav_ros.estimation.clocks import HELD
 from lowcostnav_ros.estimation.error_state import Block, Layout
-from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
+from lowcostnav_ros.estimation.horizon import HOLE_NS, TIME_JUMPED, FusionHorizon, unbroken
 from lowcostnav_ros.estimation.inertial_spikes import InertialSpikes, Jolt
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
+
+SILENT_NS = 2_000_000_000
+"""A navigator that puts out nothing for longer than this is not healthy, whatever its mode."""
+ALL_REFUSED = 100
+"""Nor is one that has refused so many messages in a row."""
 
 AidType = TypeVar("AidType", bound=Aid)
 
@@ -28,10 +34,10 @@ AidType = TypeVar("AidType", bound=Aid)
 class HorizonSettings:
     """The fusion horizon and the outputs."""
 
-    lag_s: float = setting(0.05, "Fusion stays this far behind the newest stamp to outlast transport.", unit="s", minimum=0.0, maximum=10.0)
+    lag_s: float = setting(0.05, "Fusion stays this far behind the time base to outlast transport.", unit="s", minimum=0.0, maximum=10.0)
     output_period_s: float = setting(0.1, "Spacing of the fused solutions.", unit="s", minimum=0.005, maximum=10.0)
     jump_s: float = setting(
-        10.0, "Stamps this far from the newest are suspect; must exceed a sole source's interval.", unit="s", minimum=1.0, maximum=3600.0
+        10.0, "Stamps this far off are implausible; a time base that moves so far is a fresh start.", unit="s", minimum=1.0, maximum=3600.0
     )
 
 
@@ -47,8 +53,8 @@ class InputStatus:
     rejected: Counter = field(default_factory=Counter)
 
     def reject(self, reason: str) -> None:
-        """Count one rejection under its reason."""
-        self.rejected[reason] += 1
+        """Count one rejection under the phrase of its reason."""
+        self.rejected[Reason.phrase_of(reason)] += 1
         self.reason = reason
 
 
@@ -164,7 +170,7 @@ class Navigator(ABC):
         listed = [getattr(settings, key) for key in getattr(settings, "aids", ())]
         latency_s += max((getattr(own, "latency_s", 0.0) for own in listed), default=0.0)
         lag_ns, jump_ns = round(1e9 * (settings.horizon.lag_s + latency_s)), round(1e9 * settings.horizon.jump_s)
-        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns)
+        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns, next(iter(self.inputs), None))
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
         self.spikes = InertialSpikes()
         self.origin: LocalFrame | None = None
@@ -174,6 +180,8 @@ class Navigator(ABC):
         self.restarts: Counter[str] = Counter()
         self.on_aid: Callable[[AidStatus], None] | None = None
         self._out: list[NavSolution] = []
+        self._out_ns: int | None = None
+        self._refused_in_row = 0
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
 
@@ -318,21 +326,35 @@ class Navigator(ABC):
         record.received += len(measurement) if isinstance(measurement, ImuBlock) else 1
         if self._magnetometer is not None and isinstance(measurement, MagneticField):
             measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
-        refusal = self.horizon.push(measurement)
-        if refusal == TIME_JUMPED:
-            self.reset("time base jumped")
-            refusal = self.horizon.push(measurement)
-        if refusal:
-            record.reject(refusal)
-            return []
-        record.stamp_ns = measurement.stamp_ns if record.stamp_ns is None else max(record.stamp_ns, measurement.stamp_ns)
+        for piece in self.horizon.clocks.pieces(measurement):
+            self._push(piece, record)
         for item in self.horizon.take():
             if isinstance(item, ImuBlock):
                 self._screened(item)
             else:
                 self._fuse(item)
         out, self._out = self._out, []
-        return out if all(solution.is_sound for solution in out) else self._lost(out)
+        if not all(solution.is_sound for solution in out):
+            out = self._lost(out)
+        if out:
+            self._out_ns = out[-1].stamp_ns
+        return out
+
+    def _push(self, measurement: Measurement, record: InputStatus) -> None:
+        """Give a measurement to the horizon; count what is refused."""
+        refusal = self.horizon.push(measurement)
+        if refusal == TIME_JUMPED:
+            self.reset("time base jumped")
+            refusal = self.horizon.push(measurement)
+        for source, reason in self.horizon.clocks.refused:
+            self.input_status[source].reject(reason)
+        self.horizon.clocks.refused.clear()
+        if refusal and refusal != HELD:
+            record.reject(refusal)
+            self._refused_in_row += 1
+        elif not refusal:
+            self._refused_in_row = 0
+            record.stamp_ns = measurement.stamp_ns if record.stamp_ns is None else max(record.stamp_ns, measurement.stamp_ns)
 
     def _screened(self, block: ImuBlock) -> None:
         """Take inertial samples in, spikes replaced; what the state gains instead comes at its own time."""
@@ -347,9 +369,11 @@ class Navigator(ABC):
         """Take in what inertial samples that were held back amount to."""
 
     def ahead(self) -> ImuBlock | None:
-        """Inertial samples beyond the horizon, spikes replaced."""
+        """Inertial samples beyond the horizon that follow the state without a hole, spikes replaced."""
         block, _ = self.horizon.ahead()
-        return None if block is None else self.spikes.preview(block)
+        if block is None or block.stamps_ns[0] - self.core.t_ns > HOLE_NS:
+            return None
+        return self.spikes.preview(unbroken(block)[0])
 
     def _lost(self, out: list[NavSolution]) -> list[NavSolution]:
         """Begin anew after a solution that is none; what was sound before it still goes out."""
@@ -369,12 +393,32 @@ class Navigator(ABC):
         """Mode, reason, level and all records, for diagnostics and reports."""
         aids = [aid.status for aid in self.aids]
         inputs = list(self.input_status.values())
-        now_ns, further = self.horizon.passed_ns, (self._integrity(), self._details())
-        return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, *further)
+        mode, level, contradictions = self.mode, self._level(), self.contradictions()
+        reason = "; ".join([self.reason, *self.horizon.clocks.sentences()])
+        silent = self._silence()
+        if silent and level == Level.OK:
+            mode, level, reason = Mode.FAILED, Level.ERROR, f"{silent}; {reason}"
+        further = self._sigmas(), inputs, aids, self._integrity(), self._details(), contradictions
+        return NavigatorStatus(self.name, mode, reason, level, self.horizon.passed_ns, *further)
+
+    def _silence(self) -> str:
+        """Why a navigator that reports itself healthy is not: nothing comes out, or nothing that comes in can be used; empty when it is."""
+        if self._refused_in_row >= ALL_REFUSED:
+            return f"the last {self._refused_in_row} messages were all refused"
+        newest_ns, last_ns = self.horizon.newest_ns, self._out_ns
+        if newest_ns is None or last_ns is None:
+            return ""
+        silent_ns = newest_ns - last_ns - self.horizon.lag_ns
+        return f"no solution for {1e-9 * silent_ns:.1f} s" if silent_ns > max(SILENT_NS, 3 * self.output_period_ns) else ""
+
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """What disagrees: inputs whose clocks are off."""
+        return self.horizon.clocks.contradictions()
 
     def reset(self, reason: str) -> None:
         """Restart: forget the state and what is held, keep the settings, the origin and the counters."""
         self.horizon.clear()
+        self._out_ns = None
         self.spikes.clear()
         self.realign(reason)
 

@@ -14,14 +14,22 @@ from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
+from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator, position_sigmas
+from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
 
 IMU = "imu/data_raw"
+COAST_NS = 30_000_000_000
+"""A hole in the inertial data is bridged so far; beyond it nothing is known of the attitude that aligning anew would not know better."""
+VAGUE_TILT = 10.0 * DEGREE
+"""A filter that is linear in the tilt cannot be trusted with a larger sigma, as long as GPS velocity would show it wrong within a step."""
+LEVELLING_NS = 4_000_000_000
+"""Levelling after a hole takes two GPS velocities a second or two apart."""
 RECENT_NS = 3_000_000_000
 """A refused fix this recent is the reason why there is none; an older one is not."""
 TRANSFER_SPAN_S = 0.2
@@ -88,6 +96,7 @@ class InertialNavigator(Navigator):
     def _restart(self) -> None:
         self._aligned = False
         self._emitted = -1
+        self._sampled_ns = self._levelling_until_ns = 0
         self._fused_fix_ns: int | None = None
         self.restart_channels()
         self.core.rest()
@@ -98,36 +107,84 @@ class InertialNavigator(Navigator):
             self._run(item)
         elif item.source == self.settings.alignment.master and isinstance(item, NavSolution):
             self._transfer(item)
-        elif not self._aligned:
+        elif not self._aligned or (self.core.t_ns != item.stamp_ns and not self._coast(item.stamp_ns)):
             self._prepare(item)
-        elif self.core.t_ns != item.stamp_ns:
-            self.input_status[item.source].reject("inertial data missing")
         else:
             self.core.settle()
             self._aid(item)
+            if self._levelling_until_ns:
+                self._level_again(item)
             self._judge()
 
     def _run(self, block: ImuBlock) -> None:
-        gap_ns = block.stamps_ns[0] - self.core.t_ns
-        if len(block) > 1:
-            gap_ns = max(gap_ns, np.diff(block.stamps_ns).max())
-        if self._aligned and gap_ns > GAP_NS:
-            self.realign(f"inertial data missing for more than {1e-9 * GAP_NS:.1f} s")
-        if not self._aligned:
-            self.start.add(block)
-            return
         first = 0
+        in_hole = self._aligned and not self._levelling_until_ns and block.stamps_ns[0] - self._sampled_ns > GAP_NS
+        if in_hole and self._coast(int(block.stamps_ns[0])):
+            first = 1  # the sample says nothing about all of the hole before it
+            self._end_hole()
+        if not self._aligned or self._levelling_until_ns:
+            self.start.add(block)
+        if self._aligned and self._levelling_until_ns:
+            first = self._coast_levelling(block)
+        if not self._aligned:
+            return
         while first < len(block):
             first = self.core.advance(block, first, self.output_period_ns)
-            epoch = self.core.t_ns // self.output_period_ns
-            if epoch != self._emitted:
-                self._emitted = epoch
+            self._sampled_ns = self.core.t_ns
+            if self.core.t_ns // self.output_period_ns != self._emitted:
                 self.core.note(block, first - 1)
-                for channel in self.clocked:
-                    self.use_channel(channel, Measurement(self.core.t_ns, IMU))
-                self._judge()
-                self.publish(self._solution(self.core.t_ns, self.core.nav, self.core.force_b, self.core.rate_b))
+                self._put_out()
         self.core.passed(block)
+
+    # holes in the inertial data ----------------------------------------------------------------------------------------------
+
+    def _end_hole(self) -> None:
+        """Go on with the inertial data; but a tilt that is hardly known makes a filter wrong: with GPS it is levelled first."""
+        sigma, last = math.sqrt(max(self.P[6, 6], self.P[7, 7])), self._fused_fix_ns
+        if sigma > VAGUE_TILT and last is not None and self.core.t_ns - last <= 1e9 * self.settings.gps.timeout_s:
+            self._levelling_until_ns = self.core.t_ns + LEVELLING_NS
+            self.start.clear()
+        else:
+            self._sampled_ns = self.core.t_ns
+
+    def _coast_levelling(self, block: ImuBlock) -> int:
+        """Let the last motion go on, on the grid of outputs, while samples are gathered; return the first one to run."""
+        until = self._levelling_until_ns
+        if block.stamp_ns < until:
+            self._coast(block.stamp_ns // self.output_period_ns * self.output_period_ns)
+            return len(block)
+        self._coast(until)
+        self._levelling_until_ns, self._sampled_ns = 0, self.core.t_ns
+        return int(np.searchsorted(block.stamps_ns, until, side="right"))
+
+    def _level_again(self, item: Measurement) -> None:
+        """Take the attitude that an alignment would begin with as a measurement of the present one."""
+        start = self.start.take(item)
+        if start is None:
+            return
+        y, H = rotvec_from_quat(quat_multiply(start.nav[6:10], quat_conjugate(self.core.nav[6:10]))), np.zeros((3, self.layout.size))
+        H[:, ATT] = np.eye(3)
+        self.correct(kalman.update(self.P, y, H, start.covariance[ATT, ATT].copy(), np.ones(self.layout.size)))
+        self._levelling_until_ns, self._sampled_ns = 0, self.core.t_ns
+
+    def _coast(self, t_ns: int) -> bool:
+        """Bridge a hole in the inertial data up to ``t_ns``; beyond :data:`COAST_NS` align anew and return False."""
+        if t_ns - self._sampled_ns > COAST_NS:
+            self.realign(f"inertial data missing for more than {1e-9 * COAST_NS:.0f} s")
+            return False
+        while self.core.t_ns < t_ns:
+            self.core.bridge(min(t_ns, (self.core.t_ns // self.output_period_ns + 1) * self.output_period_ns))
+            if self.core.t_ns // self.output_period_ns != self._emitted:
+                self._put_out()
+        return True
+
+    def _put_out(self) -> None:
+        """Give out the solution of an output period."""
+        self._emitted = self.core.t_ns // self.output_period_ns
+        for channel in self.clocked:
+            self.use_channel(channel, Measurement(self.core.t_ns, IMU))
+        self._judge()
+        self.publish(self._solution(self.core.t_ns, self.core.nav, self.core.force_b, self.core.rate_b))
 
     def _aid(self, item: Measurement) -> None:
         if any(aid.is_fix for aid in self.use(item)):
@@ -145,6 +202,8 @@ class InertialNavigator(Navigator):
         sigma = self._horizontal_sigma()
         if sigma > self.settings.failed_sigma_m:
             self.mode, self.reason = Mode.FAILED, f"horizontal sigma {sigma:.0f} m is above {self.settings.failed_sigma_m:.0f} m"
+        elif now - self._sampled_ns > GAP_NS:
+            self.mode, self.reason = Mode.COASTING, f"no inertial data for {1e-9 * (now - self._sampled_ns):.1f} s: the last motion goes on"
         elif last is not None and now - last <= 1e9 * self.settings.gps.timeout_s:
             self.mode, self.reason = Mode.GPS, "GPS position accepted"
         else:
@@ -181,6 +240,7 @@ class InertialNavigator(Navigator):
         self.set_origin(*(float(x) for x in nav[:3]))
         self.core.start(stamp_ns, nav, core_covariance)
         self._emitted = stamp_ns // self.output_period_ns
+        self._sampled_ns = stamp_ns
         self._aligned, self.reason = True, ""
 
     def _transfer(self, item: NavSolution) -> None:

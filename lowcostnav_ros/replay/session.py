@@ -16,6 +16,8 @@ from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity
 from lowcostnav_ros.base.settings import settings_hash, to_mapping
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
+from lowcostnav_ros.estimation.clocks import TIME_JUMPED, Clocks
+from lowcostnav_ros.estimation.horizon import TIME_JUMP_NS
 from lowcostnav_ros.messages.decode import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
@@ -33,6 +35,9 @@ FLUSH_NS = 5_000_000_000
 LONGEST_BURST_NS = 50_000_000
 """Where one navigator takes another's solution, inertial blocks are fed in pieces no longer than this: of a second of samples at once the
 first would publish a whole second before the other publishes anything, which is late by the horizon and never happens in flight."""
+
+LATEST_NS = 1_000_000_000
+"""Messages of one instant are recorded within this long; what is further off tells no time."""
 
 Item = Measurement | TruthBlock
 
@@ -118,6 +123,7 @@ class Session:
         self.files.open()
         self.first_ns: int | None = None
         self.newest_ns = 0
+        self._clocks = Clocks(LATEST_NS, TIME_JUMP_NS)
         self.withheld: Counter[str] = Counter()
         self._flushed_ns: int | None = None
         self._true_states: list[NavSolution] = []
@@ -136,22 +142,39 @@ class Session:
 
     def feed(self, measurement: Measurement) -> None:
         """Feed one measurement, less what is withheld, to every navigator that takes its source."""
-        first = first_stamp(measurement)
-        self.first_ns = first if self.first_ns is None else min(first, self.first_ns)
-        self.newest_ns = max(self.newest_ns, measurement.stamp_ns)
+        plausible = self._tell_time(measurement)
         given, held = split(measurement, self.windows) if self.windows else (measurement, None)
         if held is not None:
             self._withhold(held)
         if given is not None and given.source not in self.replaced:
-            if isinstance(given, GpsPosition):
+            if isinstance(given, GpsPosition) and plausible:
                 self.gaps.add(given.stamp_ns)
                 self._write_fix(given, withheld=False)
-            elif isinstance(given, GnssEpoch):
+            elif isinstance(given, GnssEpoch) and plausible:
                 self.gaps.add_epoch(given.stamp_ns, int(np.count_nonzero(given.range_valid)))
             for piece in _pieces(given) if self._is_chain else (given,):
                 self._distribute(piece)
         if self._flushed_ns is None or self.newest_ns - self._flushed_ns > FLUSH_NS:
             self.flush()
+
+    def _tell_time(self, measurement: Measurement) -> bool:
+        """Follow the time that the inputs agree upon; return whether a message agrees with it, so that a wild stamp is no time at all."""
+        plausible = True
+        for piece in self._clocks.pieces(measurement):
+            verdict = self._clocks.judge(piece, None)
+            if verdict == TIME_JUMPED:
+                self._clocks.clear()
+                self._clocks.judge(piece, None)
+                if self.first_ns is not None and self.newest_ns - self.first_ns < FLUSH_NS:
+                    self.first_ns = None  # so short a beginning was no time either
+                self._flushed_ns = None
+            plausible = verdict in ("", TIME_JUMPED)
+            if plausible:
+                first = first_stamp(piece)
+                self.first_ns = first if self.first_ns is None else min(first, self.first_ns)
+        self._clocks.refused.clear()
+        self.newest_ns = self._clocks.time_ns or 0
+        return plausible
 
     def feed_truth(self, truth: TruthBlock | NavSolution) -> None:
         """Take true states in; a solution without position and with wind is the true wind."""

@@ -10,7 +10,6 @@ before the flight.  An AHRS reports attitude, heading, rates and specific force;
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -52,14 +51,6 @@ HEADING_TIMEOUT_S = 5.0
 POSITION_HELD_NS = 10_000_000_000
 NUMBERS = {GpsVelocity: ("vel_n", "cov_n"), AirVelocity: ("vel_b", "cov_b"), Attitude: ("q_nb", "cov_att"), MagneticField: ("field_b",)}
 """What of a measurement must be finite.  The aids see to it, too, but the first attitude and the reset of a velocity use no aid."""
-
-
-def unbroken(block: ImuBlock) -> list[ImuBlock]:
-    """The block cut before every sample that comes after a hole in the data."""
-    if len(block) == 0 or block.stamps_ns[-1] - block.stamps_ns[0] <= GAP_NS:
-        return [block]
-    cuts = np.flatnonzero(np.diff(block.stamps_ns) > GAP_NS) + 1
-    return [block[a:b] for a, b in pairwise([0, *cuts, len(block)])]
 
 
 @navigator
@@ -176,15 +167,14 @@ class Ahrs(Navigator):
             hold_position(self.core, self.magnetic.place)
 
     def _run(self, block: ImuBlock) -> None:
-        for part in unbroken(self._finite(block)):
-            start = 0
-            while start < len(part):
-                if self._in_gap(part, start):
-                    start += 1
-                elif self._aligned:
-                    start = self._advance(part, start)
-                else:
-                    start = self._align(part, start)
+        block, start = self._finite(block), 0
+        while start < len(block):
+            if self._in_gap(block, start):
+                start += 1
+            elif self._aligned:
+                start = self._advance(block, start)
+            else:
+                start = self._align(block, start)
 
     def _finite(self, block: ImuBlock) -> ImuBlock:
         if math.isfinite(block.specific_force_b.sum() + block.angular_rate_b.sum()):  # one number that is none spoils the sum
