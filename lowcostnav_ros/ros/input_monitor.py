@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from lowcostnav_ros.base.modes import Level
+from lowcostnav_ros.base.tally import Tally
 
 OK, WARN, ERROR = Level
 TIMEOUT_INTERVALS = 5.0  # a slow sensor times out after this many of its own intervals
@@ -45,7 +46,7 @@ class InputMonitor:
     ) -> None:
         self.topic, self.required, self.silent_after_s, self._clock = topic, required, silent_after_s, clock
         self.count = self.gaps = self.backward = 0
-        self.rejected: Counter[str] = Counter()
+        self.rejected: Counter[str] = Tally()
         self.last_reject = ""
         self.trouble = ""  # set when the transport itself reports one (incompatible QoS)
         self._started = clock()
