@@ -14,6 +14,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from std_srvs.srv import Trigger
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import from_mapping, group, setting
 from lowcostnav_ros.graph.wiring import PACED
@@ -154,6 +155,7 @@ class NodeBase(Node):
     """
 
     poll_period_s = 0.005
+    exit_status = Exit.OK  # what the process ends with
     build_settings = staticmethod(from_mapping)
 
     def __init__(self, name: str, settings: Bases = (), **kwargs: Any) -> None:
