@@ -63,8 +63,8 @@ class _Mcap(McapWriter):
             self.bio.flush()
         except OSError:
             self.chunks.pop()
-            for channel, entries in messages.items():
-                self.channel_stats[channel] -= len(entries)
+            for number, entries in messages.items():
+                self.channel_stats[number] -= len(entries)
                 self.lost += len(entries)
             for schema in self.schemas:  # they may have been in the lost chunk
                 write_schema(self.chunk.bio, schema)

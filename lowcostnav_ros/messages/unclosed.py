@@ -40,7 +40,8 @@ def _walk(body: bytes, channels: set[int], is_twice: bool) -> _Chunk:
 
     Where ``is_twice`` every message bears its stamp twice, as this package's recorder writes it.
     """
-    at, start_ns, end_ns, counts = 0, 2**63 - 1, 0, Counter()
+    at, start_ns, end_ns = 0, 2**63 - 1, 0
+    counts: Counter[int] = Counter()
     while at + _RECORD <= len(body):
         opcode, size = body[at], int.from_bytes(body[at + 1 : at + _RECORD], "little")
         if opcode not in (_SCHEMA, _CHANNEL, _MESSAGE) or at + _RECORD + size > len(body):

@@ -7,6 +7,7 @@ from functools import partial
 
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, NODES, SIMULATOR, kind_of, needs_compiler, sensor_of
+from lowcostnav_ros.graph.parent import end_with_runner
 
 
 def run_executable(name: str, args: Sequence[str]) -> int:
@@ -40,6 +41,7 @@ def _maker(name: str) -> Callable:
 
 def main(name: str, args: Sequence[str]) -> int:
     """Run an executable as a process; a name that does not exist is one sentence on stderr and exit status 2."""
+    end_with_runner()
     try:
         return run_executable(name, args)
     except SettingsError as error:
