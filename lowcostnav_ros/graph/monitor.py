@@ -56,7 +56,7 @@ class Reports:
         node = "" if row is None else row["name"].partition(": ")[0]
         if row is None:
             self.ignored["malformed row"] += 1
-        elif row["process"] != self._process_of(node):
+        elif row["process"] is None or row["process"] != self._process_of(node):
             self.ignored["row of another graph"] += 1
         elif row["name"] not in self.rows and len(self.rows) >= MOST_ROWS:
             self.ignored["more rows than a graph has"] += 1

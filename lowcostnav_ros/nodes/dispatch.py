@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.graph.domain import discovery
 from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, NODES, SIMULATOR, kind_of, needs_compiler, sensor_of
 from lowcostnav_ros.graph.parent import end_with_runner
 
@@ -20,6 +21,8 @@ def run_executable(name: str, args: Sequence[str]) -> int:
     """
     if not needs_compiler(name):
         os.environ.setdefault("LOWCOSTNAV_KERNELS", "interpreted")  # kernels are made on import, so this comes before all others
+    if not os.environ.get("ROS_LOCALHOST_ONLY"):
+        os.environ.update(discovery())
     make = _maker(name)
     from lowcostnav_ros.ros.run import run
 
