@@ -16,6 +16,7 @@ from typing import Any
 
 from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.base.tally import Tally
+from lowcostnav_ros.graph.executables import MONITOR
 from lowcostnav_ros.graph.process import NodeProcess
 
 MOST_ROWS = 2000
@@ -69,9 +70,9 @@ class Reports:
         self._reported_at.pop(node, None)
 
     def silent_s(self, node: str) -> float | None:
-        """Seconds since the last report of a node, None before the first."""
+        """Seconds since the last report of a node, None before the first; while the monitor itself is silent, the others are not judged."""
         reported = self._reported_at.get(node)
-        return None if reported is None else time.monotonic() - reported
+        return None if reported is None else (time.monotonic() if node == MONITOR else self._last) - reported
 
     def of(self, node: str) -> list[dict[str, Any]]:
         """The rows of a node."""
@@ -116,7 +117,7 @@ class MonitorProcess(NodeProcess):
     """The monitor's process; its lines go to ``take``."""
 
     def __init__(self, environment: Mapping[str, str], log: Path, take: Callable[[str], None]) -> None:
-        super().__init__("monitor", "monitor", [], environment, log)
+        super().__init__(MONITOR, MONITOR, [], environment, log)
         self._take = take
 
     def start(self, stdout: int | None = None) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from lowcostnav_ros.graph.process import Event, NodeProcess, What
 
-SILENT_S, STILL_S, BUSY_S = 1.8, 3.0, 15.0
+SILENT_S, STILL_S, BUSY_S = 1.7, 2.5, 15.0  # reports come every 0.8 to 1.2 s
 LOSSLESS_S = 20.0  # there a node waits for its listeners, which may take 15 s to be matched
 
 
