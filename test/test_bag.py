@@ -99,7 +99,6 @@ def test_every_unusable_recording_has_its_sentence(tmp_path):
     (tmp_path / "fake.mcap").write_bytes(b"hello, this is no recording at all, it is only long enough to be read")
     (tmp_path / "zero.mcap").write_bytes(b"")
     whole = (tmp_path / "bag" / "bag.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
     with BagWriter(tmp_path / "empty"):
         pass
     assert "does not exist" in refusal(lambda: BagReader(tmp_path / "nothing"))
@@ -107,7 +106,8 @@ def test_every_unusable_recording_has_its_sentence(tmp_path):
     assert "is not a recording" in refusal(lambda: BagReader(tmp_path / "notes.txt"))
     assert "is not a recording" in refusal(lambda: BagReader(tmp_path / "fake.mcap"))
     assert "truncated" in refusal(lambda: BagReader(tmp_path / "zero.mcap"))
-    assert "truncated" in refusal(lambda: BagReader(tmp_path / "cut.mcap"))
+    (tmp_path / "bag" / "bag.mcap").write_bytes(whole[: len(whole) // 2])
+    assert "truncated" in refusal(lambda: BagReader(tmp_path / "bag"))
     assert "holds no messages" in refusal(lambda: BagReader(tmp_path / "empty"))
     assert "exists already" in refusal(lambda: BagWriter(tmp_path / "bag"))
     assert "use mcap or sqlite3" in refusal(lambda: BagWriter(tmp_path / "new", "rosbag1"))

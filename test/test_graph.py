@@ -1,5 +1,7 @@
 """Graph files: what they may say, what they are refused for, who must listen before the flight starts."""
 
+from pathlib import Path
+
 import pytest
 
 from lowcostnav_ros.graph import wiring as graph_nodes
@@ -87,3 +89,19 @@ def test_node_processes_stay_on_this_machine(monkeypatch, tmp_path):
     environment = node_environment(7, tmp_path)
     assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST" and environment["ROS_DOMAIN_ID"] == "7"
     assert "ROS_LOCALHOST_ONLY" not in environment and environment["ROS_LOG_DIR"] == str(tmp_path)
+
+
+@pytest.mark.parametrize(("asked", "range_"), [("", "LOCALHOST"), ("off", "LOCALHOST"), ("SUBNET", "SUBNET")])
+def test_nodes_are_discovered_as_the_environment_asks_and_receive_on_the_loopback_where_it_asks_nothing(monkeypatch, asked, range_):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", asked)
+    monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE", raising=False)
+    environment = node_environment(7)
+    assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == range_
+    profile = environment.get("FASTRTPS_DEFAULT_PROFILES_FILE")
+    assert (profile is None) == (range_ == "SUBNET") and (profile is None or "127.0.0.1" in Path(profile).read_text())
+
+
+@pytest.mark.parametrize("name", ["../x", "a/b", "", "1st", "monitor", "a" * 101, 7, "a.b", "a b"])
+def test_a_node_name_that_ros_or_a_folder_would_not_take_is_refused(name):
+    with pytest.raises(GraphError, match="the node name"):
+        parse_graph({"nodes": [{"executable": "recorder", "name": name}]}, "bad")

@@ -29,8 +29,11 @@ def test_a_graph_that_cannot_run_exits_with_2_and_its_sentence(capsys):
     assert "gps_simulator cannot run: gps_simulator: 'rate_hz' must be at least 0.1 and at most 50 Hz, got 900." in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("kill_first", "status"), [(False, 0), (True, 1)])
-def test_an_interrupt_ends_all_nodes_and_a_death_on_the_way_is_told(tmp_path, kill_first, status):
+@pytest.mark.parametrize(
+    ("kill_first", "ending", "status"),
+    [(False, signal.SIGINT, 0), (True, signal.SIGINT, 1), (False, signal.SIGHUP, 0), (False, signal.SIGKILL, -signal.SIGKILL)],
+)
+def test_however_the_runner_ends_no_node_stays_and_a_death_on_the_way_is_told(tmp_path, kill_first, ending, status):
     file = tmp_path / "one.yaml"
     file.write_text(yaml.safe_dump({"nodes": ["gps_simulator"]}))
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
@@ -40,8 +43,11 @@ def test_an_interrupt_ends_all_nodes_and_a_death_on_the_way_is_told(tmp_path, ki
         os.kill(children["gps_simulator"], signal.SIGKILL)
         time.sleep(0.3)
     time.sleep(2.0)  # children past their start, where an interrupt would be taken for an early one
-    process.send_signal(signal.SIGINT)
+    process.send_signal(ending)
     _, errors = process.communicate(timeout=15.0)
+    deadline = time.monotonic() + (8.0 if ending == signal.SIGKILL else 0.0)
+    while time.monotonic() < deadline and any(Path(f"/proc/{pid}").exists() for pid in children.values()):
+        time.sleep(0.1)
     assert process.returncode == status, errors
     assert ("gps_simulator died: killed by SIGKILL" in errors) == kill_first
     assert not any(Path(f"/proc/{pid}").exists() for pid in children.values())

@@ -1,5 +1,6 @@
 """The cache of compiled kernels follows the sources that are inside the machine code."""
 
+import os
 from pathlib import Path
 
 import lowcostnav_ros
@@ -30,3 +31,27 @@ def test_a_change_two_imports_away_changes_the_cache_folder(monkeypatch):
 def test_compiled_kernels_lie_under_the_cache_root():
     path = Path(inertial.covariance_step.stats.cache_path)
     assert kernels.cache_root() in path.parents
+
+
+def test_a_folder_that_others_could_fill_is_no_cache(tmp_path, monkeypatch):
+    monkeypatch.setattr(kernels.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(kernels.Path, "mkdir", lambda path, *a, **k: os.mkdir(path, 0o700) if path.parent == tmp_path else no_home())
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    root = kernels.cache_root.__wrapped__
+    monkeypatch.setattr(kernels, "_own_folder", own := kernels._own_folder)
+    folder = root()
+    assert folder is not None and folder.parent == tmp_path and folder.stat().st_mode & 0o777 == 0o700
+    monkeypatch.undo()
+    assert own(folder) == folder
+    folder.chmod(0o770)
+    assert own(folder) is None
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "file").write_text("")
+    assert own(tmp_path / "link") is None and own(tmp_path / "file") is None and own(tmp_path / "none" / "below") is None
+    monkeypatch.setattr(kernels.os, "getuid", lambda: os.stat(tmp_path).st_uid + 1)
+    assert own(tmp_path / "elsewhere") is None
+
+
+def no_home() -> None:
+    raise PermissionError("no home")

@@ -82,3 +82,51 @@ def test_stamps_that_step_back_are_counted():
     monitor, _ = fed(100.0, 10)
     monitor.stamped(10**9)
     assert monitor.backward == 1
+
+
+def test_an_input_whose_messages_are_all_refused_later_on_is_not_well():
+    for required, level in ((True, ERROR), (False, WARN)):
+        monitor, clock = fed(10.0, 50, required=required)
+        monitor.refused(50, 0, "")
+        assert monitor.status("n").level == OK
+        monitor.refused(60, 9, "late")
+        assert monitor.status("n")[1:3] == (level, "imu/data_raw: 9 of the last 10 refused: late")
+        monitor.refused(60, 9, "late")
+        assert monitor.status("n").level == level
+        monitor.refused(70, 10, "late")
+        assert monitor.status("n").level == OK
+
+
+def test_a_flood_is_named_and_what_is_beyond_a_processes_means_is_shed():
+    monitor, clock = fed(100.0, 2000, sheds=True)
+    for _ in range(40):
+        clock.now += 0.5
+        monitor.status("n")
+        for _ in range(50):
+            clock.now += 0.01
+            assert monitor.arrived()
+    monitor.status("n")
+    handled = 0
+    for _ in range(10_000):
+        clock.now += 1.0 / 5000.0
+        handled += monitor.arrived()
+    status = monitor.status("n")
+    assert 6000 < handled < 7200 and monitor.rejected["flood"] == 10_000 - handled
+    assert status.level == WARN and "flood: 5000 Hz" in status.message and "shed" in status.message
+    lossless, clock = fed(100.0, 10)
+    assert all(lossless.arrived() for _ in range(5000))
+
+
+def test_a_flood_of_nearly_equal_stamps_does_not_make_gaps_of_what_follows():
+    monitor, _ = fed(100.0, 10)
+    for k in range(500):
+        monitor.stamped(1_001_000_000_000 + k)
+    monitor.stamped(1_002_000_000_000)
+    assert monitor.gaps < 20_000
+
+
+def test_reasons_stay_bounded():
+    monitor, _ = fed(10.0, 10)
+    for k in range(5000):
+        monitor.reject(f"station {k} unknown")
+    assert len(monitor.status("n").values) < 120 and sum(monitor.rejected.values()) == 5000

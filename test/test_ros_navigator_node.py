@@ -137,3 +137,12 @@ def test_reset_restarts_the_navigator_and_says_so(ros):
     future = client.call_async(Trigger.Request())
     assert ros.spin_until(future.done)
     assert future.result().message == "standstill was reset: initialising, reset by service."
+
+
+def test_a_navigator_that_puts_out_nothing_any_more_is_not_ok(ros):
+    table = ros.diagnostics()
+    fly(ros, samples=10)
+    row = lambda: table.get("standstill: navigator")  # noqa: E731
+    assert ros.spin_until(lambda: row() is not None and row().message == "gps")
+    assert ros.spin_until(lambda: row().level == b"\x02", 6.0)
+    assert row().message.startswith("no solution for 2.") and row().message.endswith("; gps")

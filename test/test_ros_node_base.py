@@ -115,3 +115,50 @@ def test_lossless_carries_every_message_of_a_flood(ros):
         output.send(serialize_message(imu(1.0 + 0.01 * k)))
     assert ros.spin_until(lambda: len(node.samples) == 2000)
     assert node.inputs["imu/data_raw"].gaps == 0 and output.count == 2000
+
+
+def test_a_topic_that_is_published_with_another_type_is_named(ros, domain):
+    import rclpy
+    from geometry_msgs.msg import TwistStamped
+
+    table = ros.diagnostics()
+    elsewhere = rclpy.Context()  # one participant knows one type of a topic
+    rclpy.init(context=elsewhere, domain_id=domain)
+    driver = rclpy.create_node("driver", context=elsewhere)
+    driver.create_publisher(TwistStamped, "gps/vel", 10)
+    node = ros.make(Listener)
+    node.listen("gps/vel", node.samples.append)
+    name = "listener: input gps/vel"
+    assert ros.spin_until(lambda: name in table and "is published as" in table[name].message)
+    expected = "gps/vel is published as geometry_msgs/msg/TwistStamped, expected geometry_msgs/msg/TwistWithCovarianceStamped"
+    assert table[name].message.startswith(expected)
+    driver.destroy_node()
+    elsewhere.try_shutdown()
+
+
+def test_a_handler_that_raises_is_counted_by_kind_logged_once_and_does_not_end_the_node(ros):
+    node, publisher = wired(ros)
+    logged = []
+    node.get_logger().error = logged.append
+
+    def fail(monitor, raw):
+        raise TypeError(f"number {monitor.count}")
+
+    node.listen_raw("imu/data_raw", fail)
+    for k in range(20):
+        publisher.publish(imu(1.0 + 0.01 * k))
+    assert ros.spin_until(lambda: node.inputs["imu/data_raw"].count == 20)
+    assert dict(node.inputs["imu/data_raw"].rejected) == {"error in handling: TypeError": 20}
+
+
+def test_diagnostics_that_cannot_be_made_are_reported_and_end_nothing(ros):
+    class Broken(Listener):
+        def rows(self):
+            yield from super().rows()
+            raise KeyError("gyro_bias")
+
+    table = ros.diagnostics()
+    ros.make(Broken)
+    assert ros.spin_until(lambda: "listener: diagnostics" in table)
+    assert table["listener: diagnostics"].level == b"\x02" and table["listener: diagnostics"].message == "diagnostics incomplete: KeyError"
+    assert "listener: input imu/data_raw" in table

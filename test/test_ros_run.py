@@ -27,3 +27,11 @@ sys.exit(run(Node, args=[]))
 def test_wait_error_is_a_clean_stop_only_after_shutdown(stopped: bool, code: int) -> None:
     done = subprocess.run([sys.executable, "-c", SCRIPT.format(stopped=stopped)], capture_output=True, text=True, timeout=30, check=False)
     assert done.returncode == code, done.stderr
+
+
+@pytest.mark.parametrize("text", ["hello", "a: [1", "", "ahrs: {rate: 1}"])
+def test_a_parameter_file_that_holds_none_is_a_sentence_and_exit_status_2(tmp_path, text):
+    (tmp_path / "p.yaml").write_text(text)
+    command = [sys.executable, "-m", "lowcostnav_ros.nodes.dispatch", "monitor", "--ros-args", "--params-file", str(tmp_path / "p.yaml")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2 and str(tmp_path) in done.stderr and "Traceback" not in done.stderr

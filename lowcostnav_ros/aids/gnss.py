@@ -14,6 +14,7 @@ import numpy as np
 from lowcostnav_ros.aids import AIDS
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.inertial import VEL
 from lowcostnav_ros.cores.views import Place, Velocity
@@ -133,7 +134,7 @@ class SatelliteAid(Aid):
         super().__init__(settings, key, stations)
         self.receiver = Receiver(settings)
         self.used = NOTHING
-        self.satellites: Counter[str] = Counter()
+        self.satellites: Counter[str] = Tally()
         self.epoch_nis, self.epoch_dof = 0.0, 0
         self._usual = 0.0
 

@@ -12,6 +12,7 @@ never fly on as yesterday's machine code inside today's filter.
 import hashlib
 import os
 import re
+import stat
 import sys
 import tempfile
 from collections.abc import Callable
@@ -34,11 +35,12 @@ def kernel(function: F) -> F:
     import numba
 
     config: Any = numba.core.config
-    compiler: Any = numba.njit(cache=True, fastmath=False, error_model="numpy")
+    root = cache_root()
+    compiler: Any = numba.njit(cache=root is not None, fastmath=False, error_model="numpy")
     file = Path(sys.modules[function.__module__].__file__ or "")
-    if config.DISABLE_JIT or _PACKAGE not in file.parents:
+    if config.DISABLE_JIT or root is None or _PACKAGE not in file.parents:
         return compiler(function)
-    before, config.CACHE_DIR = config.CACHE_DIR, str(cache_root() / _closure_hash(file))
+    before, config.CACHE_DIR = config.CACHE_DIR, str(root / _closure_hash(file))
     try:
         return compiler(function)
     finally:
@@ -46,8 +48,11 @@ def kernel(function: F) -> F:
 
 
 @cache
-def cache_root() -> Path:
-    """Folder of the compiled kernels: NUMBA_CACHE_DIR, else the user's cache, else a temporary folder."""
+def cache_root() -> Path | None:
+    """Folder of the compiled kernels: NUMBA_CACHE_DIR, else the user's cache, else a temporary folder of this user's own, else none.
+
+    What lies in it is loaded as code, so a folder that others could have filled is not used.
+    """
     if os.environ.get("NUMBA_CACHE_DIR"):
         return Path(os.environ["NUMBA_CACHE_DIR"])
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path(os.path.expanduser("~")) / ".cache") / "lowcostnav_ros"
@@ -56,7 +61,18 @@ def cache_root() -> Path:
         with tempfile.TemporaryFile(dir=root):
             return root
     except OSError:
-        return Path(tempfile.gettempdir()) / f"lowcostnav_ros_{os.getuid()}"
+        return _own_folder(Path(tempfile.gettempdir()) / f"lowcostnav_ros_{os.getuid()}")
+
+
+def _own_folder(path: Path) -> Path | None:
+    """Make a folder that only this user can read and write; None where something else is in its place."""
+    try:
+        path.mkdir(mode=0o700, exist_ok=True)
+        found = path.lstat()
+    except OSError:
+        return None
+    is_own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+    return path if is_own else None
 
 
 @cache

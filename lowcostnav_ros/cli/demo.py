@@ -15,6 +15,7 @@ from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.graph.description import Graph, GraphError, load_graph
+from lowcostnav_ros.graph.monitor import number
 from lowcostnav_ros.graph.process import Event
 from lowcostnav_ros.graph.runner import GraphRunner
 from lowcostnav_ros.navigators.registry import NAVIGATORS
@@ -96,7 +97,7 @@ class _Narrator:
             return
         self._next = time.monotonic() + DRAW_S
         source = self._runner.rows.get("truth_source: source", {})
-        flown = float(source.get("values", {}).get("flown_s", 0.0))
+        flown = number(source, "flown_s") or 0.0
         row = self._runner.navigator("supervisor")
         chosen = tuple(row.get("values", {}).get(key, "") for key in ("mode", "flying_on"))
         if row and chosen != self._printed:

@@ -82,7 +82,10 @@ def check_environment() -> Finding:
         return Finding(False, "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF stops local discovery, too: set it to LOCALHOST.")
     if os.environ.get("_ROS_WHEELS_BOOTSTRAP_COMPLETE") and not os.environ.get("LD_LIBRARY_PATH"):
         return Finding(False, "unset _ROS_WHEELS_BOOTSTRAP_COMPLETE: without LD_LIBRARY_PATH beside it ROS is not found.")
-    return Finding(True, f"ROS_DOMAIN_ID={os.environ.get('ROS_DOMAIN_ID', 'unset, the runner chooses a free one')}")
+    from lowcostnav_ros.graph.domain import RANGE, discovery
+
+    heard = "nodes receive on this machine only" if discovery() else f"nodes are open to the network ({RANGE}={os.environ[RANGE]})"
+    return Finding(True, f"ROS_DOMAIN_ID={os.environ.get('ROS_DOMAIN_ID', 'unset, the runner chooses a free one')}; {heard}")
 
 
 def check_ament_index() -> Finding:
@@ -124,7 +127,9 @@ def check_kernel_cache() -> Finding:
     """Where compiled kernels are kept between starts; without it every start compiles for half a minute."""
     from lowcostnav_ros.base import kernels
 
-    folder = Path(kernels.cache_root())
+    folder = kernels.cache_root()
+    if folder is None:
+        return Finding(False, "there is no folder that only this user can write to: set NUMBA_CACHE_DIR to one.")
     if folder.parent == Path(tempfile.gettempdir()):
         return Finding(False, f"kept in {folder} only until the next reboot: set NUMBA_CACHE_DIR to a folder that stays.")
     return Finding(os.access(folder, os.W_OK), f"{folder}")

@@ -22,6 +22,7 @@ from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.small_matrices import at_least
+from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Layout
 
@@ -120,7 +121,7 @@ class AidStatus:
     reason: str = "nothing received yet"
     accepted_ns: int | None = None
     fused: int = 0
-    rejected: Counter = field(default_factory=Counter)
+    rejected: Counter = field(default_factory=Tally)
 
     def age_s(self, now_ns: int) -> float | None:
         """Seconds since the last accepted measurement, None before the first."""

@@ -13,6 +13,7 @@ A graph names its nodes; what every one of them shares stands at the top::
         respawn: true            # start again when it dies
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,7 +23,7 @@ import yaml
 
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.catalogue.config_files import config_dir
-from lowcostnav_ros.graph.executables import EXECUTABLES, SIMULATOR, SOURCE, kind_of
+from lowcostnav_ros.graph.executables import EXECUTABLES, MONITOR, SIMULATOR, SOURCE, kind_of
 
 TOP_KEYS = ("scenario", "domain", "lossless", "real_time_factor", "nodes")
 NODE_KEYS = ("executable", "name", "config", "parameters", "respawn")
@@ -139,7 +140,14 @@ def _node(entry: Any, where: str, scenario: str, folder: Path | None) -> GraphNo
     config = _config(entry.get("config"), executable, where, scenario, folder)
     # a flight that starts again from its beginning would jump back in time, so its source stays dead
     respawn = entry.get("respawn", kind_of(executable) != SOURCE)
-    return GraphNode(executable, str(entry.get("name", executable)), config, dict(parameters), bool(respawn))
+    return GraphNode(executable, _name(entry.get("name", executable), where), config, dict(parameters), bool(respawn))
+
+
+def _name(name: Any, where: str) -> str:
+    """A name that ROS takes and that is a file's name, too: the log and the parameters of the node bear it."""
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,99}", name) or name == MONITOR:
+        raise GraphError(f"{where}: the node name {name!r} must be letters, digits and _, at most 100, and not '{MONITOR}'.")
+    return name
 
 
 def _config(given: str | None, executable: str, where: str, scenario: str, folder: Path | None) -> Path | None:

@@ -15,8 +15,10 @@ from typing import Any
 import yaml
 
 from lowcostnav_ros.base.exit_codes import Exit
+from lowcostnav_ros.graph.parent import RUNNER
 
-FIRST_BACKOFF_S, LONGEST_BACKOFF_S, HEALTHY_S = 0.5, 10.0, 30.0
+FIRST_BACKOFF_S, LONGEST_BACKOFF_S, HEALTHY_S = 0.5, 10.0, 30.0  # after the first new start, which is at once
+LAST_BYTES = 4096
 TICKS = os.sysconf("SC_CLK_TCK")
 PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -27,6 +29,9 @@ class What(StrEnum):
     DIED = "died"
     STARTED_AGAIN = "started again"
     KILLED = "killed"
+    SILENT = "silent"
+    ANSWERS = "answers"
+    FAILS = "fails"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +61,8 @@ class Event:
 
     @property
     def is_trouble(self) -> bool:
-        """Whether something went wrong, as a new start after a death does not."""
-        return self.what is not What.STARTED_AGAIN
+        """Whether something went wrong, as a new start or a new answer does not."""
+        return self.what not in (What.STARTED_AGAIN, What.ANSWERS)
 
     def __str__(self) -> str:
         """The event as a sentence."""
@@ -65,7 +70,13 @@ class Event:
             return f"{self.node} started again (restart {self.restarts})."
         if self.what is What.KILLED:
             return f"{self.node} {self.cause} and was killed."
-        again = "" if self.retry_s is None else f"; starting again in {self.retry_s:.1f} s"
+        if self.what is What.SILENT:
+            return f"{self.node} does not answer: {self.cause}."
+        if self.what is What.ANSWERS:
+            return f"{self.node} answers again."
+        if self.what is What.FAILS:
+            return f"{self.node} fails: {self.cause}."
+        again = "" if self.retry_s is None else f"; starting again{f' in {self.retry_s:.1f} s' if self.retry_s else ' at once'}"
         return f"{self.node} died: {self.cause}{again}."
 
 
@@ -87,14 +98,14 @@ class NodeProcess:
         self, name: str, executable: str, params_files: list[Path], environment: Mapping[str, str], log: Path, respawn: bool = True
     ) -> None:
         self.name, self.executable, self.log, self.respawn = name, executable, log, respawn
-        self._environment = environment
+        self._environment = {**environment, RUNNER: str(os.getpid())}
         self._command = [sys.executable, "-m", "lowcostnav_ros.nodes.dispatch", executable, "--ros-args", "-r", f"__node:={name}"]
         for path in params_files:
             self._command += ["--params-file", str(path)]
         self.process: subprocess.Popen | None = None
         self.restarts, self.given_up = 0, False
         self.exit_code: int | None = None
-        self._backoff_s, self._started_at = FIRST_BACKOFF_S, 0.0
+        self._backoff_s, self._started_at = 0.0, 0.0
         self._restart_at: float | None = None
         self._cpu_last = (0.0, 0.0)
 
@@ -106,11 +117,6 @@ class NodeProcess:
             )  # its own session: Ctrl-C in the terminal reaches the runner, which stops the nodes in order
         self._started_at, self._restart_at = time.monotonic(), None
         self._cpu_last = (0.0, self._started_at)
-
-    @property
-    def stdout(self) -> Any:
-        """Its output as lines, where :meth:`start` was given a pipe."""
-        return None if self.process is None else self.process.stdout
 
     @property
     def alive(self) -> bool:
@@ -125,19 +131,23 @@ class NodeProcess:
         if self._restart_at is not None:
             if now < self._restart_at:
                 return None
+            try:
+                self.start()
+            except OSError as error:  # no memory, no processes left: others fly on
+                self._restart_at = now + LONGEST_BACKOFF_S
+                return Event(self.name, What.DIED, f"it cannot be started ({error.strerror})", LONGEST_BACKOFF_S, self.restarts)
             self.restarts += 1
-            self.start()
             return Event(self.name, What.STARTED_AGAIN, restarts=self.restarts)
         self.exit_code = code = self.process.returncode
         words = self.last_line().rstrip(".") if code > 0 else ""
         cause = f"{describe_exit(code)} ({words})" if words else describe_exit(code)
-        if not self.respawn or self.exit_code in (Exit.OK, Exit.CANNOT_RUN):
+        if not self.respawn or (code == Exit.CANNOT_RUN and not self.restarts):  # once it has flown, what keeps it from running may pass
             self.given_up = True
             return Event(self.name, What.DIED, cause, restarts=self.restarts)
-        self._backoff_s = FIRST_BACKOFF_S if now - self._started_at > HEALTHY_S else self._backoff_s
+        self._backoff_s = 0.0 if now - self._started_at > HEALTHY_S else self._backoff_s
         self._restart_at = now + self._backoff_s
         died = Event(self.name, What.DIED, cause, self._backoff_s, self.restarts)
-        self._backoff_s = min(2.0 * self._backoff_s, LONGEST_BACKOFF_S)
+        self._backoff_s = min(max(2.0 * self._backoff_s, FIRST_BACKOFF_S), LONGEST_BACKOFF_S)
         return died
 
     def interrupt(self) -> None:
@@ -170,6 +180,10 @@ class NodeProcess:
         self._cpu_last = (used, now)
         return max(used - before, 0.0) / (now - then) if now > then else 0.0
 
+    def is_stopped(self) -> bool:
+        """Whether a signal or a debugger has stopped it."""
+        return self._proc("stat").rpartition(")")[2].split()[:1] in (["T"], ["t"])
+
     def rss_mb(self) -> float:
         """Resident memory, MB (0 when it does not run)."""
         fields = self._proc("statm").split()
@@ -183,8 +197,9 @@ class NodeProcess:
 
     def last_line(self) -> str:
         """Last line of its log that is not blank, empty where there is none."""
-        with contextlib.suppress(OSError):
-            return self.log.read_text(errors="replace").strip().rpartition("\n")[2].strip()
+        with contextlib.suppress(OSError), self.log.open("rb") as log:
+            log.seek(-min(log.seek(0, os.SEEK_END), LAST_BYTES), os.SEEK_END)
+            return log.read().decode(errors="replace").strip().rpartition("\n")[2].strip()
         return ""
 
 

@@ -1,25 +1,28 @@
 """Bring a graph of nodes up, watch it, take it down in order."""
 
 import contextlib
-import json
 import math
-import subprocess
-import threading
+import os
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import gettempdir, mkdtemp
 from typing import Any, Self
 
 from lowcostnav_ros.base.exit_codes import Exit
+from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode
 from lowcostnav_ros.graph.domain import free_domain, node_environment
-from lowcostnav_ros.graph.executables import KINDS, SOURCE, kind_of
+from lowcostnav_ros.graph.executables import KINDS, RECORDER, SOURCE, kind_of
+from lowcostnav_ros.graph.monitor import MonitorProcess, Reports
 from lowcostnav_ros.graph.process import Event, NodeProcess, What, write_parameters
+from lowcostnav_ros.graph.watchdog import Watchdog
 from lowcostnav_ros.graph.wiring import flown_settings, shared_parameters
 
 STOP_S = 5.0
 WATCH_S = 0.1
+KEPT_LOGS = 10
 
 
 class GraphRunner:
@@ -31,9 +34,9 @@ class GraphRunner:
     out : Path, optional
         Where a recording without a path of its own goes (``<out>/recording``); default is the log folder.
     log_dir : Path, optional
-        Where the nodes' output goes; default is a new folder in the temporary directory.
+        Where the nodes' output goes; default is a new folder in the temporary directory, where the last ten are kept.
     on_event : callable
-        Called with every event (a death, a restart); as text an event is a sentence.
+        Called with every event (a death, a restart, a silence, a full disk); as text an event is a sentence.
 
     Examples
     --------
@@ -45,14 +48,15 @@ class GraphRunner:
         self, graph: Graph, out: Path | None = None, log_dir: Path | None = None, on_event: Callable[[Event], None] = lambda _: None
     ) -> None:
         self.graph, self._on_event = graph, on_event
-        self.log_dir = Path(log_dir or mkdtemp(prefix=f"lowcostnav_{graph.name}_"))
+        self.log_dir = Path(log_dir or _new_log_folder(graph.name))
         self.out = Path(out or self.log_dir)
-        self.rows: dict[str, dict[str, Any]] = {}
         self.events: list[Event] = []
         self.processes: dict[str, NodeProcess] = {}
+        self.reports = Reports(self._process_id)
         self._domain = contextlib.ExitStack()
         self._monitor: NodeProcess | None = None
-        self._reported_at: dict[str, float] = {}
+        self._watchdog = Watchdog(graph.lossless)
+        self._failing: set[str] = set()
 
     def __enter__(self) -> Self:
         self.log_dir.mkdir(parents=True, exist_ok=True)
@@ -62,7 +66,8 @@ class GraphRunner:
         self.domain = self._domain.enter_context(free_domain(self.graph.domain))
         environment = node_environment(self.domain, self.log_dir)
         try:
-            self._start_monitor(environment)
+            self._monitor = MonitorProcess(environment, self.log_dir / "monitor.log", self.reports.take)
+            self._monitor.start()
             for node in self.graph.nodes:
                 self.processes[node.name] = self._process(node, environment)
                 self.processes[node.name].start()
@@ -75,11 +80,17 @@ class GraphRunner:
         self.stop()
 
     def watch(self) -> list[Event]:
-        """Look after the processes once: notice deaths, restart; return what happened."""
-        happened = [event for process in self.processes.values() if (event := process.watch())]
+        """Look after the processes once: notice deaths, silence and full disks, restart; return what happened."""
+        happened: list[Event] = []
+        for process in self._running():
+            died = process.watch()
+            if died is not None:
+                self.reports.forget(process.name)
+            silence = self._watchdog.look(process, self.reports.silent_s(process.name))
+            happened += [event for event in (died, silence, self._failure(process)) if event is not None]
         for event in happened:
             self._note(event)
-        for process in self.processes.values():
+        for process in self._running():
             if process.given_up and process.exit_code == Exit.CANNOT_RUN:
                 raise GraphError(f"{process.name} cannot run: {process.last_line() or f'see {process.log}.'}")
         return happened
@@ -128,16 +139,12 @@ class GraphRunner:
 
     def counts(self) -> dict[str, dict[str, int]]:
         """Messages per topic: ``sent`` by its publishers, and received by node, from the last diagnostics."""
-        table: dict[str, dict[str, int]] = {}
-        for name, row in self.rows.items():
-            node, _, what = name.partition(": ")
-            kind, _, topic = what.partition(" ")
-            if kind == "output":
-                entry = table.setdefault(topic, {"sent": 0})
-                entry["sent"] += int(row["values"]["count"])
-            elif kind == "input":
-                table.setdefault(topic, {"sent": 0})[node] = int(row["values"]["count"])
-        return table
+        return self.reports.counts()
+
+    @property
+    def rows(self) -> dict[str, dict[str, Any]]:
+        """The last diagnostics rows by name."""
+        return self.reports.rows
 
     def navigator(self, name: str) -> dict[str, Any]:
         """Last navigator row of a node: level, message, values; empty before the first."""
@@ -145,30 +152,47 @@ class GraphRunner:
 
     def stop(self) -> None:
         """End all nodes by SIGINT, those that feed before those that are fed, the recorder last; kill what does not end."""
-        running = [*self.processes.values(), *([self._monitor] if self._monitor else [])]
         for kind in KINDS:
-            group = [process for process in running if kind_of(process.executable) == kind]
+            group = [process for process in self._running() if kind_of(process.executable) == kind]
+            was_alive = {process.name for process in group if process.alive}
             for process in group:
                 process.interrupt()
             deadline = time.monotonic() + STOP_S
             for process in group:
                 if not process.wait(max(deadline - time.monotonic(), 0.1)):
                     self._note(Event(process.name, What.KILLED, f"did not end within {STOP_S:g} s"))
-        if self._monitor is not None and self._monitor.process is not None and self._monitor.process.stdout:
-            self._reader.join(2.0)
-            self._monitor.process.stdout.close()
+                elif kind == RECORDER and process.exit_code == Exit.WORSE and process.name in was_alive - self._failing:
+                    self._note(Event(process.name, What.FAILS, process.last_line().rstrip(".")))
         self._domain.close()
+
+    def _running(self) -> list[NodeProcess]:
+        return [*self.processes.values(), *([self._monitor] if self._monitor else [])]
+
+    def _process_id(self, name: str) -> int | None:
+        process = next((one for one in self._running() if one.name == name), None)
+        return None if process is None or process.process is None else process.process.pid
+
+    def _failure(self, process: NodeProcess) -> Event | None:
+        """What keeps a recording from being complete, said once."""
+        row = self.rows.get(f"{process.name}: recording")
+        if row is None or row["level"] < Level.ERROR:
+            self._failing.discard(process.name)
+        elif process.name not in self._failing:
+            self._failing.add(process.name)
+            return Event(process.name, What.FAILS, row["message"])
+        return None
 
     def _note(self, event: Event) -> None:
         self.events.append(event)
-        self._on_event(event)
+        with contextlib.suppress(OSError):  # a terminal that was closed
+            self._on_event(event)
 
     def _sources(self) -> list[str]:
         return [node.name for node in self.graph.nodes if kind_of(node.executable) == SOURCE]
 
     def _source_state(self, name: str) -> str:
         row = self.rows.get(f"{name}: source")
-        state: str = row["values"]["state"] if row else "starting"
+        state: str = row["values"].get("state", "") if row else "starting"
         if row and state == "failed":
             raise GraphError(f"{name}: {row['message']}")
         if not self.processes[name].alive:
@@ -203,20 +227,23 @@ class GraphRunner:
         for name, values in flown_settings(self.graph).items():
             write_parameters(folder / f"{name}.yaml", values)
 
-    def _start_monitor(self, environment: dict[str, str]) -> None:
-        self._monitor = NodeProcess("monitor", "monitor", [], environment, self.log_dir / "monitor.log")
-        self._monitor.start(stdout=subprocess.PIPE)
-        self._reader = threading.Thread(target=self._read, args=(self._monitor.stdout,), daemon=True)
-        self._reader.start()
-
-    def _read(self, lines: Any) -> None:
-        for line in lines:
-            with contextlib.suppress(ValueError, KeyError):  # a line cut off by the end of the process
-                row = json.loads(line)
-                self.rows[row["name"]] = row
-                self._reported_at[row["name"].partition(":")[0]] = time.monotonic()
-
     def unreported_s(self, node: str) -> float | None:
         """Seconds since the last diagnostics of a node, None before the first."""
-        reported = self._reported_at.get(node)
-        return None if reported is None else time.monotonic() - reported
+        return self.reports.silent_s(node)
+
+
+def _new_log_folder(name: str) -> Path:
+    """Make a log folder in the temporary directory; of earlier ones the last ten are kept, and those that hold a recording."""
+    earlier = [path for path in Path(gettempdir()).glob("lowcostnav_*_log_*") if path.is_dir() and path.stat().st_uid == os.getuid()]
+    finished = [path for path in earlier if not any(path.glob("recording*")) and not _is_in_use(path)]
+    for path in sorted(finished, key=lambda path: path.stat().st_mtime)[:-KEPT_LOGS]:
+        shutil.rmtree(path, ignore_errors=True)
+    folder = Path(mkdtemp(prefix=f"lowcostnav_{name}_log_"))
+    (folder / "runner.pid").write_text(str(os.getpid()))
+    return folder
+
+
+def _is_in_use(folder: Path) -> bool:
+    with contextlib.suppress(OSError, ValueError):
+        return Path(f"/proc/{int((folder / 'runner.pid').read_text())}").exists()
+    return False

@@ -3,7 +3,9 @@
 from typing import TYPE_CHECKING
 
 from lowcostnav_ros.base.modes import Level
+from lowcostnav_ros.graph.monitor import number
 from lowcostnav_ros.graph.runner import GraphRunner
+from lowcostnav_ros.graph.watchdog import SILENT_S
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -14,6 +16,7 @@ COLOURS = {Level.OK: "green", Level.WARN: "yellow", Level.ERROR: "red"}
 def table(runner: GraphRunner) -> "Table":
     """Return a rich table: node, mode or state, inputs with their rates, processor, memory, restarts."""
     from rich.table import Table
+    from rich.text import Text
 
     view = Table(title=f"{runner.graph.name}, ROS domain {runner.domain}", title_justify="left")
     for title in ("node", "state", "inputs"):
@@ -25,9 +28,8 @@ def table(runner: GraphRunner) -> "Table":
         cpu = 100.0 * process.cpu_share()
         total += cpu
         level, state = state_of(runner, name)
-        coloured = f"[{COLOURS[level]}]{state}[/]"
-        cells = [coloured, inputs_of(runner, name), f"{cpu:.1f}", f"{process.rss_mb():.0f}", str(process.restarts)]
-        view.add_row(name, *cells)
+        figures = f"{cpu:.1f}", f"{process.rss_mb():.0f}", str(process.restarts)
+        view.add_row(name, Text(state, COLOURS[level]), Text(inputs_of(runner, name)), *figures)
     view.caption = f"processor together {total:.0f} % of one core; logs in {runner.log_dir}"
     return view
 
@@ -37,19 +39,21 @@ def state_of(runner: GraphRunner, name: str) -> tuple[Level, str]:
     process = runner.processes[name]
     if not process.alive:
         return Level.ERROR, "stopped" if process.given_up else "dead, starting again"
-    rows = [row for key, row in list(runner.rows.items()) if key.startswith(f"{name}: ")]
-    if not rows:
+    rows, silent_s = runner.reports.of(name), runner.unreported_s(name)
+    if not rows or silent_s is None:
         return Level.WARN, "starting"
+    if silent_s > SILENT_S:
+        return Level.ERROR, f"no report for {silent_s:.0f} s"
     worst = max(rows, key=lambda row: row["level"])
     for row in rows:
         if row["name"].endswith((": navigator", ": source", ": recording")) and row["level"] >= worst["level"]:
-            return Level(row["level"]), row["message"]
-    return Level(worst["level"]), worst["message"] if worst["level"] else "ok"
+            return row["level"], row["message"]
+    return worst["level"], worst["message"] if worst["level"] else "ok"
 
 
 def inputs_of(runner: GraphRunner, name: str) -> str:
     """Return the inputs of a node with their rates, e.g. ``imu/data_raw 100 Hz``."""
     prefix = f"{name}: input "
-    rows = [row for key, row in list(runner.rows.items()) if key.startswith(prefix)]
-    shown = [f"{row['name'].removeprefix(prefix)} {float(row['values']['rate_hz']):.0f} Hz" for row in rows[:6]]
+    rows = [row for row in runner.reports.of(name) if row["name"].startswith(prefix)]
+    shown = [f"{row['name'].removeprefix(prefix)} {number(row, 'rate_hz') or 0.0:.0f} Hz" for row in rows[:6]]
     return ", ".join(shown) + (f" and {len(rows) - 6} more" if len(rows) > 6 else "")

@@ -4,7 +4,9 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
@@ -38,7 +40,7 @@ def up(graph: Graph, out: Path | None = None, show: bool | None = None, until_fi
         0 all went well, 1 a node died on the way (restarted or not), 2 the graph cannot run (the sentence is on stderr).
     """
     show = sys.stdout.isatty() if show is None else show
-    before = {number: signal.signal(number, _raise_stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, _raise_stop) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     try:
         with GraphRunner(graph, out=out, on_event=(lambda _: None) if show else print) as runner:
             try:
@@ -49,8 +51,9 @@ def up(graph: Graph, out: Path | None = None, show: bool | None = None, until_fi
                 for number in before:
                     signal.signal(number, signal.SIG_IGN)  # the nodes are being stopped in order; a second Ctrl-C must not break that
         trouble = [event for event in runner.events if event.is_trouble]
-        for event in trouble:
-            print(event, file=sys.stderr)
+        with suppress(OSError):  # the terminal may be gone
+            for event in trouble:
+                print(event, file=sys.stderr)
         return Exit.WORSE if trouble else Exit.OK
     except _Stop:
         return Exit.OK
@@ -72,15 +75,23 @@ def _watch(runner: GraphRunner, show: bool, until_finished: bool) -> None:
         return
     from rich.live import Live
 
-    with Live(table(runner), refresh_per_second=4, transient=False) as live:
+    with Live(_drawn(runner), refresh_per_second=4, transient=False) as live:
         drawn = [0.0]
 
         def draw() -> None:
             if time.monotonic() - drawn[0] >= DRAW_S:
                 drawn[0] = time.monotonic()
-                live.update(table(runner))
+                live.update(_drawn(runner))
 
         _follow(runner, until_finished, draw)
+
+
+def _drawn(runner: GraphRunner) -> Any:
+    """The table; what cannot be drawn must not end a flight."""
+    try:
+        return table(runner)
+    except Exception as error:
+        return f"the table cannot be drawn ({type(error).__name__}: {error}); the nodes fly on"
 
 
 def _follow(runner: GraphRunner, until_finished: bool, each: Callable[[], None]) -> None:

@@ -1,20 +1,25 @@
 """Recordings: write them, check them, and read them as the ordered stream of measurements that a live navigator would have seen."""
 
 import hashlib
+import logging
+import shutil
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import Reader, StoragePlugin
 from rosbags.rosbag2.errors import ReaderError, WriterError
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.decode import Decoder, Rejected
+from lowcostnav_ros.messages.storage import SafeWriter
 from lowcostnav_ros.messages.store import STORE, full_type
+from lowcostnav_ros.messages.unclosed import UnclosedReader, files_of
 
 _STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 _NEVER = QosTime(0, 0)
@@ -52,7 +57,7 @@ class BagWriter:
         self.counts: dict[str, int] = {}
         self._connections: dict[str, Any] = {}
         try:
-            self._writer = Writer(self.path, version=9, storage_plugin=_STORAGES[storage])
+            self._writer = SafeWriter(self.path, version=9, storage_plugin=_STORAGES[storage])
             self._writer.open()
         except WriterError:
             raise BagError(f"{path} exists already; choose another name or remove it first.") from None
@@ -74,10 +79,34 @@ class BagWriter:
         self._writer.write(connection, stamp_ns, cdr)
         self.counts[topics.source_of(topic)] += 1
 
-    def close(self) -> None:
-        """Write index and metadata; harmless when closed already."""
+    def flush(self) -> None:
+        """Hand what was written to the system: a recorder that is killed has lost nothing up to here; raises OSError on a full disk."""
         if self._writer.storage is not None:
-            self._writer.close()
+            self._writer.storage.flush()
+
+    def sync(self) -> None:
+        """Wait until the disk has what was flushed, for the sake of a power cut."""
+        if self._writer.storage is not None:
+            self._writer.storage.sync()
+
+    @property
+    def lost(self) -> int:
+        """Messages that could not be written."""
+        return 0 if self._writer.storage is None else int(self._writer.storage.lost)
+
+    def close(self) -> None:
+        """Write index and metadata; harmless when closed already.
+
+        Raises
+        ------
+        OSError
+            When they cannot be written; what was recorded stays readable.
+        """
+        if self._writer.storage is not None:
+            try:
+                self._writer.close()
+            finally:
+                self._writer.storage = None
 
     def _connect(self, topic: str, msgtype: str) -> Any:
         latched = topic.endswith("/origin")  # so that `ros2 bag play` gives it to late joiners as the live node did
@@ -98,6 +127,8 @@ class BagWriter:
 class BagReader:
     """Read a recording of either storage, as bytes or as measurements; a context manager.
 
+    One without metadata is read to its last whole message; one that has been closed and is damaged since only where ``is_torn``.
+
     Attributes
     ----------
     path : Path
@@ -105,6 +136,8 @@ class BagReader:
     counts : dict of source to number of messages
     start_ns, end_ns : int
         First and last receive stamp.
+    is_closed : bool
+        False where the recorder was killed: read to the last whole message.
     decoder : Decoder
         Counts what :meth:`measurements` accepted and rejected, and why.
 
@@ -114,10 +147,11 @@ class BagReader:
         For a missing path, something that is not a bag, an empty or a truncated one.
     """
 
-    def __init__(self, path: str | Path, decoder: Decoder | None = None) -> None:
+    def __init__(self, path: str | Path, decoder: Decoder | None = None, is_torn: bool = False) -> None:
         self.path = Path(path)
         self.decoder = decoder or Decoder()
-        self._reader = _opened(self.path)
+        self._reader: Any = _opened(self.path, is_torn)
+        self.is_closed = isinstance(self._reader, Reader)
         self.types = {topics.source_of(c.topic): c.msgtype for c in self._reader.connections}
         self.counts: dict[str, int] = dict.fromkeys(self.types, 0)
         for connection in self._reader.connections:
@@ -126,6 +160,8 @@ class BagReader:
             self.close()
             raise BagError(f"{path} holds no messages; check that the recorder was running while the sensors were.")
         self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
+        if not self.is_closed:
+            _note_once(self.path, self.duration_s)
 
     @property
     def settings_folder(self) -> Path | None:
@@ -179,11 +215,11 @@ class BagReader:
             if source not in self.types:
                 raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
         connections = [c for c in self._reader.connections if wanted is None or topics.source_of(c.topic) in wanted]
-        names = {c.id: topics.source_of(c.topic) for c in connections}
+        names = {c.topic: topics.source_of(c.topic) for c in connections}
         try:
             if connections:
                 for connection, stamp_ns, raw in self._reader.messages(connections):
-                    yield names[connection.id], stamp_ns, raw
+                    yield names[connection.topic], stamp_ns, raw
         except GeneratorExit:
             raise
         except Exception as error:  # the storage layers raise errors of many types on damaged files
@@ -275,19 +311,50 @@ class _Columns:
         self.row_of = dict(zip(np.array(records)[good].tolist(), range(int(good.sum())), strict=True))
 
 
-def _opened(path: Path) -> Reader:
+def recover(path: str | Path, out: str | Path) -> "BagWriter":
+    """Write what is whole of a recording to a new one, closed; return its writer, for the counts.
+
+    Raises
+    ------
+    BagError
+        When nothing of it can be read or the new one cannot be written.
+    """
+    with BagReader(path, is_torn=True) as bag, BagWriter(out) as writer:
+        for source, stamp_ns, raw in bag.stream():
+            writer.write(source, bag.types[source], stamp_ns, bytes(raw))
+        if bag.settings_folder is not None:
+            shutil.copytree(bag.settings_folder, writer.path / SETTINGS_FOLDER)
+    return writer
+
+
+@cache
+def _note_once(path: Path, duration_s: float) -> None:
+    """Say once that a recording was not closed, on stderr where nobody has set up logging."""
+    note = "%s: the recorder was killed; read to its last message at %.1f s; 'lowcostnav recover %s' writes a clean copy."
+    logging.getLogger(__name__).warning(note, path, duration_s, path)
+
+
+def _opened(path: Path, is_torn: bool) -> Any:
     if not path.exists():
         raise BagError(f"{path} does not exist; check the path of the recording.")
-    if path.is_dir() and not (path / "metadata.yaml").exists():
+    files = files_of(path, is_torn)
+    if path.is_dir() and not files and not (path / "metadata.yaml").exists():
         raise BagError(f"{path} {_NOT_A_BAG}.")
     try:
+        if path.is_dir() and files:
+            return UnclosedReader(files)
         reader = Reader(path)
-        reader.open()
+        try:
+            reader.open()
+        except Exception:
+            if not files:
+                raise
+            return UnclosedReader(files)
     except ReaderError as error:
         text = str(error).rstrip(".")
         if "Unrecognized storage" in text or "File magic is invalid" in text:
             raise BagError(f"{path} {_NOT_A_BAG}.") from error
-        raise BagError(f"{path} cannot be read, it is truncated or was not closed ({text}); recover it or record again.") from error
+        raise BagError(f"{path} cannot be read, it is truncated or damaged ({text}); try 'lowcostnav recover'.") from error
     except Exception as error:  # the storage layers raise errors of many types on damaged files
         raise BagError(f"{path} cannot be read, it is damaged ({type(error).__name__}: {error}); record again.") from error
     return reader

@@ -8,6 +8,7 @@ from collections import Counter
 import numpy as np
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.tally import OTHERS, Tally
 from lowcostnav_ros.messages import checks, imu_columns, topics
 from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.messages.rules import RULES, DecodeRules, Refusal, Rejected
@@ -97,8 +98,8 @@ class Decoder:
     def __init__(self, rules: DecodeRules | None = None) -> None:
         self.rules = rules or DecodeRules()
         self.accepted: Counter[str] = Counter()
-        self.rejected: Counter[tuple[str, str]] = Counter()
-        self.notes: Notes = Counter()
+        self.rejected: Counter[tuple[str, str]] = Tally(others=(OTHERS, OTHERS))
+        self.notes: Notes = Tally()
 
     def decode(self, source: str, msgtype: str, raw: bytes | memoryview) -> Measurement | Rejected:
         """Decode one message as :func:`decode` does, and count it."""

@@ -13,6 +13,7 @@ from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.estimation.aiding import NO_CORRECTION, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
 from lowcostnav_ros.estimation.clocks import HELD
 from lowcostnav_ros.estimation.error_state import Block, Layout
@@ -50,7 +51,7 @@ class InputStatus:
     received: int = 0
     stamp_ns: int | None = None
     reason: str = ""
-    rejected: Counter = field(default_factory=Counter)
+    rejected: Counter = field(default_factory=Tally)
 
     def reject(self, reason: str) -> None:
         """Count one rejection under the phrase of its reason."""
@@ -177,7 +178,7 @@ class Navigator(ABC):
         self.input_status = {source: InputStatus(source, required) for source, required in self.inputs.items()}
         self.mode: str = Mode.INITIALISING
         self.reason = "waiting for measurements"
-        self.restarts: Counter[str] = Counter()
+        self.restarts: Counter[str] = Tally()
         self.on_aid: Callable[[AidStatus], None] | None = None
         self._out: list[NavSolution] = []
         self._out_ns: int | None = None

@@ -1,13 +1,16 @@
 """Record topics into a bag, in order of arrival."""
 
 import shutil
+import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.graph.wiring import recorded_topics
@@ -17,6 +20,9 @@ from lowcostnav_ros.messages.rules import FURTHER, parse_further
 from lowcostnav_ros.ros.flow import header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status
 from lowcostnav_ros.ros.node_base import NodeBase
+
+FLUSH_S = 1.0  # a killed recorder loses what came since
+SYNC_S = 3.0  # longest wait for the disk at the end
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class RecorderSettings:
 
 @executable("recorder", kind="recorder", Settings=RecorderSettings, compiled=False)
 class Recorder(NodeBase):
-    """Write what arrives; the bag is closed, index and all, when the node ends.
+    """Write what arrives; the bag is closed, index and all, when the node ends, and readable to the last second when it is killed.
 
     The time in the bag is the stamp of the message, made to increase strictly, so that the bag keeps the order of arrival and its length is
     flight time whatever the pace of the simulation.
@@ -47,7 +53,9 @@ class Recorder(NodeBase):
         self.path = Path(settings.path or f"recording_{self.get_clock().now().nanoseconds // 10**9}")
         if settings.numbered:
             self.path = free_path(self.path)
-        self.trouble, self._last_ns = "", 0
+        self.trouble, self._last_ns, self._flush_at = "", 0, 0.0
+        self._syncer: Thread | None = None
+        self._flushed, self._closing = Event(), False
         self._early: deque[tuple[topics.TopicSpec, bytes]] = deque(maxlen=1000)
         try:
             self.decoder.rules.kinds.update(parse_further(settings.further))
@@ -60,6 +68,8 @@ class Recorder(NodeBase):
         except (BagError, ValueError, OSError) as error:
             self.destroy_node()
             raise SettingsError(f"recorder: {error}") from error
+        self._syncer = Thread(target=self._sync, name="sync", daemon=True)
+        self._syncer.start()
         for spec in specs:
             self.listen_raw(spec.name, partial(self._write, spec))
 
@@ -77,11 +87,31 @@ class Recorder(NodeBase):
             self._last_ns += 1
         self._put(spec, raw)
 
+    def poll(self) -> int:
+        """Write what has come; once a second all of it leaves this process."""
+        count = super().poll()
+        now = time.monotonic()
+        if now >= self._flush_at:
+            self._flush_at = now + FLUSH_S
+            self._guarded(self._writer.flush)
+            self._flushed.set()
+        return count
+
     def _put(self, spec: topics.TopicSpec, raw: bytes) -> None:
+        self._guarded(self._writer.write, spec.name, spec.msgtype, self._last_ns, raw)
+
+    def _guarded(self, write: Callable, *arguments: Any) -> None:
         try:
-            self._writer.write(spec.name, spec.msgtype, self._last_ns, raw)
+            write(*arguments)
         except OSError as error:  # a full disk must be seen on the ground, not in the air
-            self.trouble = f"cannot write to {self.path}: {error.strerror}"
+            self.trouble = f"cannot write to {self.path}: {error.strerror or error}"
+            self.exit_status = Exit.WORSE
+
+    def _sync(self) -> None:
+        """Wait for the disk after every flush, off the way of the messages: a power cut then costs no more than a kill."""
+        while self._flushed.wait() and not self._closing:
+            self._flushed.clear()
+            self._guarded(self._writer.sync)
 
     def rows(self) -> Iterable[Status]:
         """One row per topic that has come, a timeout is no fault of the recorder; and one of the recording."""
@@ -90,15 +120,20 @@ class Recorder(NodeBase):
                 row = monitor.status(self.get_name())
                 yield row._replace(level=OK)
         count = sum(monitor.count for monitor in self.inputs.values())
-        values = {"path": str(self.path), "count": str(count)}
+        values = {"path": str(self.path), "count": str(count), "lost": str(self._writer.lost)}
         message = self.trouble or f"{count} messages in {self.path}"
         yield Status(f"{self.get_name()}: recording", ERROR if self.trouble else OK, message, values)
 
     def destroy_node(self) -> None:
         """Close the bag, then the node."""
-        if hasattr(self, "_writer"):
+        if self._syncer is not None:
             self.poll()
-            self._writer.close()
+            self._closing = True
+            self._flushed.set()
+            self._syncer.join(SYNC_S)
+            self._guarded(self._writer.close)
+            if self.trouble:
+                self.get_logger().error(self.trouble)
         super().destroy_node()
 
 

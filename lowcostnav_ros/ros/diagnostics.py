@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import time
+import traceback
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
@@ -45,22 +47,36 @@ class DiagnosticsPublisher:
 
     def check(self) -> None:
         """Publish when a second has passed or a level has risen."""
-        rows = list(self._rows())
+        rows = self._present()
         rising = any(row.level > self._levels.get(row.name, 0) for row in rows)
         if rising or time.monotonic() - self._published_at >= PERIOD_S - 0.5 * CHECK_S:
             self.publish(rows)
 
     def publish(self, rows: list[Status] | None = None) -> None:
         """Publish now, the present rows where none are given."""
-        rows = list(self._rows()) if rows is None else rows
+        rows = self._present() if rows is None else rows
         for row in rows:
             if row.level > self._levels.get(row.name, 0):
                 self._log(row)
         self._levels = {row.name: row.level for row in rows}
         self._published_at = time.monotonic()
-        message = DiagnosticArray(status=[_status(row, self._node.get_fully_qualified_name()) for row in rows])
+        message = DiagnosticArray(status=[_status(row, f"{self._node.get_fully_qualified_name()} {os.getpid()}") for row in rows])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
+
+    def _present(self) -> list[Status]:
+        rows = []
+        try:
+            for row in self._rows():
+                rows.append(row)
+        except Exception as error:  # what cannot be reported must not end what flies
+            if not self._node.context.ok():
+                raise
+            message = f"diagnostics incomplete: {type(error).__name__}"
+            if self._levels.get(name := f"{self._node.get_name()}: diagnostics", 0) < Level.ERROR:
+                self._node.get_logger().error(traceback.format_exc())
+            rows.append(Status(name, Level.ERROR, message, {}))
+        return rows
 
     def _log(self, row: Status) -> None:
         # rclpy allows one severity per line of code

@@ -19,6 +19,7 @@ from lowcostnav_ros.base.settings import setting
 
 TOPIC = "flow/progress"
 REPORT_NS = 100_000_000
+MOST_STRANGERS = 100  # reports of further nodes that are kept, too: a name comes from outside
 QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -81,6 +82,8 @@ class FlowGate:
         self.waited_s += time.monotonic() - began
 
     def _on_report(self, message: Header) -> None:
+        if message.frame_id not in self._passed and len(self._passed) >= self._settings.listeners + MOST_STRANGERS:
+            return
         self._passed[message.frame_id] = message.stamp.sec * 1_000_000_000 + message.stamp.nanosec
         self._moved_at[message.frame_id] = time.monotonic()
 

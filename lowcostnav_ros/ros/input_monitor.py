@@ -10,10 +10,15 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from lowcostnav_ros.base.modes import Level
+from lowcostnav_ros.base.tally import Tally
 
 OK, WARN, ERROR = Level
 TIMEOUT_INTERVALS = 5.0  # a slow sensor times out after this many of its own intervals
 RECENT_S = 5.0  # a rejection colours the status this long
+MOST_HZ, BURST = 3000.0, 1000.0  # of one input in real time: what a process can take beside its other inputs
+FLOOD_RATIO, FLOOD_HZ, USUAL_S = 5.0, 50.0, 10.0
+FLOOD = "flood"
+SHORTEST_NS = 1e5  # no sensor is faster; stamps nearer to one another are no interval
 
 
 class Status(NamedTuple):
@@ -38,16 +43,27 @@ class InputMonitor:
         Time without data that is reported as a timeout; a slow input is given five of its own intervals.
     clock : callable
         Steady time in seconds.
+    sheds : bool
+        Whether messages beyond :data:`MOST_HZ` are dropped: a flood on one topic must not keep the others waiting.
     """
 
     def __init__(
-        self, topic: str, required: bool = False, silent_after_s: float = 1.0, clock: Callable[[], float] = time.monotonic
+        self,
+        topic: str,
+        required: bool = False,
+        silent_after_s: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+        sheds: bool = False,
     ) -> None:
-        self.topic, self.required, self.silent_after_s, self._clock = topic, required, silent_after_s, clock
+        self.topic, self.required, self.silent_after_s, self._clock, self._sheds = topic, required, silent_after_s, clock, sheds
+        self._room = BURST
+        self._looked, self._usual_hz, self._flood = (clock(), 0), 0.0, ""
         self.count = self.gaps = self.backward = 0
-        self.rejected: Counter[str] = Counter()
+        self.rejected: Counter[str] = Tally()
         self.last_reject = ""
-        self.trouble = ""  # set when the transport itself reports one (incompatible QoS)
+        self.trouble = ""  # set when the transport itself reports one: another type, an incompatible QoS
+        self._taken = (0, 0)
+        self._refusal = ""
         self._started = clock()
         self._last_arrival: float | None = None
         self._last_reject_at: float | None = None
@@ -56,14 +72,31 @@ class InputMonitor:
         self._stamp_interval_ns = 0.0
         self._steps = 0
 
-    def arrived(self) -> None:
-        """Note that a message came, good or bad."""
+    def arrived(self) -> bool:
+        """Note that a message came, good or bad; return whether it is to be handled, not shed."""
         now = self._clock()
         if self._last_arrival is not None:
             gap = now - self._last_arrival
             self._interval_s = gap if not self._interval_s else self._interval_s + 0.05 * (gap - self._interval_s)
+            self._room = min(BURST, self._room + gap * MOST_HZ)
         self._last_arrival = now
         self.count += 1
+        if self._sheds and self._room < 1.0:
+            self.reject(FLOOD)
+            return False
+        self._room -= 1.0
+        return True
+
+    def _look(self, now: float) -> None:
+        """Compare the rate since the last look with the usual one."""
+        since, count = self._looked
+        if now - since < 0.3:
+            return
+        rate, self._looked = (self.count - count) / (now - since), (now, self.count)
+        is_flood = rate > max(FLOOD_RATIO * self._usual_hz, FLOOD_HZ) and (self._usual_hz > 0.0 or rate > MOST_HZ)
+        self._flood = f"flood: {rate:.0f} Hz, usually {self._usual_hz:.0f} Hz" if is_flood else ""
+        if not is_flood:
+            self._usual_hz += (rate - self._usual_hz) * (min(1.0, (now - since) / USUAL_S) if now - self._started > USUAL_S else 1.0)
 
     def stamped(self, stamp_ns: int) -> None:
         """Note the stamp of a good message: count what is missing between stamps and stamps that step back."""
@@ -73,7 +106,7 @@ class InputMonitor:
         if step <= 0:
             self.backward += 1
         elif self._stamp_interval_ns and step > 1.5 * self._stamp_interval_ns:
-            self.gaps += round(step / self._stamp_interval_ns) - 1
+            self.gaps += round(step / max(self._stamp_interval_ns, SHORTEST_NS)) - 1
         else:
             self._steps += 1  # a plain mean at first: one jittering step must not stand for the interval
             self._stamp_interval_ns += (step - self._stamp_interval_ns) * max(0.05, 1.0 / self._steps)
@@ -84,8 +117,23 @@ class InputMonitor:
         self.last_reject = reason
         self._last_reject_at = self._clock()
 
+    def refused(self, received: int, refused: int, reason: str) -> None:
+        """Note what became of its messages after decoding: all received there and refused since the start, and the last reason."""
+        new, bad = received - self._taken[0], refused - self._taken[1]
+        if new > 0:
+            self._taken = received, refused
+            self._refusal = f"{bad} of the last {new} refused: {reason}" if 2 * bad > new else ""
+
+    def is_silent(self) -> bool:
+        """Whether nothing has come yet, or nothing for longer than it may be silent."""
+        return self._last_arrival is None or self._clock() - self._last_arrival > self._longest_s()
+
+    def _longest_s(self) -> float:
+        return max(self.silent_after_s, TIMEOUT_INTERVALS * self._interval_s)
+
     def status(self, prefix: str) -> Status:
         """Return the diagnostics row; ``prefix`` is the node's name."""
+        self._look(self._clock())
         level, message = self._verdict(self._clock())
         return Status(f"{prefix}: input {self.topic}", level, message, self._values())
 
@@ -93,11 +141,15 @@ class InputMonitor:
         timed_out = ERROR if self.required else WARN
         if self._last_arrival is None:
             waited = now - self._started
-            why = self.trouble or "nothing received yet"
-            return (timed_out if waited > 2.0 else OK), f"{self.topic}: {why} after {waited:.1f} s"
+            why = f" {self.trouble}; nothing received" if self.trouble else ": nothing received yet"
+            return (timed_out if waited > 2.0 else OK), f"{self.topic}{why} after {waited:.1f} s"
         age = now - self._last_arrival
-        if age > max(self.silent_after_s, TIMEOUT_INTERVALS * self._interval_s):
-            return timed_out, f"{self.topic} timed out: no data for {age:.1f} s"
+        if age > self._longest_s():
+            return timed_out, f"{self.topic} timed out: no data for {age:.1f} s{f'; it {self.trouble}' if self.trouble else ''}"
+        if self._flood:
+            return WARN, f"{self.topic}: {self._flood} ({self.rejected[FLOOD]} shed)"
+        if self._refusal:
+            return timed_out, f"{self.topic}: {self._refusal}"
         if self._last_reject_at is not None and now - self._last_reject_at < RECENT_S:
             return WARN, f"{self.topic}: {self.last_reject} ({sum(self.rejected.values())} rejected of {self.count})"
         return OK, f"{self.topic}: {self.rate_hz:.1f} Hz"

@@ -1,5 +1,6 @@
 """Any navigator as a node: its inputs in, its solutions out, its status on /diagnostics."""
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -7,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.catalogue.building import complete_settings, make_navigator
 from lowcostnav_ros.catalogue.navigator_topics import topics_of
@@ -18,6 +20,7 @@ from lowcostnav_ros.ros.input_monitor import Status
 from lowcostnav_ros.ros.node_base import NodeBase
 from lowcostnav_ros.ros.warm_up import warm_up
 
+SILENT_S = 2.0  # without a solution, once there were some
 RESTART_NS = 10_000_000_000  # a stamp this much older is a time base that started again (a bag played twice)
 
 
@@ -79,6 +82,7 @@ class NavigatorNode(NodeBase):
             self._magnetometer = MagnetometerService(self, self.navigator, Path(self.parameters.settings[1].output.folder))
         self._room = self._topics[0].rpartition("/")[0]
         self._next_output_ns = 0
+        self._published_at = 0.0
         self._origin = None
         for topic in self._topics:
             self.output(topic)
@@ -87,12 +91,26 @@ class NavigatorNode(NodeBase):
 
     def rows(self) -> Iterable[Status]:
         """Add mode, sigmas and aids to the rows of every node."""
+        status = self.navigator.status() if hasattr(self, "navigator") else None
+        for record in status.inputs if status is not None else ():
+            if record.source in self.inputs:
+                self.inputs[record.source].refused(record.received, sum(record.rejected.values()), record.reason)
         yield from super().rows()
-        if hasattr(self, "navigator"):
-            yield from navigator_rows(self.get_name(), self.navigator.status())
+        if status is not None:
+            first, *others = navigator_rows(self.get_name(), status)
+            yield self._unless_silent(first)
+            yield from others
         magnetometer = getattr(self, "_magnetometer", None)
         if magnetometer is not None:
             yield from magnetometer.rows()
+
+    def _unless_silent(self, row: Status) -> Status:
+        """The navigator's row; a navigator that has published and now puts out nothing is not well, whatever its mode."""
+        silent_s = time.monotonic() - self._published_at
+        if not self._published_at or silent_s < max(SILENT_S, 3e-9 * self._output_period_ns):
+            return row
+        words = f"no solution for {silent_s:.1f} s"
+        return row._replace(level=Level.ERROR, message=f"{words}; {row.message}", values=row.values | {"silent_s": f"{silent_s:.1f}"})
 
     def reset(self, reason: str) -> str:
         """Reset the estimator."""
@@ -139,6 +157,7 @@ class NavigatorNode(NodeBase):
             self.output(f"{self._room}/origin").send(to_cdr(encode.origin_fix(stamp_ns, origin)))
 
     def _publish(self, solution: NavSolution, suffix: str) -> None:
+        self._published_at = time.monotonic()
         if self._is_attitude_only:
             if solution.q_nb is not None:
                 self.output(f"imu/data{suffix}").send(to_cdr(encode.imu_from_solution(solution)))

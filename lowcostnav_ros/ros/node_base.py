@@ -2,10 +2,12 @@
 
 import importlib
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -14,6 +16,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from std_srvs.srv import Trigger
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import from_mapping, group, setting
 from lowcostnav_ros.graph.wiring import PACED
@@ -154,6 +157,7 @@ class NodeBase(Node):
     """
 
     poll_period_s = 0.005
+    exit_status = Exit.OK  # what the process ends with
     build_settings = staticmethod(from_mapping)
 
     def __init__(self, name: str, settings: Bases = (), **kwargs: Any) -> None:
@@ -211,24 +215,34 @@ class NodeBase(Node):
     def listen_raw(self, source: str, handler: Callable[[InputMonitor, bytes], None], *, required: bool = False) -> InputMonitor:
         """Subscribe to the serialised bytes of a topic; a message that breaks the handler is counted, never raised."""
         spec = topics.spec(source, self.decoder.rules)
-        monitor = InputMonitor(source, required, self.node_settings.input.silent_after_s)
-
+        monitor = InputMonitor(source, required, self.node_settings.input.silent_after_s, sheds=not self.node_settings.qos.lossless)
         progress = self._progress_on(source)
 
         def arrived(raw: bytes) -> None:
-            monitor.arrived()
+            if not monitor.arrived():
+                return
             try:
                 handler(monitor, raw)
                 if progress is not None:
                     progress.passed(header_stamp_ns(raw))
-            except (ValueError, ArithmeticError, LookupError) as error:  # bad data in flight never ends a node
-                monitor.reject(f"{type(error).__name__}: {error}")
+            except Exception as error:  # bad data in flight never ends a node
+                if not self.context.ok():
+                    raise
+                self._defect(monitor, error)
 
         profile = qos.for_subscription(spec, self.node_settings.qos.lossless)
         name = f"/{spec.name}" if spec.name in ABSOLUTE else spec.name
         self.inputs[source] = monitor
         self.subscribe(message_class(spec.msgtype), name, arrived, profile)
         return monitor
+
+    def _defect(self, monitor: InputMonitor, error: Exception) -> None:
+        """Count what a handler raised, by its kind: its text, which may hold numbers and names, goes to the log, once."""
+        reason = f"error in handling: {type(error).__name__}"
+        if reason not in monitor.rejected:
+            where = traceback.extract_tb(error.__traceback__)[-1]
+            self.get_logger().error(f"{monitor.topic}: {type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})")
+        monitor.reject(reason)
 
     def _progress_on(self, source: str) -> ProgressReport | None:
         """The report of progress to a lossless source, if this is the input whose progress the node reports."""
@@ -292,16 +306,21 @@ class NodeBase(Node):
         self.on_settings(settings)
 
     def _check_publishers(self) -> None:
-        """Find the reason of inputs without data: publishers of an incompatible quality of service."""
-        is_lossless = self.node_settings.qos.lossless
+        """Find the reason of inputs without data: publishers of another type, or of an incompatible quality of service."""
         for source, monitor in self.inputs.items():
-            if monitor.count:
-                continue
-            publishers = self.get_publishers_info_by_topic(source)
-            own = qos.for_subscription(topics.spec(source, self.decoder.rules), is_lossless)
-            offers = [qos_check_compatible(p.qos_profile, own) for p in publishers]
-            reasons = [why for verdict, why in offers if verdict == QoSCompatibility.ERROR]
-            monitor.trouble = f"publisher QoS is incompatible with qos.lossless={is_lossless} ({reasons[0].strip()})" if reasons else ""
+            monitor.trouble = self._trouble_of(source) if monitor.is_silent() else ""
+
+    def _trouble_of(self, source: str) -> str:
+        is_lossless = self.node_settings.qos.lossless
+        spec = topics.spec(source, self.decoder.rules)
+        publishers = self.get_publishers_info_by_topic(f"/{source}" if source in ABSOLUTE else source)
+        others = [p.topic_type for p in publishers if p.topic_type != spec.msgtype]
+        if others:
+            return f"is published as {others[0]}, expected {spec.msgtype}"
+        own = qos.for_subscription(spec, is_lossless)
+        offers = [qos_check_compatible(p.qos_profile, own) for p in publishers]
+        reasons = [why for verdict, why in offers if verdict == QoSCompatibility.ERROR]
+        return f"is published with a QoS incompatible with qos.lossless={is_lossless} ({reasons[0].strip()})" if reasons else ""
 
 
 def message_class(msgtype: str) -> type:

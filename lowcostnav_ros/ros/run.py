@@ -52,4 +52,4 @@ def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
         if node is not None:
             node.destroy_node()
         try_shutdown()
-    return Exit.OK
+    return getattr(node, "exit_status", Exit.OK)

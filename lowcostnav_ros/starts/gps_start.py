@@ -85,6 +85,8 @@ class GpsStart:
             self._field_b = item.field_b
         elif isinstance(item, GpsPosition):
             self._fix = item
+            if not self._velocities:
+                self.reason = "waiting for a GPS velocity"
         elif isinstance(item, GpsVelocity):
             self._velocities = [v for v in self._velocities if item.stamp_ns - v.stamp_ns <= ACCELERATION_SPAN_NS] + [item]
             start = self._align(self._velocities[0], item)
