@@ -168,18 +168,31 @@ def variance(value: float, what: str) -> float | None:
     return float(value)
 
 
+def present(covariance: Sequence[float] | np.ndarray, what: str) -> None:
+    """Refuse a datum that its covariance marks as absent; the rest of a covariance that nobody uses is not looked at."""
+    if covariance[0] == -1.0:
+        raise Refusal(f"{what} is absent")
+
+
 def geodetic(message: Any) -> tuple[float, float, float]:
     """Return checked (lat rad, lon rad, ellipsoid height m) of a NavSatFix; raises Refusal."""
+    place, height = horizontal(message), message.altitude
+    finite((height,), "position")
+    if not -1000.0 <= height <= 50_000.0:
+        raise Refusal("height out of range", f"{height:g} m")
+    return *place, height
+
+
+def horizontal(message: Any) -> tuple[float, float]:
+    """Return checked (lat, lon), rad, of a NavSatFix; raises Refusal."""
     if message.status.status < 0:
         raise Refusal("no fix")
-    lat, lon, height = message.latitude, message.longitude, message.altitude
-    finite((lat, lon, height), "position")
+    lat, lon = message.latitude, message.longitude
+    finite((lat, lon), "position")
     if abs(lat) > 90.0:
         raise Refusal("latitude out of range", f"{lat:g} deg")
     if abs(lon) > 180.0:
         raise Refusal("longitude out of range", f"{lon:g} deg")
     if lat == 0.0 and lon == 0.0:
         raise Refusal("position is exactly 0, 0")
-    if not -1000.0 <= height <= 50_000.0:
-        raise Refusal("height out of range", f"{height:g} m")
-    return math.radians(lat), math.radians(lon), height
+    return math.radians(lat), math.radians(lon)
