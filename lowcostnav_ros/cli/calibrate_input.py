@@ -4,7 +4,6 @@ import gzip
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +13,13 @@ from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.convert.table import is_number
 from lowcostnav_ros.messages.bag import BagReader
-from lowcostnav_ros.physics.geomagnetism import decimal_year
+from lowcostnav_ros.physics.geomagnetism import year_of_stamp
 
 _SECONDS = dict.fromkeys(("t", "t_s", "time", "time_s", "stamp_s"), 1.0)
 TIME_NAMES = _SECONDS | {"stamp_ns": 1e-9, "t_ns": 1e-9, "t_ms": 1e-3, "time_ms": 1e-3}
 """Names of a time column and what one unit of it is in seconds."""
 INERTIAL = {"gyro_": ("rad/s", "angular_rate_b"), "accelerometer_": ("m/s^2", "specific_force_b")}
 MAGNETIC = {"": ("T", "field_b")}
-_EARLIEST = 1.26e18  # ns: 2009-12; an earlier stamp is not a date but a time since power-up
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +73,7 @@ def read_topic(path: str, topic: str, triads: Mapping[str, tuple[str, str]]) -> 
         for axis, letter in enumerate("xyz"):
             values[triad + letter], units[triad + letter] = rows[:, axis], unit
     place = (fix.lat, fix.lon, fix.height) if fix is not None else None
-    return Columns(Path(path).name, values, units, (stamps_ns - stamps_ns[0]) * 1e-9, place, _year(int(stamps_ns[0])))
+    return Columns(Path(path).name, values, units, (stamps_ns - stamps_ns[0]) * 1e-9, place, year_of_stamp(int(stamps_ns[0])))
 
 
 def read_table(path: str, wanted: list[str] | None, unit: str = "") -> Columns:
@@ -121,7 +119,3 @@ def _header(path: str) -> list[str]:
     if not first or any(is_number(name) for name in names):
         raise CalibrationError(f"{path} needs a header line with the names of its columns, separated by commas.")
     return names
-
-
-def _year(stamp_ns: int) -> float | None:
-    return decimal_year(datetime.fromtimestamp(stamp_ns * 1e-9, UTC)) if stamp_ns > _EARLIEST else None

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lowcostnav_ros.base.documents import foreign_text
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.units import NAUTICAL_MILE
@@ -91,7 +92,7 @@ def _import(arguments: argparse.Namespace) -> int:
 
 def _read(name: str, undulation_m: float) -> NavaidList:
     path = find_config(name)
-    return navaids_from_text(path.read_text(encoding="utf-8", errors="replace"), str(name), undulation_m)
+    return navaids_from_text(foreign_text(path.read_bytes()), str(name), undulation_m)
 
 
 def _place(arguments: argparse.Namespace) -> tuple[list[tuple[float, float]], float]:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lowcostnav_ros.base.settings import nearest
-from lowcostnav_ros.catalogue.config_files import config_dir, find_config, read_yaml
+from lowcostnav_ros.base.documents import read_yaml
+from lowcostnav_ros.base.settings import nearest, shown
+from lowcostnav_ros.catalogue.config_files import config_dir, find_config
 from lowcostnav_ros.convert.units_by_name import UNITS
 from lowcostnav_ros.messages.kind import TOPICS, Quantity
 from lowcostnav_ros.messages.topics import kind_of
@@ -138,7 +139,7 @@ def profile_from(content: Any, where: str = "profile") -> Profile:
 
 def _known(content: Any, keys: set[str], where: str, required: tuple[str, ...] = ()) -> None:
     if not isinstance(content, Mapping):
-        raise ConvertError(f"{where}: expected names and values, got {content!r}.")
+        raise ConvertError(f"{where}: expected names and values, got {shown(content)}.")
     for key in content:
         if key not in keys:
             raise ConvertError(f"{where}: unknown key '{key}'{nearest(str(key), keys)}.")
@@ -154,7 +155,7 @@ def _table(content: Any, where: str) -> TableProfile:
         raise ConvertError(f"{where}: 'topics' must name at least one topic.")
     every = content.get("every", 1)
     if not isinstance(every, int) or every < 1:
-        raise ConvertError(f"{where}: 'every' must be a whole number of at least 1, got {every!r}.")
+        raise ConvertError(f"{where}: 'every' must be a whole number of at least 1, got {shown(every)}.")
     keep = content.get("keep", {})
     _known(keep, set(keep) if isinstance(keep, Mapping) else set(), f"{where}: keep")
     return TableProfile(
@@ -232,7 +233,7 @@ def _frame(content: Mapping, quantity: Quantity, where: str) -> str:
 def _columns(content: Mapping, where: str) -> tuple[str, ...]:
     columns = content.get("columns", [content["column"]] if "column" in content else [])
     if not isinstance(columns, list):
-        raise ConvertError(f"{where}: 'columns' must be a list of column names, got {columns!r}.")
+        raise ConvertError(f"{where}: 'columns' must be a list of column names, got {shown(columns)}.")
     return tuple(map(str, columns))
 
 
@@ -245,5 +246,5 @@ def _unit(unit: Any, dimension: str, where: str) -> tuple[float, float]:
 def _numbers(values: Any, size: int, where: str) -> Any:
     good = isinstance(values, list) and len(values) == size and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
     if not good:
-        raise ConvertError(f"{where}: expected {size} number{'s' if size > 1 else ''}, got {values!r}.")
+        raise ConvertError(f"{where}: expected {size} number{'s' if size > 1 else ''}, got {shown(values)}.")
     return tuple(map(float, values))

@@ -145,7 +145,8 @@ class _Replay:
         counts = self.reader.counts
         inputs = {s: SourceCounts(counts[s], rejected.get(s, {})) for s in dict.fromkeys([*self.sources, *self.true_sources])}
         bag = Bag(self.reader.path.name, self.reference.identity(), dict(sorted(counts.items())))
-        return Recording(bag, self.truth, self.selection.left_out, inputs, dict(sorted(self.reader.decoder.notes.items())))
+        remarks = {f"{name}: {aid.remark}": 1 for name, one in self.navigators.items() for aid in one.aids if aid.remark}
+        return Recording(bag, self.truth, self.selection.left_out, inputs, dict(sorted(self.reader.decoder.notes.items())) | remarks)
 
 
 class _Alongside:
