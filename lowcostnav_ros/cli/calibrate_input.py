@@ -1,5 +1,6 @@
 """Read columns of numbers for the calibration jobs: from a bag's sensor topics or from a CSV table."""
 
+import argparse
 import gzip
 import warnings
 from collections.abc import Mapping
@@ -13,6 +14,9 @@ from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.convert.table import is_number
 from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.decode import Decoder
+from lowcostnav_ros.messages.foreign import parse_maps
+from lowcostnav_ros.messages.rules import DecodeRules
 from lowcostnav_ros.physics.geomagnetism import year_of_stamp
 
 _SECONDS = dict.fromkeys(("t", "t_s", "time", "time_s", "stamp_s"), 1.0)
@@ -52,20 +56,23 @@ def is_table(path: str) -> bool:
     return path.lower().removesuffix(".gz").endswith((".csv", ".txt", ".dat"))
 
 
-def read_topic(path: str, topic: str, triads: Mapping[str, tuple[str, str]]) -> Columns:
+def read_topic(arguments: argparse.Namespace, triads: Mapping[str, tuple[str, str]]) -> Columns:
     """Read the axes of a sensor's topic of a bag, with the place of its first position fix, where it has one, and the date.
 
     Parameters
     ----------
-    path, topic : str
+    arguments : Namespace
+        With ``source``, the bag, ``topic``, and the options of :func:`~lowcostnav_ros.cli.options.add_reading`.
     triads : mapping of str to (str, str)
         What the names of three columns begin with, to their unit and the attribute of the samples.
     """
-    with BagReader(path) as reader:
+    path, topic = arguments.source, arguments.topic
+    rules, maps = DecodeRules(everywhere=tuple(arguments.frame)), parse_maps(arguments.map)
+    with BagReader(path, Decoder(rules), maps) as reader:
         samples: list[Any] = list(reader.measurements([topic]))
+        if not samples:
+            raise reader.nothing((topic,))
         fix: Any = next(reader.measurements(["gps/fix"]), None) if "gps/fix" in reader.decodable() else None
-    if not samples:
-        raise CalibrationError(f"{path}: no usable sample on '{topic}'; check what was recorded.")
     stamps_ns = np.hstack([getattr(s, "stamps_ns", s.stamp_ns) for s in samples])
     values, units = {}, {}
     for triad, (unit, name) in triads.items():

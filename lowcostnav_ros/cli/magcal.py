@@ -18,6 +18,7 @@ from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli.calibrate_input import Columns
 from lowcostnav_ros.cli.calibrate_rest import split
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.options import add_reading
 from lowcostnav_ros.physics.geomagnetism import field_n
 
 METHODS = ("two-step", "batch", "known-strength", "level-turn")
@@ -28,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
     parser.add_argument("source", metavar="BAG|CSV", help="recording with the attitudes to calibrate from")
     parser.add_argument("--topic", default="imu/mag", help="magnetometer topic of a bag (default: imu/mag)")
+    add_reading(parser)
     parser.add_argument("--column", metavar="X,Y,Z", default="x,y,z", help="columns forward, right, down of a table (default: x,y,z)")
     parser.add_argument("--unit", choices=UNITS, help="unit of a table (default: found from the magnitude)")
     parser.add_argument("--strength", type=float, metavar="UT", help="earth field strength, microtesla (level-turn: the horizontal one)")
@@ -44,10 +46,7 @@ def magcal(arguments: argparse.Namespace) -> int:
 
     table = files.is_table(arguments.source)
     wanted = split(arguments.column)
-    if table:
-        columns = files.read_table(arguments.source, wanted, arguments.unit or "")
-    else:
-        columns = files.read_topic(arguments.source, arguments.topic, files.MAGNETIC)
+    columns = files.read_table(arguments.source, wanted, arguments.unit or "") if table else files.read_topic(arguments, files.MAGNETIC)
     if len(columns.values) != 3:
         raise CalibrationError("A calibration needs three columns, forward, right, down; name them with --column.")
     raw = np.column_stack(list(columns.values.values()))

@@ -9,8 +9,9 @@ from typing import Any
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import check_folders
+from lowcostnav_ros.cli.options import add_reading, check_folders
 from lowcostnav_ros.cli.progress import progress_bar
+from lowcostnav_ros.messages.foreign import parse_maps
 from lowcostnav_ros.replay import bag_replay, baseline
 from lowcostnav_ros.replay.baseline import BETTER, SAME, WORSE, Verdict, write_baseline
 from lowcostnav_ros.replay.result import ReplayResult
@@ -42,6 +43,7 @@ def add_common(parser: argparse.ArgumentParser, note: str = "") -> None:
     parser.add_argument("--config", metavar="DIR", help=f"directory with <navigator>.yaml (default: the package's own){note}")
     text = f"keep sources back; repeatable{note}"
     parser.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-[B]]", help=text)
+    add_reading(parser)
     parser.add_argument("--smooth", action="store_true", help=f"smooth the whole flight backwards as well{note}")
 
 
@@ -76,7 +78,8 @@ def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth:
     withhold = tuple(parse_withhold(text) for text in arguments.withhold)
     config = Path(arguments.config) if arguments.config else None
     with progress_bar("replay") as advance:
-        options = bag_replay.ReplayOptions(names, config, withhold, truth, out, arguments.registry, advance, arguments.smooth)
+        reading = parse_maps(arguments.map), tuple(arguments.frame)
+        options = bag_replay.ReplayOptions(names, config, withhold, truth, out, arguments.registry, advance, arguments.smooth, *reading)
         return bag_replay.replay_bag(arguments.bag if "bag" in arguments else arguments.source, options)
 
 

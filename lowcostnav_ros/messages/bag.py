@@ -1,7 +1,8 @@
 """Recordings: write them, check them, and read them as the ordered stream of measurements that a live navigator would have seen."""
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,14 @@ from rosbags.rosbag2.errors import ReaderError, WriterError
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages.checks import WRONG_FRAME
 from lowcostnav_ros.messages.decode import Decoder, Rejected
+from lowcostnav_ros.messages.foreign import mapped, offers, options
 from lowcostnav_ros.messages.store import STORE, full_type
 
 _STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 _NEVER = QosTime(0, 0)
+_LISTED = 12
 _NOT_A_BAG = "is not a recording: expected a bag directory with metadata.yaml, or an .mcap or .db3 file"
 
 
@@ -98,6 +102,13 @@ class BagWriter:
 class BagReader:
     """Read a recording of either storage, as bytes or as measurements; a context manager.
 
+    Parameters
+    ----------
+    path : str or Path
+    decoder : Decoder, optional
+    maps : mapping of recorded topic to the name it is read by, optional
+        See :func:`~lowcostnav_ros.messages.foreign.parse_maps`.
+
     Attributes
     ----------
     path : Path
@@ -114,18 +125,30 @@ class BagReader:
         For a missing path, something that is not a bag, an empty or a truncated one.
     """
 
-    def __init__(self, path: str | Path, decoder: Decoder | None = None) -> None:
-        self.path = Path(path)
+    def __init__(self, path: str | Path, decoder: Decoder | None = None, maps: Mapping[str, str] | None = None) -> None:
+        self.path, self.maps = Path(path), dict(maps or {})
         self.decoder = decoder or Decoder()
         self._reader = _opened(self.path)
-        self.types = {topics.source_of(c.topic): c.msgtype for c in self._reader.connections}
+        self.types = {mapped(c.topic, self.maps): c.msgtype for c in self._reader.connections}
+        self._refuse_double_names()
         self.counts: dict[str, int] = dict.fromkeys(self.types, 0)
         for connection in self._reader.connections:
-            self.counts[topics.source_of(connection.topic)] += connection.msgcount
+            self.counts[mapped(connection.topic, self.maps)] += connection.msgcount
         if self._reader.message_count == 0:
             self.close()
             raise BagError(f"{path} holds no messages; check that the recorder was running while the sensors were.")
         self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
+
+    def _refuse_double_names(self) -> None:
+        recorded = {topics.source_of(c.topic) for c in self._reader.connections}
+        missing = [name for name in self.maps if not any(r == name or (name.endswith("/") and r.startswith(name)) for r in recorded)]
+        if missing:
+            self.close()
+            raise BagError(f"{self.path} has no topic '{missing[0]}' to map{nearest(missing[0], recorded)}.")
+        if len(self.types) < len(recorded):
+            double = next(name for name in self.types if sum(mapped(r, self.maps) == name for r in recorded) > 1)
+            self.close()
+            raise BagError(f"{self.path}: two topics would be read as '{double}'; map the other one to another name too.")
 
     @property
     def settings_folder(self) -> Path | None:
@@ -159,7 +182,9 @@ class BagReader:
         """
         for source in map(topics.source_of, sources):
             if source not in self.types:
-                raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
+                found = {theirs: ours for theirs, ours in offers(self.types).items() if ours in (source, "")}
+                remedy = f"; read one with {options(found)}" if found else nearest(source, self.types)
+                raise BagError(f"{self.path} has no topic '{source}'{remedy}.")
             expected = self._msgtype_of(source)
             if expected is None:
                 raise BagError(f"{self.path}: topic '{source}' carries nothing a navigator reads{nearest(source, topics.TOPICS)}.")
@@ -178,8 +203,8 @@ class BagReader:
         for source in wanted or ():
             if source not in self.types:
                 raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
-        connections = [c for c in self._reader.connections if wanted is None or topics.source_of(c.topic) in wanted]
-        names = {c.id: topics.source_of(c.topic) for c in connections}
+        connections = [c for c in self._reader.connections if wanted is None or mapped(c.topic, self.maps) in wanted]
+        names = {c.id: mapped(c.topic, self.maps) for c in connections}
         try:
             if connections:
                 for connection, stamp_ns, raw in self._reader.messages(connections):
@@ -219,6 +244,28 @@ class BagReader:
     def _msgtype_of(self, source: str) -> str | None:
         kind = self.decoder.rules.kind_of(source)
         return None if kind is None or kind.decode is None else kind.msgtype
+
+    def nothing(self, sources: Sequence[str]) -> BagError:
+        """Return the refusal of a recording of which nothing can be used: what was rejected and why, or what there is instead."""
+        if sources and self.decoder.rejected:
+            return BagError(f"{self.path} holds nothing usable on {', '.join(sources)}: rejected {self.rejections()}.")
+        there = ", ".join(f"{source} ({msgtype})" for source, msgtype in sorted(self.types.items())[:_LISTED])
+        further = f" and {len(self.types) - _LISTED} more" if len(self.types) > _LISTED else ""
+        found = offers(self.types)
+        remedy = f"read them with {options(found)}" if found else "name the topics that are sensors with --map recorded=ours"
+        empty = f"nothing on {', '.join(sources)}; it" if sources else "no topic that a navigator reads; it"
+        return BagError(f"{self.path} holds {empty} has {there}{further}; {remedy}.")
+
+    def rejections(self, only: str = "") -> str:
+        """Say in words what was rejected most, with an example: of one source, or of all."""
+        reasons = []
+        counts = Counter({key: n for key, n in self.decoder.rejected.items() if only in ("", key[0])})
+        for (source, reason), count in counts.most_common(3):
+            detail = self.decoder.examples.get((source, reason), "")
+            if reason == WRONG_FRAME:
+                detail += f"; accept it with --frame {detail.split(chr(39))[1] or 'any'}"
+            reasons.append(f"{source} {count} times '{reason}'{f' ({detail})' if detail else ''}")
+        return ", ".join(reasons)
 
     def identity(self) -> str:
         """Return the SHA-256 over topic, receive stamp and bytes of every message in order: the same for either storage."""

@@ -14,6 +14,8 @@ from lowcostnav_ros.messages.rules import DecodeRules, Refusal
 ABSURD = 1.0e30
 """No variance is this large; senders write 1e308 for infinity."""
 
+WRONG_FRAME = "wrong frame id"
+
 
 def stamp_ns(header: Any) -> int:
     """Return the header stamp in ns; zero is a stamp that was not set."""
@@ -38,7 +40,7 @@ class Received:
         """Refuse a frame id that is not of this kind."""
         expected = self.kind.frames
         if expected and frame_id.rpartition("/")[2] not in expected:
-            raise Refusal("wrong frame id", f"'{frame_id}', expected {' or '.join(sorted(expected))}")
+            raise Refusal(WRONG_FRAME, f"'{frame_id}', expected {' or '.join(sorted(expected))}")
 
     def assumed(self) -> tuple[float, ...]:
         """Return the default variances and note it; refuse where there are none."""
