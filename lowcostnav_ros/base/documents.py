@@ -1,6 +1,11 @@
-"""Text and YAML that people write: read in one place, what cannot be read refused in one sentence."""
+"""Files: text, tables and YAML read in one place, what cannot be read refused in one sentence; written whole or not at all."""
 
-from collections.abc import Iterable
+import csv
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -97,3 +102,44 @@ def _items(value: Any, where: str) -> Iterable[Any]:
                 raise SettingsError(f"{where}: the name {shown(key)} is no text; put it into quotes.")
         return value.values()
     return value if isinstance(value, list) else ()
+
+
+def delimiter_of(line: str) -> str:
+    """Return what separates the cells of a line: a tab, a semicolon, a comma, or else ``whitespace``."""
+    return next((mark for mark in "\t;," if mark in line), "whitespace")
+
+
+def cells_of(line: str, delimiter: str) -> list[str]:
+    """Return the cells of a line of a table, without blanks around them and the quotes that some programs write."""
+    if delimiter == "whitespace":
+        return line.split()
+    if '"' in line and len(delimiter) == 1:
+        try:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+        except (csv.Error, StopIteration):
+            pass
+    return [cell.strip() for cell in line.split(delimiter)]
+
+
+@contextmanager
+def written_whole(path: str | Path) -> Iterator[Path]:
+    """Give a place to write a file or folder to, which takes the name ``path`` at the end; after a failure nothing is left.
+
+    Raises
+    ------
+    SettingsError
+        At once, where nothing can be written there.
+    """
+    path = Path(path)
+    try:
+        folder = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent))
+    except OSError as error:
+        raise SettingsError(f"Cannot write {path}: {error.strerror}; check the path and its permissions.") from error
+    try:
+        yield folder / path.name
+        try:
+            os.replace(folder / path.name, path)
+        except OSError as error:
+            raise SettingsError(f"Cannot write {path}: {error.strerror}.") from error
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -78,7 +78,7 @@ def print_columns(heads: tuple[str, ...], rows: list[tuple], columns: Columns) -
     """Print a row for each column, and what the unit is."""
     units = ", ".join(sorted({unit for unit in columns.units.values() if unit})) or "the unit of the columns (give it with --unit)"
     table = Table.plain("", heads, [(row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows])
-    print_report("", [table], [f"u is {units}; {columns.source}"])
+    print_report("", [table], [f"u is {units}; {columns.source}", *columns.notes])
 
 
 def print_grade(drifts: dict[str, float], columns: Columns) -> None:

@@ -3,6 +3,7 @@
 import hashlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.rosbag2.errors import ReaderError, WriterError
 
+from lowcostnav_ros.base.documents import written_whole
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.messages import topics
@@ -97,6 +99,18 @@ class BagWriter:
             False,
         )
         return self._writer.add_connection(topic, msgtype, typestore=STORE, offered_qos_profiles=[qos])
+
+
+@contextmanager
+def new_bag(path: str | Path, storage: str = "mcap") -> Iterator[BagWriter]:
+    """Write a recording that is there when it is whole; one that is not finished leaves nothing.
+
+    ``path`` of the writer is where a settings folder goes.  Raises as :class:`BagWriter` does, before anything is written.
+    """
+    if Path(path).exists():
+        raise BagError(f"{path} exists already; choose another name or remove it first.")
+    with written_whole(path) as place, BagWriter(place, storage) as writer:
+        yield writer
 
 
 class BagReader:
