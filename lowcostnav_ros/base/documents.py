@@ -121,6 +121,12 @@ def cells_of(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in line.split(delimiter)]
 
 
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text file whole; raises as :func:`written_whole` does."""
+    with written_whole(path) as place:
+        place.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[Path]:
     """Give a place to write a file or folder to, which takes the name ``path`` at the end; after a failure nothing is left.

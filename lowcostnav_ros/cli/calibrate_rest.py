@@ -13,7 +13,7 @@ from lowcostnav_ros.calibration.profile_text import GYRO_UNITS, profile_text
 from lowcostnav_ros.calibration.record import CalibrationError, checked_record, regular_rate
 from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli.calibrate_input import Columns
-from lowcostnav_ros.cli.options import add_reading
+from lowcostnav_ros.cli.options import add_reading, check_folder
 from lowcostnav_ros.report.terminal import print_report
 from lowcostnav_ros.sensors.imu_grade import grade
 
@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def inertial(arguments: argparse.Namespace) -> tuple["Columns", float]:
     """Columns of a recording and their sampling rate, Hz."""
+    check_folder(arguments.output)
     wanted = split(arguments.column) if arguments.column else None
     if not files.is_table(arguments.source):
         columns = files.read_topic(arguments, files.INERTIAL)

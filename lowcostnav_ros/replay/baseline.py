@@ -23,7 +23,7 @@ from typing import Any
 
 import yaml
 
-from lowcostnav_ros.base.documents import read_yaml
+from lowcostnav_ros.base.documents import read_yaml, write_text
 from lowcostnav_ros.base.settings import SettingsError, nearest
 
 BETTER, SAME, WORSE = "better", "same", "worse"
@@ -146,7 +146,7 @@ def write_baseline(path: Path, summary: Mapping[str, Any], tolerance: str = "5%"
     identity = (summary.get("bag") or {}).get("sha256")
     data = {**({"bag": identity} if identity else {}), "navigators": navigators}
     head = "# Expected results of a replay; change on purpose only.  Tolerance is in the metric's unit or per cent; best is the ideal.\n"
-    path.write_text(head + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=140), encoding="utf-8")
+    write_text(path, head + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=140))
     return sum(len(m) for m in navigators.values())
 
 

@@ -51,6 +51,7 @@ class SessionFiles:
         """Create the folder and the files."""
         if self.folder is not None:
             self.folder.mkdir(parents=True, exist_ok=True)
+            (self.folder / "summary.json").unlink(missing_ok=True)  # with it, tables that are not finished would look whole
             self.truth = files.Table(self.folder / "truth.csv", files.TRUTH_HEADER)
             self.wind = files.Table(self.folder / "truth_wind.csv", files.TRUTH_WIND_HEADER)
             self.gps = files.Table(self.folder / "gps.csv", files.GPS_HEADER)
