@@ -344,9 +344,9 @@ def outcome(command: Any, path: Path, folder: Path) -> tuple[str, str, float]:
 
 def _child(command: Any, path: Path, folder: Path, printed: Path) -> None:
     file = os.open(printed, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
-    os.dup2(file, 1)
+    os.dup2(file, 1)  # for what does not go through Python
     os.dup2(file, 2)
-    sys.stdout, sys.stderr = (open(fd, "w", encoding="utf-8", errors="replace", closefd=False) for fd in (1, 2))
+    sys.stdout = sys.stderr = os.fdopen(file, "w", encoding="utf-8", errors="replace")
     resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
     faulthandler.enable(sys.stderr)
     status = 70
@@ -389,6 +389,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
     runs = options.runs or (60 if options.quick else RUNS)
     counts: Counter[tuple[str, str]] = Counter()
     largest, worst, failures = 0.0, 0.0, []
+    deadline = time.monotonic() + options.minutes * 60.0
     with tempfile.TemporaryDirectory(prefix="damaged-") as name:
         kinds = [kind for kind in make_kinds(Path(name)) if options.only in kind.name]
         _refuse_unsound(kinds, Path(name) / "run")
@@ -400,6 +401,9 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
             path, how = damage(kind, chance, folder)
             command = chance.choice(kind.commands)
             began = time.monotonic()
+            if began > deadline:
+                runs = number
+                break
             result, said, megabytes = outcome(command, path, folder)
             largest, worst = max(largest, megabytes), max(worst, time.monotonic() - began)
             counts[kind.name, result] += 1
@@ -420,6 +424,7 @@ if __name__ == "__main__":
         measure,
         runs={"type": int, "help": f"how many files (default: {RUNS})"},
         seed={"type": int, "default": 1, "help": "of the damages (default: 1)"},
+        minutes={"type": float, "default": 600.0, "help": "stop after this long"},
         only={"default": "", "metavar": "KIND", "help": "kinds whose name holds this"},
         keep={"default": "", "metavar": "DIR", "help": "keep the files of failures there"},
     )
