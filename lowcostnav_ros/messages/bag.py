@@ -3,7 +3,7 @@
 import hashlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -147,7 +147,12 @@ class BagReader:
         self._refuse_double_names()
         self.counts: dict[str, int] = dict.fromkeys(self.types, 0)
         for connection in self._reader.connections:
-            self.counts[mapped(connection.topic, self.maps)] += connection.msgcount
+            with suppress(TypeError):  # a count in words is refused below
+                self.counts[mapped(connection.topic, self.maps)] += connection.msgcount
+        times = self._reader.message_count, self._reader.start_time, self._reader.end_time
+        if not all(isinstance(number, int) for number in (*times, *self.counts.values())):
+            self.close()
+            raise BagError(f"{path} cannot be read, its metadata.yaml holds a count or time that is no number; record again.")
         if self._reader.message_count == 0:
             self.close()
             raise BagError(f"{path} holds no messages; check that the recorder was running while the sensors were.")

@@ -192,7 +192,7 @@ class Session:
         self.withheld[held.source] += 1
         if isinstance(held, GpsPosition):
             self._write_fix(held, withheld=True)
-        if isinstance(held, GpsPosition | GpsVelocity):
+        if isinstance(held, GpsVelocity) or (isinstance(held, GpsPosition) and held.has_height):  # no reference without its height
             columns = fix_columns(held)
             for run in self.runs.values():
                 for evaluation in filter(None, (run.evaluation, run.smoothed)):
@@ -200,7 +200,7 @@ class Session:
 
     def _write_fix(self, fix: GpsPosition, withheld: bool) -> None:
         if self.files.gps is not None:
-            self.files.gps.rows([files.gps_row(fix.stamp_ns, fix.lat, fix.lon, fix.height, withheld)])
+            self.files.gps.rows([files.gps_row(fix.stamp_ns, fix.lat, fix.lon, fix.height if fix.has_height else math.nan, withheld)])
 
     def _distribute(self, measurement: Measurement) -> None:
         for run in self.runs.values():
