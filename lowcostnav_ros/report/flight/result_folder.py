@@ -63,7 +63,8 @@ def read_table(path: Path) -> Columns:
             cells = list(zip(*reader, strict=True)) or [()] * len(header)
         return {name: _column(name, column) for name, column in zip(header, cells, strict=True)}
     except (ValueError, csv.Error) as error:
-        raise ReportError(f"{path} is damaged or holds a cell that is not a number ({error}); write the folder again with replay --out.") from error
+        what = f"{path} is damaged or holds a cell that is not a number ({error})"
+        raise ReportError(f"{what}; write the folder again with replay --out.") from error
 
 
 def _column(name: str, cells: tuple[str, ...]) -> np.ndarray:
