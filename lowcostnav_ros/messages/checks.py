@@ -150,7 +150,8 @@ def covariance(flat: np.ndarray | list[float], what: str, may_be_zero: bool = Fa
 
 def _refuse_indefinite(matrix: np.ndarray, what: str) -> None:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = matrix.tolist()
-    a, b, c = xy / math.sqrt(xx * yy), xz / math.sqrt(xx * zz), yz / math.sqrt(yy * zz)  # as correlations, so that units do not matter
+    sx, sy, sz = math.sqrt(xx), math.sqrt(yy), math.sqrt(zz)  # each for itself: a product of two variances can underflow
+    a, b, c = xy / sx / sy, xz / sx / sz, yz / sy / sz  # as correlations, so that units do not matter
     determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
     if max(abs(a), abs(b), abs(c)) > 1.0 + 1e-9 or determinant < -1e-9:  # principal minors of a matrix with ones on its diagonal
         raise Refusal(f"{what} covariance is not positive")
