@@ -3,7 +3,7 @@
 import hashlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -145,14 +145,14 @@ class BagReader:
         self._reader = _opened(self.path)
         self.types = {mapped(c.topic, self.maps): c.msgtype for c in self._reader.connections}
         self._refuse_double_names()
-        self.counts: dict[str, int] = dict.fromkeys(self.types, 0)
-        for connection in self._reader.connections:
-            with suppress(TypeError):  # a count in words is refused below
-                self.counts[mapped(connection.topic, self.maps)] += connection.msgcount
+        stated = [c.msgcount for c in self._reader.connections]
         times = self._reader.message_count, self._reader.start_time, self._reader.end_time
-        if not all(isinstance(number, int) for number in (*times, *self.counts.values())):
+        if not all(isinstance(number, int) for number in (*times, *stated)):
             self.close()
             raise BagError(f"{path} cannot be read, its metadata.yaml holds a count or time that is no number; record again.")
+        self.counts: dict[str, int] = dict.fromkeys(self.types, 0)
+        for connection in self._reader.connections:
+            self.counts[mapped(connection.topic, self.maps)] += connection.msgcount
         if self._reader.message_count == 0:
             self.close()
             raise BagError(f"{path} holds no messages; check that the recorder was running while the sensors were.")
