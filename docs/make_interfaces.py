@@ -38,7 +38,8 @@ measured. An `Odometry` carries 1e12 where its navigator estimates nothing.
 """
 NODE_PARAMETERS = """
 Every node also has `qos.lossless` (default false), `input.silent_after_s` (default 1 s: an input without data for longer, or five of its
-own intervals, is reported on /diagnostics) and the service `~/reset` (`std_srvs/Trigger`). Navigator nodes have `output.rate_hz` (default
+own intervals, is reported on /diagnostics), `input.frames` (frame ids accepted of every input beside the usual ones, `any` for all; topics
+are renamed by ROS itself, `-r fix:=gps/fix`) and the service `~/reset` (`std_srvs/Trigger`). Navigator nodes have `output.rate_hz` (default
 20). The AHRS has the services `~/calibrate_start` and `~/calibrate_stop` (`std_srvs/Trigger`): in between it collects the raw magnetic
 field, then it writes `magnetometer_N.yaml` into `output.folder`, to be loaded with `--params-file` at the next start; the answer gives the
 manoeuvres to fly.

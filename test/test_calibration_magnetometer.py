@@ -13,6 +13,7 @@ from lowcostnav_ros.calibration import magnetometer_fit as fits
 from lowcostnav_ros.calibration.least_squares import condition_number, solve_least_squares
 from lowcostnav_ros.calibration.magnetometer_batch import batch_fit, batch_rows
 from lowcostnav_ros.calibration.magnetometer_collection import MagnetometerCollection
+from lowcostnav_ros.calibration.magnetometer_full import full_fit
 from lowcostnav_ros.calibration.magnetometer_known_strength import CalibrationPrior, known_strength_fit
 from lowcostnav_ros.calibration.magnetometer_two_step import level_turn_fit, two_step, two_step_fit
 from lowcostnav_ros.calibration.profile_text import calibration_text
@@ -272,7 +273,7 @@ def test_collection_guides_a_flight_to_a_free_fit():
     assert progress.share == 1.0
     assert "finish" in progress.advice
     fit = collection.finish()
-    assert fit.method == "two-step"
+    assert fit.method == "full"
     np.testing.assert_allclose(fit.hard_iron, HARD_IRON * 1e-6, atol=1e-7)
 
 
@@ -300,3 +301,56 @@ def test_collection_is_bounded_and_counts_what_it_rejects():
     assert collection.rejected == 1
     with pytest.raises(CalibrationError, match="magnetic model"):
         MagnetometerCollection(np.zeros(3))
+
+
+def swing(tilt_deg, matrix=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), noise=0.2, count=800, seed=5):
+    """Samples, uT, of a field of 48 uT seen within ``tilt_deg`` of a plane (90: the whole sphere), iron (12, -8, 20)."""
+    rng = np.random.default_rng(seed)
+    up, around = np.sin(np.radians(tilt_deg)) * rng.uniform(-1.0, 1.0, count), rng.uniform(0.0, 2.0 * np.pi, count)
+    level = np.sqrt(1.0 - up**2)
+    field = 48.0 * np.column_stack([level * np.cos(around), level * np.sin(around), up])
+    return field, field @ np.array(matrix).T + [12.0, -8.0, 20.0] + rng.normal(0.0, noise, (count, 3))
+
+
+SOFT = ((1.1, 0.12, -0.08), (0.12, 0.95, 0.1), (-0.08, 0.1, 0.9))
+
+
+def test_soft_iron_with_cross_terms_is_calibrated_whole():
+    field, measured = swing(90.0, SOFT)
+    fit = full_fit(measured, 48.0)
+    np.testing.assert_allclose(fit.matrix, np.linalg.inv(SOFT), atol=4e-3)
+    np.testing.assert_allclose(fit.hard_iron, [12.0, -8.0, 20.0], atol=0.1)
+    angle = np.degrees(np.arccos(np.sum(fit.apply(measured) * field, axis=1) / np.linalg.norm(fit.apply(measured), axis=1) / 48.0))
+    assert np.sqrt(np.mean(angle**2)) < 0.6  # the noise alone is 0.4 degrees
+
+
+def test_the_quoted_errors_of_a_full_fit_are_those_it_makes():
+    errors = []
+    for seed in range(40):
+        fit = full_fit(swing(90.0, SOFT, count=300, seed=seed)[1], 48.0)
+        errors.append((fit.hard_iron - [12.0, -8.0, 20.0]) / fit.hard_iron_sigma)
+    assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.2
+
+
+@pytest.mark.parametrize(("tilt_deg", "matrix"), [(20.0, SOFT), (20.0, np.eye(3)), (3.0, np.eye(3)), (35.0, SOFT)])
+def test_a_partial_sphere_is_refused_with_what_is_missing_or_is_right(tilt_deg, matrix):
+    _, measured = swing(tilt_deg, matrix)
+    try:
+        fit = full_fit(measured, 48.0)
+    except CalibrationError as error:
+        assert "do not show" in str(error)
+        assert tilt_deg < 30.0
+    else:
+        assert np.all(np.abs(fit.hard_iron - [12.0, -8.0, 20.0]) < np.maximum(4.0 * fit.hard_iron_sigma, 0.1))
+
+
+def test_outliers_are_found_and_named():
+    _, measured = swing(90.0)
+    measured[::100] += 60.0
+    fit = full_fit(measured, 48.0)
+    np.testing.assert_allclose(fit.hard_iron, [12.0, -8.0, 20.0], atol=0.1)
+    np.testing.assert_allclose(fit.scale, 1.0, atol=2e-3)
+    assert fit.warnings == ("8 outliers left out: samples 1, 101, 201, 301, 401, 501, 601, 701.",)
+    measured[::5] += np.random.default_rng(0).normal(0.0, 30.0, (160, 3))
+    with pytest.raises(CalibrationError, match="look for interference"):
+        full_fit(measured, 48.0)

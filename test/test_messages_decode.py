@@ -72,7 +72,7 @@ BAD = [
     ("imu/data_raw", {"linear_acceleration__z": math.inf}, "specific force is not finite"),
     ("imu/data_raw", {"linear_acceleration__z": 9807.0}, "specific force implausible"),
     ("imu/data_raw", {"linear_acceleration_covariance": covariance(-1, 0, 0)}, "specific force is absent"),
-    ("imu/data_raw", {"angular_velocity_covariance": covariance(1, -2, 1)}, "angular rate covariance is negative"),
+    ("imu/data_raw", {"angular_velocity_covariance": covariance(-1, 0, 0)}, "angular rate is absent"),
     ("imu/data", {"orientation_covariance": covariance(-1, 0, 0)}, "orientation is absent"),
     (
         "imu/data",
@@ -88,7 +88,8 @@ BAD = [
     ("gps/fix", {"status__status": -1}, "no fix"),
     ("gps/fix", {"latitude": 91.0}, "latitude out of range"),
     ("gps/fix", {"longitude": 237.0}, "longitude out of range"),
-    ("gps/fix", {"altitude": math.nan}, "position is not finite"),
+    ("gps/fix", {"altitude": math.inf}, "position is not finite"),
+    ("gps/fix", {"altitude": math.nan, "latitude": math.nan}, "position is not finite"),
     ("gps/fix", {"latitude": 0.0, "longitude": 0.0}, "position is exactly 0, 0"),
     ("gps/fix", {"position_covariance": covariance(1, math.nan, 1)}, "position covariance is not finite"),
     ("gps/fix", {"position_covariance": covariance(1, 1e308, 1)}, "position covariance is absurd"),
@@ -201,6 +202,45 @@ def test_unknown_covariance_takes_the_default_and_says_so():
     assert decoder.notes == {"gps/fix: covariance unknown, default used": 1}
     strict = d.decode("gps/fix", topics.NAV_SAT_FIX, to_cdr(message), d.DecodeRules(default_variances={}))
     assert strict.reason == "covariance is unknown and no default is set"
+
+
+NO_VERTICAL = [
+    ({"altitude": math.nan}, "gps/fix: no altitude, horizontal position used", 2.0),
+    ({"altitude": math.nan, "position_covariance": covariance(2, 3, math.nan)}, "gps/fix: no altitude, horizontal position used", 3.0),
+    ({"altitude": math.nan, "position_covariance_type": 0}, "gps/fix: no altitude, horizontal position used", 9.0),
+    ({"position_covariance": covariance(2, 3, 0)}, "gps/fix: no vertical variance, horizontal position used", 3.0),
+    ({"position_covariance": covariance(2, 3, 1e6)}, "gps/fix: no vertical variance, horizontal position used", 3.0),
+]
+
+
+@pytest.mark.parametrize(("change", "note", "north"), NO_VERTICAL)
+def test_a_fix_without_height_is_a_horizontal_one(change, note, north):
+    decoder = d.Decoder()
+    fix = decoder.decode("gps/fix", topics.NAV_SAT_FIX, to_cdr(changed(BUILD["gps/fix"](), **change)))
+    assert (fix.lat, fix.lon, fix.has_height) == (pytest.approx(0.65), pytest.approx(-2.1), False)
+    assert decoder.notes[note] == 1
+    assert math.isfinite(fix.height)
+    assert np.all(np.linalg.eigvalsh(fix.cov_n) > 0.0)
+    if "position_covariance" in change or "position_covariance_type" in change:
+        assert fix.cov_n[0, 0] == north
+
+
+def test_a_covariance_of_unknown_type_is_not_looked_at():
+    decoder = d.Decoder()
+    message = changed(BUILD["gps/fix"](), position_covariance=np.full(9, math.nan), position_covariance_type=0)
+    np.testing.assert_array_equal(decoder.decode("gps/fix", topics.NAV_SAT_FIX, to_cdr(message)).cov_n, np.diag([9.0, 9.0, 25.0]))
+
+
+@pytest.mark.parametrize("values", [covariance(0.02, 0.02, 0), covariance(1, -2, 1), np.full(9, math.nan), covariance(1, 1, 1e308)])
+def test_inertial_covariances_that_no_filter_uses_are_no_reason_to_refuse(values):
+    plain = BUILD["imu/data_raw"]()
+    odd = changed(BUILD["imu/data_raw"](), angular_velocity_covariance=values, linear_acceleration_covariance=values)
+    block, rejected = d.decode_imu_block([to_cdr(plain), to_cdr(odd)])
+    assert not rejected
+    np.testing.assert_array_equal(block.specific_force_b[0], block.specific_force_b[1])
+    np.testing.assert_array_equal(again(odd, "imu/data_raw").angular_rate_b, block.angular_rate_b[1:])
+    attitude = changed(BUILD["imu/data"](), angular_velocity_covariance=values)
+    np.testing.assert_array_equal(again(attitude, "imu/data").q_nb, again(BUILD["imu/data"](), "imu/data").q_nb)
 
 
 def test_absent_acceleration_of_a_foreign_ahrs_is_replaced_by_unaccelerated_flight():

@@ -63,7 +63,7 @@ def test_metrics_are_found_by_their_path_alone():
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("navigators: [1", "is not YAML"),
+        ("navigators: [1", "not valid YAML"),
         ("metrics: 1", "no 'navigators' section"),
         ("navigators: {nav: 3}", "must hold metrics"),
         (f"navigators: {{nav: {{{RMS}: 3}}}}", "either 'value'"),

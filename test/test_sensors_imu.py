@@ -166,7 +166,7 @@ def test_misalignment_turns_and_keeps_the_length():
         ("gyro: {bias_drift_deg_per_h: [1, 1, 1]}", "the gyro bias drift needs a correlation time"),
         ("accelerometer: {noise_density_mg_per_rt_hz: [1, 1, 1], noise_per_sample_mg: [1, 1, 1]}", "either as a density or per sample"),
         ("accelerometer: {range_g: -1}", "must be at least 0 g"),
-        ("gyro: [", "not readable as YAML"),
+        ("gyro: [", "not valid YAML"),
         ("[1, 2]", "expected names and values"),
     ],
 )

@@ -13,7 +13,7 @@ LAT, LON = np.radians(37.69), np.radians(-121.82)
 
 
 def fields(seconds=1.0, heading=0.0, **settings):
-    simulator = MagnetometerSimulator(MagnetometerSimulatorSettings(**settings))
+    simulator = MagnetometerSimulator(MagnetometerSimulatorSettings(**{"decimal_year": 2026.0, **settings}))
     return np.array([m.field_b for m in simulator.simulate(steady_truth(seconds, heading=heading, speed=0.0))])
 
 

@@ -109,7 +109,7 @@ def test_decimal_year_of_known_moments():
     ("text", "sentence"),
     [
         ("", "begin with 'name:'"),
-        ("name: [", "not readable as YAML"),
+        ("name: [", "not valid YAML"),
         ("nmae: x", "unknown setting 'nmae' (did you mean 'name'?)"),
         ("imu: {rat_hz: 50}", "unknown setting 'imu.rat_hz' (did you mean 'imu.rate_hz'?)"),
         ("imu: 3", "section 'imu' must hold names and values"),

@@ -201,6 +201,8 @@ class FieldMatchAid(VectorAid):
     def innovation(self, measurement: MagneticField, host: Host) -> Innovation | str:
         """``y = u_n - C u_b`` of unit vectors (equation 4.60)."""
         place = self.reference
+        if place is not None:
+            place.follow(measurement.stamp_ns)
         field_n, local = (None, None) if place is None else (place.field_n(), place.known())
         if field_n is None or local is None:
             return UNKNOWN_DIP

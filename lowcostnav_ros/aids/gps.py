@@ -81,12 +81,15 @@ class PositionAid(Aid):
         if self._bias is not None:
             H[:, self._bias] = np.eye(3)
             y = y - core.estimate[self._bias]
+        if not measurement.has_height:
+            y[2], H[2] = 0.0, 0.0
         factor = correlation_factor(self.since_s(measurement), self.settings.correlation_s)
         return Innovation(y, H, factor * self.noise(measurement), observation)
 
     def recover(self, measurement: GpsPosition, innovation: Innovation, host: Host) -> None:
         """Reset the position to that of GPS: after a long disagreement it is the position that is wrong, not attitude or wind."""
-        reset_to(host, POS, innovation.y, self.noise(measurement))
+        size = 3 if measurement.has_height else 2
+        reset_to(host, slice(POS.start, POS.start + size), innovation.y[:size], self.noise(measurement)[:size, :size])
 
 
 class VelocityAid(Aid):

@@ -7,14 +7,17 @@ import numpy as np
 
 from lowcostnav_ros.aids import AIDS
 from lowcostnav_ros.base.measurements import MagneticField
-from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.views import Attitude
 from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Host, Innovation, Reason, Sensor, SensorSettings, each
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
+from lowcostnav_ros.physics.geomagnetism import check_year, year_setting
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference, magnetic_innovation
 
 DECLINATION_UNKNOWN = Reason("declination unknown", "wait for a fix, or set place.lat_lon_deg or magnetic.declination_deg")
+
+NO_MODEL = Reason("no magnetic model of this date", "set magnetic.decimal_year or magnetic.declination_deg")
 
 
 @dataclass(frozen=True)
@@ -25,10 +28,16 @@ class MagneticSettings(SensorSettings):
     noise_deg: float = setting(1.0, "White noise of the magnetic heading.", unit="deg", minimum=0.01, maximum=90.0)
     bias_deg: float = setting(2.5, "Slow heading error left after calibration, Gauss-Markov sigma.", unit="deg", minimum=0.0, maximum=90.0)
     bias_tau_s: float = setting(120.0, "Correlation time of the slow heading error.", unit="s", minimum=1.0)
-    decimal_year: float = setting(2026.5, "Date of the magnetic model.", unit="year", minimum=2010.0, maximum=2035.0)
+    decimal_year: float = year_setting("Date of the magnetic model")
     declination_deg: list = setting([], "Declination, east positive; empty: from the model.", unit="deg", minimum=-180.0, maximum=180.0)
     period_s: float = setting(0.5, "Use at most one measurement in this time.", unit="s", minimum=0.0, maximum=60.0)
     gate: GateSettings = group(GateSettings)
+
+    def __post_init__(self) -> None:
+        if len(self.declination_deg) > 1:
+            raise SettingsError(f"'magnetic.declination_deg' takes one number or none, got {self.declination_deg}.")
+        if not self.declination_deg:
+            check_year(self.decimal_year)
 
 
 class MagneticAid(Aid):
@@ -52,12 +61,18 @@ class MagneticAid(Aid):
         sigma = self.settings.bias_deg * DEGREE
         return [gauss_markov(self.own("heading_bias"), labels, Kind.FREE, sigma, self.settings.bias_tau_s)]
 
+    @property
+    def remark(self) -> str:
+        """What is odd about the date of the model."""
+        return self.reference.remark
+
     def innovation(self, measurement: MagneticField, host: Host) -> Innovation | str:
         """Heading innovation with its attitude row; refused when the field is not the earth's (interference)."""
         core = host.core
+        self.reference.follow(measurement.stamp_ns)
         reference = self.reference.at(core.nav[0], core.nav[1], core.nav[2])
         if reference is None:
-            return DECLINATION_UNKNOWN
+            return NO_MODEL if self.reference.remark else DECLINATION_UNKNOWN
         refusal = Reason.of(reference.refusal(measurement.field_b))
         if refusal:
             return refusal

@@ -84,12 +84,20 @@ class MagneticField(Measurement):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GpsPosition(Measurement):
-    """Position fix: ``lat``, ``lon`` rad, ``height`` m above the ellipsoid, ``cov_n`` (3, 3) m^2 in NED."""
+    """Position fix: ``lat``, ``lon`` rad, ``height`` m above the ellipsoid, ``cov_n`` (3, 3) m^2 in NED.
+
+    A height whose variance reaches :data:`UNKNOWN_VARIANCE` is not measured.
+    """
 
     lat: float
     lon: float
     height: float
     cov_n: np.ndarray
+
+    @property
+    def has_height(self) -> bool:
+        """Whether the height is measured."""
+        return bool(self.cov_n[2, 2] < UNKNOWN_VARIANCE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

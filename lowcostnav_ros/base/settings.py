@@ -9,10 +9,11 @@ import difflib
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
 S = TypeVar("S")
+_SHOWN = 120
 
 
 class SettingsError(ValueError):
@@ -117,7 +118,7 @@ def from_mapping(cls: type[S], values: Mapping[str, Any], where: str = "settings
     flat = flat if upgrade is None else upgrade(flat)
     for name in flat:
         if name not in known:
-            raise SettingsError(f"{where}: unknown setting '{name}'{nearest(name, known)}.")
+            raise SettingsError(f"{where}: unknown setting '{shown(name, str)}'{nearest(name, known)}.")
     return _build(cls(), {n: checked(known[n], v, where) for n, v in flat.items()}, "")
 
 
@@ -146,10 +147,20 @@ def settings_hash(*settings: Any) -> str:
 
 def nearest(name: str, known: Any) -> str:
     """Return `` (did you mean 'x'?)`` or the list of what exists, to end a refusal's sentence with."""
+    name = name[:_SHOWN]
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
     if not close:  # a right leaf in the wrong group is the commonest slip after a typo
         close = [k for k in known if k.split(".")[-1] == name.split(".")[-1]][:1]
     return f" (did you mean '{close[0]}'?)" if close else f"; known: {', '.join(sorted(known))}"
+
+
+def shown(value: Any, text: Callable[[Any], str] = repr) -> str:
+    """Return a value as a refusal quotes it: on one line and no longer than that."""
+    try:
+        line = " ".join(text(value).split())
+    except (ValueError, RecursionError):  # a number of thousands of digits, a list of lists of lists
+        line = type(value).__name__
+    return line if len(line) <= _SHOWN else line[: _SHOWN - 3] + "..."
 
 
 def checked(entry: Declared, value: Any, where: str = "settings") -> Any:
@@ -161,7 +172,7 @@ def checked(entry: Declared, value: Any, where: str = "settings") -> Any:
         return [_scalar(entry, 0.0, v, label) for v in value]
     if isinstance(entry.default, list):
         if not isinstance(value, list | tuple):
-            raise SettingsError(f"{label} must be a list, got {value!r}.")
+            raise SettingsError(f"{label} must be a list, got {shown(value)}.")
         sample = entry.default[0] if entry.default else (value[0] if value else 0.0)
         if isinstance(sample, int) and not isinstance(sample, bool) and any(isinstance(v, float) for v in value):
             sample = 0.0
@@ -172,20 +183,24 @@ def checked(entry: Declared, value: Any, where: str = "settings") -> Any:
 def _scalar(entry: Declared, sample: Any, value: Any, label: str) -> Any:
     if isinstance(sample, bool):
         if not isinstance(value, bool):
-            raise SettingsError(f"{label} must be true or false, got {value!r}.")
+            raise SettingsError(f"{label} must be true or false, got {shown(value)}.")
         return value
     if isinstance(sample, str):
         if not isinstance(value, str):
-            raise SettingsError(f"{label} must be text, got {value!r}.")
+            raise SettingsError(f"{label} must be text, got {shown(value)}.")
         if entry.choices and value not in entry.choices:
-            raise SettingsError(f"{label} must be one of {', '.join(entry.choices)}, got '{value}'.")
+            raise SettingsError(f"{label} must be one of {', '.join(entry.choices)}, got {shown(value)}.")
         return value
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise SettingsError(f"{label} must be a number{_unit(entry)}, got {value!r}.")
+        raise SettingsError(f"{label} must be a number{_unit(entry)}, got {shown(value)}.")
+    try:
+        finite = math.isfinite(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        finite = False
+    if not finite:
+        raise SettingsError(f"{label} must be finite, got {shown(value)}.")
     if isinstance(sample, int) and value != int(value):
-        raise SettingsError(f"{label} must be a whole number, got {value!r}.")
-    if not math.isfinite(value):
-        raise SettingsError(f"{label} must be finite, got {value!r}.")
+        raise SettingsError(f"{label} must be a whole number, got {shown(value)}.")
     low, high = entry.minimum, entry.maximum
     if (low is not None and value < low) or (high is not None and value > high):
         limits = " and ".join(f"{w} {x:g}" for w, x in (("at least", low), ("at most", high)) if x is not None)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.calibration.magnetometer_fit import NARROW_DEG, Coverage, MagnetometerFit, coverage_of
+from lowcostnav_ros.calibration.magnetometer_full import full_fit
 from lowcostnav_ros.calibration.magnetometer_known_strength import CalibrationPrior, known_strength_fit
-from lowcostnav_ros.calibration.magnetometer_two_step import two_step_fit
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.physics.rotation import quat_to_dcm
 
@@ -115,6 +115,6 @@ class MagnetometerCollection:
         """
         measured = np.array(self._measured).reshape(-1, 3)
         try:
-            return two_step_fit(measured, self.strength, 2.0 * NARROW_DEG)
+            return full_fit(measured, self.strength, 2.0 * NARROW_DEG)
         except CalibrationError:
             return known_strength_fit(measured, self.strength, prior)

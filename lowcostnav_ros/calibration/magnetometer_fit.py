@@ -6,7 +6,7 @@ the measured cloud.  Fields are in the unit of the data throughout; the result i
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -74,6 +74,8 @@ class MagnetometerFit:
     samples : int
     warnings : tuple of str
         Sentences a user should read before trusting the numbers.
+    cross_sigma : ndarray, shape (3,)
+        Standard deviations of the elements off the diagonal, yz, xz, xy; zero where these were not fitted.
     """
 
     method: str
@@ -87,6 +89,7 @@ class MagnetometerFit:
     coverage: Coverage
     samples: int
     warnings: tuple[str, ...] = ()
+    cross_sigma: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def apply(self, measured: np.ndarray) -> np.ndarray:
         """Calibrate samples (n, 3) or (3,), unit of the data."""
@@ -194,10 +197,16 @@ def _span_deg(unit: np.ndarray) -> float:
     return math.degrees(math.acos(max(-1.0, least)))
 
 
-def _sphere_percent(unit: np.ndarray) -> float:
+def sphere_cells(unit: np.ndarray) -> np.ndarray:
+    """Number of the cell, of equal size, in which each direction (n, 3) lies."""
     band = np.minimum(((unit[:, 2] + 1.0) * 0.5 * _BANDS).astype(int), _BANDS - 1)
     sector = ((np.arctan2(unit[:, 1], unit[:, 0]) / (2.0 * np.pi) + 0.5) * _SECTORS).astype(int) % _SECTORS
-    return 100.0 * len(np.unique(band * _SECTORS + sector)) / (_BANDS * _SECTORS)
+    cell: np.ndarray = band * _SECTORS + sector
+    return cell
+
+
+def _sphere_percent(unit: np.ndarray) -> float:
+    return 100.0 * len(np.unique(sphere_cells(unit))) / (_BANDS * _SECTORS)
 
 
 def wide_coverage_of(directions: np.ndarray, minimum_strip_deg: float) -> Coverage:

@@ -89,7 +89,7 @@ def known_strength_fit(measured: np.ndarray, strength: float | np.ndarray, prior
         )
     return MagnetometerFit(
         "known-strength", hard_iron * unit, matrix, sigma[:3] * unit, sigma[3:6], residual_rms * unit, unit, condition, coverage,
-        len(measured), _warnings(learnt, sigma, prior),
+        len(measured), _warnings(learnt, sigma, prior), sigma[[8, 7, 6]],
     )  # fmt: skip
 
 

@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 
 import yaml
 
-from lowcostnav_ros.base.settings import Declared, SettingsError, declared, from_mapping
+from lowcostnav_ros.base.documents import read_yaml
+from lowcostnav_ros.base.settings import Declared, SettingsError, declared, from_mapping, shown
 
 S = TypeVar("S")
 _PACKAGE = "lowcostnav_ros"
@@ -50,26 +51,6 @@ def find_config(name: str | Path) -> Path:
     raise SettingsError(f"{name} does not exist, neither here nor among the shipped files ({there}).")
 
 
-def read_yaml(path: str | Path) -> Any:
-    """Return the content of a YAML file.
-
-    Raises
-    ------
-    SettingsError
-        For a file that is missing, unreadable or not YAML.
-    """
-    try:
-        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise SettingsError(f"{path} does not exist; check the path of the file.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path} cannot be read: {error}.") from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}" if mark else ""
-        raise SettingsError(f"{path} is not valid YAML{where}: {getattr(error, 'problem', None) or error}.") from error
-
-
 def read_parameters(path: str | Path, node: str | None = None) -> dict[str, Any]:
     """Return the parameters a YAML file gives a node: those under ``/**`` overlaid by those under the node's own name.
 
@@ -95,7 +76,7 @@ def read_parameters(path: str | Path, node: str | None = None) -> dict[str, Any]
         plain = node.strip("/")
         own = [key for key in own if key.strip("/") in (plain, plain.rpartition("/")[2], f"**/{plain}")]
         if not own and "/**" not in content:
-            raise SettingsError(f"{path} has no parameters for '{node}'; it holds those for {', '.join(content)}.")
+            raise SettingsError(f"{path} has no parameters for '{node}'; it holds those for {shown(', '.join(content), str)}.")
     elif len(own) > 1:
         raise SettingsError(f"{path} holds parameters for several nodes ({', '.join(own)}); name the one that is meant.")
     merged: dict[str, Any] = {}
@@ -178,7 +159,7 @@ def _wrapped(text: str, indent: str) -> list[str]:
 
 def _dotted(values: Any, path: str | Path, prefix: str = "") -> dict[str, Any]:
     if not isinstance(values, Mapping):
-        raise SettingsError(f"{path}: 'ros__parameters' must hold names and values, got {values!r}.")
+        raise SettingsError(f"{path}: 'ros__parameters' must hold names and values, got {shown(values)}.")
     flat: dict[str, Any] = {}
     for key, value in values.items():
         name = f"{prefix}{key}"

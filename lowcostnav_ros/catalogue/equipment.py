@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from lowcostnav_ros.base.documents import foreign_text, read_text
 from lowcostnav_ros.base.settings import SettingsError, nearest
 from lowcostnav_ros.catalogue.config_files import config_dir, find_config
 from lowcostnav_ros.radionav.stations import StationTable, stations_from_text
@@ -23,7 +24,7 @@ def load_imu_profile(name: str) -> ImuProfile:
     path = find_config(name) if name.endswith((".yaml", ".yml")) else config_dir() / "profiles" / f"{name}.yaml"
     if not path.is_file():
         raise SettingsError(f"There is no IMU profile '{name}'{nearest(name, imu_profile_names())}; or give the path of a YAML file.")
-    return imu_profile_from_text(path.read_text(encoding="utf-8"), str(path))
+    return imu_profile_from_text(read_text(path), str(path))
 
 
 def imu_profile_names() -> list[str]:
@@ -42,7 +43,7 @@ def load_stations(name: str) -> StationTable:
         When it is not usable.
     """
     path = find_config(name)
-    return stations_from_text(path.read_text(encoding="utf-8"), path.name)
+    return stations_from_text(foreign_text(path.read_bytes()), path.name)
 
 
 def load_almanac(name: str) -> "Almanac":

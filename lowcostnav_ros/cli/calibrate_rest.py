@@ -13,6 +13,7 @@ from lowcostnav_ros.calibration.profile_text import GYRO_UNITS, profile_text
 from lowcostnav_ros.calibration.record import CalibrationError, checked_record, regular_rate
 from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli.calibrate_input import Columns
+from lowcostnav_ros.cli.options import add_reading, check_folder
 from lowcostnav_ros.report.terminal import print_report
 from lowcostnav_ros.sensors.imu_grade import grade
 
@@ -23,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``allan`` and ``identify``."""
     parser.add_argument("source", metavar="BAG|CSV", help="recording at rest: a bag, or a table with a header line")
     parser.add_argument("--topic", default="imu/data_raw", help="inertial topic of a bag (default: imu/data_raw)")
+    add_reading(parser)
     parser.add_argument("--column", metavar="A,B,C", help="columns to use (default: all but the time)")
     parser.add_argument("--unit", choices=UNITS, help="unit of the columns of a table; needed for the profile")
     parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate of a table without a time column")
@@ -31,9 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def inertial(arguments: argparse.Namespace) -> tuple["Columns", float]:
     """Columns of a recording and their sampling rate, Hz."""
+    check_folder(arguments.output)
     wanted = split(arguments.column) if arguments.column else None
     if not files.is_table(arguments.source):
-        columns = files.read_topic(arguments.source, arguments.topic, files.INERTIAL)
+        columns = files.read_topic(arguments, files.INERTIAL)
         if wanted:
             columns = _chosen(columns, wanted)
     else:
@@ -76,7 +79,7 @@ def print_columns(heads: tuple[str, ...], rows: list[tuple], columns: Columns) -
     """Print a row for each column, and what the unit is."""
     units = ", ".join(sorted({unit for unit in columns.units.values() if unit})) or "the unit of the columns (give it with --unit)"
     table = Table.plain("", heads, [(row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows])
-    print_report("", [table], [f"u is {units}; {columns.source}"])
+    print_report("", [table], [f"u is {units}; {columns.source}", *columns.notes])
 
 
 def print_grade(drifts: dict[str, float], columns: Columns) -> None:

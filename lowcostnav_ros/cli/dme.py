@@ -13,12 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from lowcostnav_ros.base.documents import foreign_text, write_text
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.catalogue.config_files import find_config
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import between
+from lowcostnav_ros.cli.options import between, check_files
 from lowcostnav_ros.radionav.coverage import altitudes_above
 from lowcostnav_ros.radionav.navaid_import import NavaidList, lost_longitude_signs, navaids_from_text, select_near, table_as_text
 from lowcostnav_ros.report.dme.figures import FIGURES
@@ -78,9 +79,10 @@ def _import(arguments: argparse.Namespace) -> int:
     (lat, lon), *_ = _waypoints(arguments.near, "--near")
     if not arguments.within_nm > 0.0:
         raise SettingsError(f"--within-nm must be positive, got {arguments.within_nm:g}.")
+    check_files(arguments.output)
     navaids = _read(arguments.source, arguments.undulation_m)
     table, notes = select_near(navaids, np.array([lat]), np.array([lon]), arguments.within_nm * NAUTICAL_MILE, arguments.source)
-    Path(arguments.output).write_text(table_as_text(table), encoding="utf-8")
+    write_text(arguments.output, table_as_text(table))
     for reason, count in sorted(navaids.left_out.items()):
         notes.append(f"{count} rows of the list not used: {reason}.")
     for station in lost_longitude_signs(navaids):
@@ -91,7 +93,7 @@ def _import(arguments: argparse.Namespace) -> int:
 
 def _read(name: str, undulation_m: float) -> NavaidList:
     path = find_config(name)
-    return navaids_from_text(path.read_text(encoding="utf-8", errors="replace"), str(name), undulation_m)
+    return navaids_from_text(foreign_text(path.read_bytes()), str(name), undulation_m)
 
 
 def _place(arguments: argparse.Namespace) -> tuple[list[tuple[float, float]], float]:

@@ -18,7 +18,7 @@ from lowcostnav_ros.base.settings import SettingsError, from_mapping
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.catalogue.equipment import load_almanac
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import between, check_folders
+from lowcostnav_ros.cli.options import between, check_files
 from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
 from lowcostnav_ros.gnss import GnssError
@@ -81,7 +81,7 @@ def gnss(arguments: argparse.Namespace) -> int:
 
 def _locate(arguments: argparse.Namespace) -> int:
     settings = correction_settings(arguments)
-    check_folders(arguments.out, arguments.page)
+    check_files(arguments.out, arguments.page)
     observations, navigation = read_observations(arguments.observations), read_navigation(arguments.navigation)
     located = located_with_progress(observations, navigation, settings, "locate")
     summary = summarise(Path(arguments.observations).name, observations, navigation, located)

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.calibration import magnetometer_fit as fits
 from lowcostnav_ros.calibration.magnetometer_batch import batch_fit
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit, calibration_of
+from lowcostnav_ros.calibration.magnetometer_full import POOREST, full_fit, weakness
 from lowcostnav_ros.calibration.magnetometer_known_strength import known_strength_fit
 from lowcostnav_ros.calibration.magnetometer_two_step import level_turn_fit, two_step_fit
 from lowcostnav_ros.calibration.profile_text import calibration_text
@@ -18,9 +20,10 @@ from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli.calibrate_input import Columns
 from lowcostnav_ros.cli.calibrate_rest import split
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.options import add_reading, check_files
 from lowcostnav_ros.physics.geomagnetism import field_n
 
-METHODS = ("two-step", "batch", "known-strength", "level-turn")
+METHODS = ("full", "two-step", "batch", "known-strength", "level-turn")
 UNITS = ("T", "G", "mG", "uT", "nT")
 
 
@@ -28,12 +31,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
     parser.add_argument("source", metavar="BAG|CSV", help="recording with the attitudes to calibrate from")
     parser.add_argument("--topic", default="imu/mag", help="magnetometer topic of a bag (default: imu/mag)")
+    add_reading(parser)
     parser.add_argument("--column", metavar="X,Y,Z", default="x,y,z", help="columns forward, right, down of a table (default: x,y,z)")
     parser.add_argument("--unit", choices=UNITS, help="unit of a table (default: found from the magnitude)")
     parser.add_argument("--strength", type=float, metavar="UT", help="earth field strength, microtesla (level-turn: the horizontal one)")
     parser.add_argument("--place", metavar="LAT,LON[,M]", help="degrees and metres, for the magnetic model (default: the bag's first fix)")
     parser.add_argument("--date", type=float, metavar="YEAR", help="decimal year for the magnetic model (default: of the bag)")
-    parser.add_argument("--method", choices=METHODS, default="two-step", help="how to fit (default: two-step)")
+    parser.add_argument("--method", choices=METHODS, default="full", help="how to fit (default: full, soft iron too)")
     parser.add_argument("--min-coverage", type=float, default=15.0, metavar="DEG", help="refuse free fits from less tilt (default: 15)")
     parser.add_argument("-o", "--output", metavar="FILE.yaml", help="write the calibration, and a chart beside it")
 
@@ -41,13 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 @job("Calibrate a magnetometer from a turn or a flight: hard iron, scale factors, and how far to trust them.", add_arguments)
 def magcal(arguments: argparse.Namespace) -> int:
     """Fit, print how far to trust it, write the calibration."""
-
+    check_files(arguments.output)
     table = files.is_table(arguments.source)
     wanted = split(arguments.column)
-    if table:
-        columns = files.read_table(arguments.source, wanted, arguments.unit or "")
-    else:
-        columns = files.read_topic(arguments.source, arguments.topic, files.MAGNETIC)
+    columns = files.read_table(arguments.source, wanted, arguments.unit or "") if table else files.read_topic(arguments, files.MAGNETIC)
     if len(columns.values) != 3:
         raise CalibrationError("A calibration needs three columns, forward, right, down; name them with --column.")
     raw = np.column_stack(list(columns.values.values()))
@@ -56,6 +57,12 @@ def magcal(arguments: argparse.Namespace) -> int:
     unit = given or fits.unit_by_magnitude(finite if len(finite) else raw)
     measured_ut = raw * fits.TESLA_PER[unit] * 1e6
     fit = _fit(arguments, measured_ut, _strength_ut(arguments, columns))
+    if arguments.method != "known-strength" and fit.residual_rms > POOREST * fit.strength:
+        share = 100.0 * fit.residual_rms / fit.strength
+        raise CalibrationError(f"The samples lie on no ellipsoid along the axes: residual {share:.0f} % of the field; use --method full.")
+    missing = weakness(fit, POOREST) if arguments.method in ("two-step", "batch") else ""
+    if missing:
+        raise CalibrationError(f"The samples do not show {missing}; bank and pitch more in all headings.")
     _print_fit(fit, unit, bool(given))
     if arguments.output:
         _write_calibration(arguments, fit, measured_ut)
@@ -94,7 +101,9 @@ def _fit(arguments: argparse.Namespace, measured_ut: np.ndarray, strength_ut: fl
         return level_turn_fit(measured_ut, strength_ut)
     if arguments.method == "batch":
         return batch_fit(measured_ut, strength_ut, minimum_strip_deg=arguments.min_coverage)
-    return two_step_fit(measured_ut, strength_ut, arguments.min_coverage)
+    if arguments.method == "two-step":
+        return two_step_fit(measured_ut, strength_ut, arguments.min_coverage)
+    return full_fit(measured_ut, strength_ut, arguments.min_coverage)
 
 
 def _print_fit(fit: MagnetometerFit, unit: str, given: bool) -> None:
@@ -103,6 +112,9 @@ def _print_fit(fit: MagnetometerFit, unit: str, given: bool) -> None:
     for axis, name in enumerate("xyz"):
         scale, sigma = fit.scale[axis], 100.0 * fit.scale_sigma[axis]
         print(f"  {name}: hard iron {fit.hard_iron[axis]:9.3f} +- {fit.hard_iron_sigma[axis]:.3f} uT, factor {scale:.4f} +- {sigma:.2f} %")
+    if np.any(fit.cross_sigma):
+        yz, xz, xy = (f"{fit.matrix[i, j]:.4f} +- {s:.4f}" for (i, j), s in zip(((1, 2), (0, 2), (0, 1)), fit.cross_sigma, strict=True))
+        print(f"  cross terms: xy {xy}, xz {xz}, yz {yz}")
     print(f"residual {fit.residual_rms:.3f} uT RMS, condition {fit.condition:.1f}")
     for warning in fit.warnings:
         print(f"note: {warning}")
@@ -111,7 +123,7 @@ def _print_fit(fit: MagnetometerFit, unit: str, given: bool) -> None:
 def _write_calibration(arguments: argparse.Namespace, fit: MagnetometerFit, measured_ut: np.ndarray) -> None:
     path = Path(arguments.output)
     text = calibration_text(calibration_of(fit, "uT"), fit, Path(arguments.source).name)
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)
     chart = path.with_suffix(".png")
     charts.save(chart, charts.sphere_figure(measured_ut, fit, "uT"), (11.0, 4.0))
     print(f"calibration in {path}, chart in {chart}")

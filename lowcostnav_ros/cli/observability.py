@@ -15,7 +15,7 @@ from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.catalogue.building import build_navigators
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import check_folders
+from lowcostnav_ros.cli.options import check_files
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.registry import NAVIGATORS
@@ -43,7 +43,7 @@ def observability(arguments: argparse.Namespace) -> int:
     """Replay the bag through one navigator and print which of its states were observable."""
     if not 0.0 < arguments.period <= 3600.0:
         raise SettingsError(f"--period must be above 0 and at most 3600 s, got {arguments.period:g}.")
-    check_folders(arguments.json)
+    check_files(arguments.json)
     navigator, found = watch_bag(Path(arguments.bag), arguments.navigator, arguments.config, arguments.period)
     if not found:
         raise SettingsError(f"{arguments.navigator} fused nothing in {arguments.bag}: it ended {navigator.mode}, {navigator.reason}.")

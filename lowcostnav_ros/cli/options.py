@@ -1,20 +1,50 @@
 """Checks of options that several jobs share."""
 
+import argparse
+import os
 from pathlib import Path
 
 from lowcostnav_ros.base.settings import SettingsError
 
 
-def check_folders(*paths: str | None) -> None:
-    """Refuse files to write whose folder does not exist.
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Add the options by which a recording of another system is read."""
+    text = "read a recorded topic as one of ours (fix=gps/fix; uav1/= drops a namespace); repeatable"
+    parser.add_argument("--map", action="append", default=[], metavar="TOPIC=OURS", help=text)
+    text = "accept this frame id of every source, 'any' for all; repeatable"
+    parser.add_argument("--frame", action="append", default=[], metavar="FRAME", help=text)
+
+
+def check_files(*paths: str | None) -> None:
+    """Refuse, before the work, files that cannot be written.
 
     Raises
     ------
     SettingsError
     """
-    for path in paths:
-        if path and not Path(path).resolve().parent.is_dir():
+    for path in filter(None, paths):
+        folder = Path(path).resolve().parent
+        if not folder.is_dir():
             raise SettingsError(f"The folder of {path} does not exist; create it first.")
+        if Path(path).is_dir():
+            raise SettingsError(f"{path} is a folder; name a file in it.")
+        if not os.access(path if Path(path).exists() else folder, os.W_OK):
+            raise SettingsError(f"{path} cannot be written; check its permissions.")
+
+
+def check_folder(path: str | None) -> None:
+    """Refuse, before the work, a folder that cannot be made or written into.
+
+    Raises
+    ------
+    SettingsError
+    """
+    if path:
+        there = next(p for p in (Path(path).resolve(), *Path(path).resolve().parents) if p.exists())
+        if not there.is_dir():
+            raise SettingsError(f"{there} is no folder; give another place for {path}.")
+        if not os.access(there, os.W_OK):
+            raise SettingsError(f"{path} cannot be written; check the permissions of {there}.")
 
 
 def between(option: str, value: float, low: float, high: float) -> float:

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import check_folders
+from lowcostnav_ros.cli.options import add_reading, check_files, check_folder
 from lowcostnav_ros.cli.progress import progress_bar
+from lowcostnav_ros.messages.foreign import parse_maps
 from lowcostnav_ros.replay import bag_replay, baseline
 from lowcostnav_ros.replay.baseline import BETTER, SAME, WORSE, Verdict, write_baseline
 from lowcostnav_ros.replay.result import ReplayResult
@@ -42,6 +44,7 @@ def add_common(parser: argparse.ArgumentParser, note: str = "") -> None:
     parser.add_argument("--config", metavar="DIR", help=f"directory with <navigator>.yaml (default: the package's own){note}")
     text = f"keep sources back; repeatable{note}"
     parser.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-[B]]", help=text)
+    add_reading(parser)
     parser.add_argument("--smooth", action="store_true", help=f"smooth the whole flight backwards as well{note}")
 
 
@@ -49,7 +52,8 @@ def add_common(parser: argparse.ArgumentParser, note: str = "") -> None:
 def replay(arguments: argparse.Namespace) -> int:
     """Replay a bag; 0 when nothing is worse than the baseline, 1 when something is."""
     expected = baseline.load_baseline(Path(arguments.baseline)) if arguments.baseline else None
-    check_folders(arguments.json, arguments.write_baseline)
+    check_files(arguments.json, arguments.write_baseline)
+    check_folder(arguments.out)
     out = Path(arguments.out) if arguments.out else None
     result = replay_with_progress(arguments, out, arguments.truth)
     found = result.recording.bag.sha256 if result.recording else ""
@@ -76,7 +80,8 @@ def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth:
     withhold = tuple(parse_withhold(text) for text in arguments.withhold)
     config = Path(arguments.config) if arguments.config else None
     with progress_bar("replay") as advance:
-        options = bag_replay.ReplayOptions(names, config, withhold, truth, out, arguments.registry, advance, arguments.smooth)
+        reading = parse_maps(arguments.map), tuple(arguments.frame)
+        options = bag_replay.ReplayOptions(names, config, withhold, truth, out, arguments.registry, advance, arguments.smooth, *reading)
         return bag_replay.replay_bag(arguments.bag if "bag" in arguments else arguments.source, options)
 
 
@@ -90,9 +95,9 @@ def _write(arguments: argparse.Namespace, out: Path | None, mapping: dict[str, A
     lines = []
     text = json.dumps(mapping, indent=1, allow_nan=False) + "\n"
     if arguments.json:
-        Path(arguments.json).write_text(text, encoding="utf-8")
+        write_text(arguments.json, text)
     if out is not None:
-        (out / "summary.json").write_text(text, encoding="utf-8")
+        write_text(out / "summary.json", text)
         lines.append(f"results in {out}")
     if arguments.write_baseline:
         count = write_baseline(Path(arguments.write_baseline), mapping)

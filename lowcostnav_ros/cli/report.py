@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.options import check_files
 from lowcostnav_ros.cli.replay import add_common, replay_with_progress
 from lowcostnav_ros.report.flight.page import write_page
 
@@ -21,6 +22,7 @@ def add_arguments(report: argparse.ArgumentParser) -> None:
 @job("One self-contained HTML page about a flight: map, errors in their sigmas, aids, tables.", add_arguments)
 def report(arguments: argparse.Namespace) -> int:
     """Write the page; returns 0."""
+    check_files(arguments.output)
     source = Path(arguments.source)
     with tempfile.TemporaryDirectory(prefix="lowcostnav-report-") as folder:
         if not (source / "summary.json").is_file():

@@ -18,7 +18,7 @@ from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.convert.convert import Record
 from lowcostnav_ros.cores.imu_errors import ImuSettings
 from lowcostnav_ros.messages import encode
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
+from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, new_bag
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.simulation.scenario import Scenario, load_scenario
@@ -42,15 +42,16 @@ def simulate(arguments: argparse.Namespace) -> int:
         raise SettingsError(f"--duration must be positive, got {arguments.duration:g}.")
     scenario = load_scenario(arguments.scenario, arguments.seed)
     settings = navigator_settings(scenario)  # first: what cannot be used is better refused before the flight than after
-    counts = write_bag(scenario, arguments.output, arguments.storage, arguments.duration)
-    _write_settings(settings, Path(arguments.output) / SETTINGS_FOLDER)
+    counts = write_bag(scenario, arguments.output, arguments.storage, arguments.duration, settings)
     for topic, count in sorted(counts.items()):
         print(f"{topic:24} {count:8d}")
     print(f"flight '{scenario.name}' (seed {scenario.seed}) in {arguments.output}")
     return 0
 
 
-def write_bag(scenario: Scenario, output: str, storage: str = "mcap", duration_s: float | None = None) -> dict[str, int]:
+def write_bag(
+    scenario: Scenario, output: str, storage: str = "mcap", duration_s: float | None = None, settings: Mapping[str, str] | None = None
+) -> dict[str, int]:
     """Fly a scenario into a bag; print notes on its equipment, return the number of messages by topic.
 
     Every message is recorded at its stamp, truth at 20 Hz as the live truth source publishes it.
@@ -64,15 +65,18 @@ def write_bag(scenario: Scenario, output: str, storage: str = "mcap", duration_s
         ``mcap`` or ``sqlite3``.
     duration_s : float, optional
         Stop after this many seconds instead of flying the scenario to its end.
+    settings : mapping of navigator to YAML text, optional
+        Settings that the recording carries.
     """
     simulation = Simulation(scenario)
     planned_s = duration_s or scenario.truth.duration_s
-    with BagWriter(output, storage) as writer, progress_bar("simulate") as advance:
+    with new_bag(output, storage) as writer, progress_bar("simulate") as advance:
         for flown_s, records in _flown(simulation.blocks(), duration_s):
             for stamp_ns, topic, msgtype, raw in records:
                 writer.write(topic, msgtype, stamp_ns, raw)
             if advance is not None and planned_s:
                 advance(min(1.0, flown_s / planned_s))
+        _write_settings(settings or {}, writer.path / SETTINGS_FOLDER)
         counts = dict(writer.counts)
     for note in simulation.notes:
         print(note)
@@ -96,7 +100,7 @@ def navigator_settings(scenario: Scenario) -> dict[str, str]:
     return {name: text for name, kind in navigators.items() if isinstance(getattr(kind.Settings(), "imu", None), ImuSettings)}
 
 
-def _write_settings(files: dict[str, str], folder: Path) -> None:
+def _write_settings(files: Mapping[str, str], folder: Path) -> None:
     for name, text in files.items():
         folder.mkdir(exist_ok=True)
         (folder / f"{name}.yaml").write_text(text, encoding="utf-8")

@@ -13,8 +13,9 @@ from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.convert.profile import ConvertError, FieldSpec, Profile, TableProfile, TopicProfile, load_profile
 from lowcostnav_ros.convert.table import Table, read_table
 from lowcostnav_ros.convert.timebase import stamps_ns
+from lowcostnav_ros.convert.units_by_name import NMEA
 from lowcostnav_ros.messages import conversions as conv
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
+from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter, new_bag
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.messages.samples import TableRow
 from lowcostnav_ros.messages.store import to_cdr
@@ -78,23 +79,26 @@ def convert(source: str | Path, profile: str | Path | Profile, out_bag: str | Pa
         Each with one sentence that says what to do.
     """
     checked = profile if isinstance(profile, Profile) else load_profile(profile)
+    with new_bag(out_bag, storage) as bag:
+        return _converted(Path(source), checked, bag)
+
+
+def _converted(source: Path, checked: Profile, bag: BagWriter) -> ConversionReport:
     report = ConversionReport()
     records: list[Record] = []
     for table_profile in checked.tables:
-        records += _records(_file(Path(source), table_profile, len(checked.tables)), table_profile, report)
-    report.messages = write_records(records, out_bag, storage)
+        records += _records(_file(source, table_profile, len(checked.tables)), table_profile, report)
+    write_records(bag, records)
+    report.messages, report.vehicle = dict(bag.counts), checked.vehicle
     if checked.vehicle:  # the recording carries the settings its vehicle is to be replayed with
-        report.vehicle = checked.vehicle
-        shutil.copytree(config_dir() / "vehicles" / checked.vehicle, Path(out_bag) / SETTINGS_FOLDER)
+        shutil.copytree(config_dir() / "vehicles" / checked.vehicle, bag.path / SETTINGS_FOLDER)
     return report
 
 
-def write_records(records: list[Record], out_bag: str | Path, storage: str) -> dict[str, int]:
-    """Write a bag in order of stamps; records of one stamp keep their order. Return the number of messages by topic."""
-    with BagWriter(out_bag, storage) as bag:
-        for stamp_ns, topic, msgtype, cdr in sorted(records, key=lambda record: record[0]):
-            bag.write(topic, msgtype, stamp_ns, cdr)
-        return dict(bag.counts)
+def write_records(bag: BagWriter, records: list[Record]) -> None:
+    """Write records in order of stamps; those of one stamp keep their order."""
+    for stamp_ns, topic, msgtype, cdr in sorted(records, key=lambda record: record[0]):
+        bag.write(topic, msgtype, stamp_ns, cdr)
 
 
 def _file(source: Path, profile: TableProfile, tables: int) -> Path:
@@ -125,6 +129,7 @@ def _records(path: Path, profile: TableProfile, report: ConversionReport) -> lis
     records: list[Record] = []
     for topic in profile.topics:
         columns = {name: _values(spec, table, rising) for name, spec in topic.fields.items()}
+        _refuse_no_place(columns, table, rising, f"{path}, {topic.topic}")
         records += _topic_records(topic, stamps[rising], columns)
     return records
 
@@ -152,6 +157,19 @@ def _kept(table: Table, profile: TableProfile) -> np.ndarray:
     return kept
 
 
+def _refuse_no_place(columns: dict[str, np.ndarray], table: Table, rows: np.ndarray, where: str) -> None:
+    """Refuse latitudes and longitudes that are none, with what they look like."""
+    for name, limit_deg in (("lat", 90.0), ("lon", 180.0)):
+        degrees = np.degrees(columns.get(name, np.zeros(0)))
+        wrong = np.flatnonzero(np.abs(degrees) > limit_deg * (1.0 + 1e-12))
+        if not len(wrong):
+            continue
+        value, line = degrees[wrong[0]], table.lines[np.flatnonzero(rows)[wrong[0]]]
+        guess = "latitude and longitude exchanged?" if abs(value) <= 180.0 else "degrees and minutes of NMEA (unit ddmm)?"
+        guess = "1e-7 deg (unit 1e-7 deg)?" if abs(value) > 100.0 * limit_deg + 60.0 else guess
+        raise ConvertError(f"{where}: line {line}: {name} {value:.10g} is no number of degrees: {guess}")
+
+
 def _values(spec: FieldSpec, table: Table, rows: np.ndarray) -> np.ndarray:
     """Return a field in SI and NED/FRD: shape (n,) for one column, (n, k) for several."""
     n = int(rows.sum())
@@ -159,6 +177,9 @@ def _values(spec: FieldSpec, table: Table, rows: np.ndarray) -> np.ndarray:
         values = np.stack([table.numbers[name][rows] for name in spec.columns], axis=1)
     else:
         values = np.tile(np.array(spec.constants), (n, 1))
+    if spec.unit == NMEA:
+        whole = np.trunc(values / 100.0)
+        values = whole + (values - 100.0 * whole) / 60.0
     values = values * spec.factor + spec.offset
     if spec.frame == "ENU":
         values = conv.swap_world(values)

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lowcostnav_ros.base.settings import nearest
-from lowcostnav_ros.catalogue.config_files import config_dir, find_config, read_yaml
+from lowcostnav_ros.base.documents import read_yaml
+from lowcostnav_ros.base.settings import nearest, shown
+from lowcostnav_ros.catalogue.config_files import config_dir, find_config
 from lowcostnav_ros.convert.units_by_name import UNITS
 from lowcostnav_ros.messages.kind import TOPICS, Quantity
 from lowcostnav_ros.messages.topics import kind_of
@@ -25,6 +26,7 @@ class FieldSpec:
     factor: float
     offset: float
     frame: str
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +67,7 @@ class TableProfile:
     time: TimeBase
     topics: tuple[TopicProfile, ...]
     columns: tuple[str, ...] = ()
-    delimiter: str = ","
+    delimiter: str = ""
     comment: str = "%#"
     keep: dict[str, tuple[float, float]] = field(default_factory=dict)
     every: int = 1
@@ -138,7 +140,7 @@ def profile_from(content: Any, where: str = "profile") -> Profile:
 
 def _known(content: Any, keys: set[str], where: str, required: tuple[str, ...] = ()) -> None:
     if not isinstance(content, Mapping):
-        raise ConvertError(f"{where}: expected names and values, got {content!r}.")
+        raise ConvertError(f"{where}: expected names and values, got {shown(content)}.")
     for key in content:
         if key not in keys:
             raise ConvertError(f"{where}: unknown key '{key}'{nearest(str(key), keys)}.")
@@ -153,16 +155,16 @@ def _table(content: Any, where: str) -> TableProfile:
     if not isinstance(content["topics"], Mapping) or not content["topics"]:
         raise ConvertError(f"{where}: 'topics' must name at least one topic.")
     every = content.get("every", 1)
-    if not isinstance(every, int) or every < 1:
-        raise ConvertError(f"{where}: 'every' must be a whole number of at least 1, got {every!r}.")
+    if not isinstance(every, int) or isinstance(every, bool) or every < 1:
+        raise ConvertError(f"{where}: 'every' must be a whole number of at least 1, got {shown(every)}.")
     keep = content.get("keep", {})
     _known(keep, set(keep) if isinstance(keep, Mapping) else set(), f"{where}: keep")
     return TableProfile(
         str(content["file"]),
         _time(content["time"], f"{where}: time"),
         tuple(_topic(name, value, f"{where}: {name}") for name, value in content["topics"].items()),
-        tuple(map(str, content.get("columns", ()))),
-        str(content.get("delimiter", ",")),
+        _columns({"columns": content["columns"]}, where) if "columns" in content else (),
+        str(content.get("delimiter", "")),
         str(content.get("comment", "%#")),
         {str(k): _numbers(v, 2, f"{where}: keep.{k}") for k, v in keep.items()},
         every,
@@ -176,6 +178,9 @@ def _time(content: Any, where: str) -> TimeBase:
     if not columns:
         raise ConvertError(f"{where}: name the 'column' or 'columns' that hold the time.")
     text_format = str(content.get("format", ""))
+    timed = bool(text_format) and not any(part in text_format for part in ("%d", "%j", "%x", "%c"))
+    if timed and not content.get("epoch_s"):
+        raise ConvertError(f"{where}: the format '{text_format}' has no date; add the column of the date, or 'epoch_s', its midnight.")
     if len(columns) > 1 and not text_format:
         raise ConvertError(f"{where}: several columns need a 'format' to read them by.")
     factor, _ = (1.0, 0.0) if text_format else _unit(content.get("unit", "s"), "time", where)
@@ -197,7 +202,10 @@ def _topic(topic: str, content: Any, where: str) -> TopicProfile:
     fields = {name: _field(value, expected[name], f"{where}.{name}") for name, value in content.items() if name in expected}
     if "quaternion" in expected and ("quaternion" in fields) == ("euler" in fields):
         raise ConvertError(f"{where}: give the attitude either as 'quaternion' or as 'euler'.")
-    mounting = tuple(_numbers(turn, 3, f"{where}.mounting_deg") for turn in content.get("mounting_deg", ()))
+    turns = content.get("mounting_deg", [])
+    if not isinstance(turns, list):
+        raise ConvertError(f"{where}.mounting_deg: expected a list of rotations of three angles, got {shown(turns)}.")
+    mounting = tuple(_numbers(turn, 3, f"{where}.mounting_deg") for turn in turns)
     return TopicProfile(topic, fields, mounting, str(content.get("station", "")))
 
 
@@ -205,6 +213,8 @@ def _field(content: Any, quantity: Quantity, where: str) -> FieldSpec:
     _known(content, {"column", "columns", "constant", "constants", "unit", "frame"}, where)
     columns = _columns(content, where)
     constants = content.get("constants", [content["constant"]] if "constant" in content else [])
+    if not isinstance(constants, list):
+        raise ConvertError(f"{where}: 'constants' must be a list of numbers, got {shown(constants)}.")
     if bool(columns) == bool(constants):
         raise ConvertError(f"{where}: give either columns or constants.")
     if len(columns or constants) != quantity.size:
@@ -216,7 +226,7 @@ def _field(content: Any, quantity: Quantity, where: str) -> FieldSpec:
     if unit is None:
         raise ConvertError(f"{where}: 'unit' is missing; known: {', '.join(UNITS[quantity.dimension])}.")
     factor, offset = _unit(unit, quantity.dimension, where)
-    return FieldSpec(columns, numbers, factor, 0.0 if where.endswith("sigma") else offset, _frame(content, quantity, where))
+    return FieldSpec(columns, numbers, factor, 0.0 if where.endswith("sigma") else offset, _frame(content, quantity, where), str(unit))
 
 
 def _frame(content: Mapping, quantity: Quantity, where: str) -> str:
@@ -224,26 +234,26 @@ def _frame(content: Mapping, quantity: Quantity, where: str) -> str:
         return ""
     if "frame" not in content:
         raise ConvertError(f"{where}: 'frame' is missing; known: {', '.join(quantity.frames)}.")
-    if content["frame"] not in quantity.frames:
+    if content["frame"] not in tuple(quantity.frames):
         raise ConvertError(f"{where}: unknown frame '{content['frame']}'{nearest(str(content['frame']), quantity.frames)}.")
     return content["frame"]
 
 
 def _columns(content: Mapping, where: str) -> tuple[str, ...]:
     columns = content.get("columns", [content["column"]] if "column" in content else [])
-    if not isinstance(columns, list):
-        raise ConvertError(f"{where}: 'columns' must be a list of column names, got {columns!r}.")
+    if not isinstance(columns, list) or not all(isinstance(name, str | int) for name in columns):
+        raise ConvertError(f"{where}: 'columns' must be a list of column names, got {shown(columns)}.")
     return tuple(map(str, columns))
 
 
 def _unit(unit: Any, dimension: str, where: str) -> tuple[float, float]:
-    if unit not in UNITS[dimension]:
+    if not isinstance(unit, str) or unit not in UNITS[dimension]:
         raise ConvertError(f"{where}: '{unit}' is not a unit of {dimension}{nearest(str(unit), UNITS[dimension])}.")
     return UNITS[dimension][unit]
 
 
 def _numbers(values: Any, size: int, where: str) -> Any:
     good = isinstance(values, list) and len(values) == size and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
-    if not good:
-        raise ConvertError(f"{where}: expected {size} number{'s' if size > 1 else ''}, got {values!r}.")
+    if not good or not all(abs(v) < 1e300 for v in values):
+        raise ConvertError(f"{where}: expected {size} number{'s' if size > 1 else ''}, got {shown(values)}.")
     return tuple(map(float, values))

@@ -20,7 +20,7 @@ from lowcostnav_ros.convert.rinex_files import read_navigation, read_observation
 from lowcostnav_ros.gnss.correction import CorrectionSettings
 from lowcostnav_ros.gnss.track import HOLD_S, Track, track
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER
+from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter, new_bag
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnlySettings
 from lowcostnav_ros.physics.earth import LocalFrame, ecef_to_geodetic
@@ -111,6 +111,18 @@ def convert_rinex(
     GnssError, ConvertError, BagError
         Each with one sentence that says what to do.
     """
+    with new_bag(out_bag, storage) as bag:
+        return _converted(observations, navigation, bag, at_rest, settings, on_progress)
+
+
+def _converted(
+    observations: str | Path,
+    navigation: Sequence[str | Path],
+    bag: BagWriter,
+    at_rest: bool,
+    settings: CorrectionSettings | None,
+    on_progress: Callable[[float], None] | None,
+) -> RinexReport:
     read, ephemerides = read_observations(observations), read_navigation(navigation)
     if at_rest and read.approx_position_e is None:
         raise ConvertError(f"{observations} has no coordinates in its header to take for the truth; drop --at-rest.")
@@ -124,10 +136,11 @@ def convert_rinex(
     records = [record for epoch in epochs for record in encode.encode_cdr(epoch)]
     if at_rest and read.approx_position_e is not None:
         records += _truth([epoch.stamp_ns for epoch in epochs], read.approx_position_e)
-    report.messages = write_records(records, out_bag, storage)
+    write_records(bag, records)
+    report.messages = dict(bag.counts)
     report.settings = _settings(any(epoch.doppler_valid.any() for epoch in epochs), min(read.interval_s or 0.0, LONGEST_INTERVAL_S))
     if report.settings:
-        _write_settings(report.settings, Path(out_bag) / SETTINGS_FOLDER)
+        _write_settings(report.settings, bag.path / SETTINGS_FOLDER)
     return report
 
 

@@ -2,6 +2,7 @@
 
 import gzip
 import math
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -9,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lowcostnav_ros.base.settings import nearest
+from lowcostnav_ros.base.documents import cells_of, delimiter_of, foreign_text
+from lowcostnav_ros.base.settings import nearest, shown
 from lowcostnav_ros.convert.profile import ConvertError, TableProfile
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -26,6 +28,8 @@ class Table:
         Time of each row, ns since 1970, where the profile reads it as text.
     row_end : ndarray of int
         Byte count of the file up to and including each row, as it was when recorded.
+    lines : list of int
+        Line of each row.
     malformed : list of (line number, reason)
     total : int
         Data rows seen.
@@ -34,6 +38,7 @@ class Table:
     numbers: dict[str, np.ndarray]
     written_ns: list[int]
     row_end: np.ndarray
+    lines: list[int] = field(default_factory=list)
     malformed: list[tuple[int, str]] = field(default_factory=list)
     total: int = 0
 
@@ -47,7 +52,7 @@ def read_table(path: Path, profile: TableProfile) -> Table:
         For a file without rows, a column that is not there, or a file in which every row is malformed.
     """
     lines = _lines(path, profile.time.line_end_bytes)
-    names = profile.columns or _header(lines, profile, path)
+    names, delimiter = _header(lines, profile, path) if not profile.columns else (profile.columns, profile.delimiter)
     wanted = sorted(profile.needed())
     where = _places(wanted, names, path)
     text_places = _places(profile.time.columns, names, path) if profile.time.text_format else []
@@ -58,7 +63,10 @@ def read_table(path: Path, profile: TableProfile) -> Table:
         if not line.strip() or line.lstrip()[0] in profile.comment:
             continue
         table.total += 1
-        cells = _cells(line, profile.delimiter)
+        delimiter = delimiter or delimiter_of(line)
+        cells = cells_of(line, delimiter)
+        if delimiter == ";":
+            cells = [cell.replace(",", ".") for cell in cells]  # such tables come with a decimal comma
         values, reason = _numbers(cells, where, wanted, len(names))
         if text_places and not reason:
             written, reason = _written(" ".join(cells[k] for k in text_places), profile.time.text_format)
@@ -67,6 +75,7 @@ def read_table(path: Path, profile: TableProfile) -> Table:
             continue
         rows.append(values)
         ends.append(end)
+        table.lines.append(number)
         if text_places:
             table.written_ns.append(written)
     if not rows:
@@ -85,17 +94,21 @@ def _lines(path: Path, line_end_bytes: int) -> Iterator[tuple[int, int, str]]:
     try:
         with opener(path, "rb") as file:
             for number, raw in enumerate(file, 1):
+                if number == 1 and raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+                    raise ConvertError(f"{path} is UTF-16 text; save it as UTF-8.")
                 body = raw.rstrip(b"\r\n")
                 end += len(body) + line_end_bytes
-                yield number, end, body.decode("utf-8", errors="replace")
-    except (OSError, EOFError) as error:
+                yield number, end, foreign_text(body)
+    except (OSError, EOFError, zlib.error) as error:
         raise ConvertError(f"{path} cannot be read to its end: {error}.") from error
 
 
-def _header(lines: Iterator[tuple[int, int, str]], profile: TableProfile, path: Path) -> tuple[str, ...]:
+def _header(lines: Iterator[tuple[int, int, str]], profile: TableProfile, path: Path) -> tuple[tuple[str, ...], str]:
+    """Names of the columns and the delimiter."""
     for _number, _end, line in lines:
         if line.strip() and line.lstrip()[0] not in profile.comment:
-            return tuple(name.strip() for name in _cells(line, profile.delimiter))
+            delimiter = profile.delimiter or delimiter_of(line)
+            return tuple(cells_of(line, delimiter)), delimiter
     raise ConvertError(f"{path} is empty; check that it was recorded.")
 
 
@@ -104,10 +117,6 @@ def _places(wanted: list[str] | tuple[str, ...], names: tuple[str, ...], path: P
         if name not in names:
             raise ConvertError(f"{path} has no column '{name}'{nearest(name, names)}.")
     return [names.index(name) for name in wanted]
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    return line.split() if delimiter == "whitespace" else line.split(delimiter)
 
 
 def _numbers(cells: list[str], where: list[int], wanted: list[str], width: int) -> tuple[list[float], str]:
@@ -125,9 +134,10 @@ def _numbers(cells: list[str], where: list[int], wanted: list[str], width: int) 
 
 def _written(text: str, text_format: str) -> tuple[int, str]:
     try:
-        since = datetime.strptime(text, text_format).replace(tzinfo=UTC) - _EPOCH
-    except ValueError:
-        return 0, f"'{text}' is not a time of the form '{text_format}'"
+        read = datetime.strptime(text, text_format)
+        since = (read if read.tzinfo else read.replace(tzinfo=UTC)) - _EPOCH  # a stated zone is part of the time
+    except (ValueError, OverflowError):
+        return 0, f"'{shown(text, str)}' is not a time of the form '{text_format}'"
     return (since.days * 86400 + since.seconds) * 1_000_000_000 + since.microseconds * 1000, ""
 
 

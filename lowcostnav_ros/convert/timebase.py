@@ -1,5 +1,6 @@
 """Stamps of recorded rows: a column, a written date, or a counter fitted to the arrival times in a byte tag file."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from lowcostnav_ros.convert.table import Table
 
 _TAG_HEADER = 76
 _WINDOW_S = 10.0
+_DAY_NS = 86_400 * 1_000_000_000
 
 
 def stamps_ns(table: Table, base: TimeBase, folder: Path) -> np.ndarray:
@@ -21,13 +23,35 @@ def stamps_ns(table: Table, base: TimeBase, folder: Path) -> np.ndarray:
     """
     shift = base.epoch_s + base.offset_s - base.leap_seconds
     if base.text_format:
-        return np.array(table.written_ns, np.int64) + round(shift * 1e9)
+        written = np.array(table.written_ns, np.int64)
+        if not any(part in base.text_format for part in ("%d", "%j", "%x", "%c")):
+            written = _since_midnight(written)
+        return _dated(written * 1e-9 + shift, table, lambda: written + round(shift * 1e9))
     seconds = table.numbers[base.columns[0]] * base.factor
     if base.tag_file:
         seconds, start = _fitted(seconds, table.row_end, folder / base.tag_file)
         shift += start
+    return _dated(seconds + shift, table, lambda: _nanoseconds(seconds, shift))
+
+
+def _nanoseconds(seconds: np.ndarray, shift: float) -> np.ndarray:
     whole = np.floor(seconds)  # whole seconds apart, or a double of today's epoch would cost a quarter of a microsecond
     return (whole.astype(np.int64) + int(np.floor(shift))) * 1_000_000_000 + np.rint((seconds - whole + shift % 1.0) * 1e9).astype(np.int64)
+
+
+def _since_midnight(written_ns: np.ndarray) -> np.ndarray:
+    """Times of day, ns, counted from the first midnight: where they fall by half a day, the next day has begun."""
+    time = written_ns % _DAY_NS
+    return time + _DAY_NS * np.cumsum(np.diff(time, prepend=time[:1]) < -_DAY_NS // 2)
+
+
+def _dated(seconds: np.ndarray, table: Table, stamps: Callable[[], np.ndarray]) -> np.ndarray:
+    """Return the stamps, once it is clear that a message can carry every time, s since 1970."""
+    wrong = np.flatnonzero(~((seconds >= 0.0) & (seconds < 2.0**31)))
+    if len(wrong):
+        which = "before 1970" if seconds[wrong[0]] < 0.0 else "after 2038"
+        raise ConvertError(f"The time of line {table.lines[wrong[0]]} is {which}; correct the unit, or add 'epoch_s', the time at zero.")
+    return stamps()
 
 
 def read_tags(path: Path) -> tuple[float, np.ndarray, np.ndarray]:

@@ -2,8 +2,11 @@
 
 from lowcostnav_ros.base import units
 
+NMEA = "ddmm"
+"""Degrees and minutes in one number, 3741.604 for 37 degrees 41.604 minutes: made degrees before the factor is applied."""
+
 UNITS: dict[str, dict[str, tuple[float, float]]] = {
-    "angle": {"rad": (1.0, 0.0), "deg": (units.DEGREE, 0.0)},
+    "angle": {"rad": (1.0, 0.0), "deg": (units.DEGREE, 0.0), "1e-7 deg": (1e-7 * units.DEGREE, 0.0), NMEA: (units.DEGREE, 0.0)},
     "angular rate": {"rad/s": (1.0, 0.0), "deg/s": (units.DEGREE, 0.0)},
     "acceleration": {"m/s^2": (1.0, 0.0), "g": (units.STANDARD_GRAVITY, 0.0), "mg": (units.MILLI_G, 0.0)},
     "length": {"m": (1.0, 0.0), "km": (1000.0, 0.0), "ft": (units.FOOT, 0.0), "NM": (units.NAUTICAL_MILE, 0.0)},

@@ -211,6 +211,11 @@ class Aid(ABC):
 
     # what it is made of ------------------------------------------------------------------------------------------------------
 
+    @property
+    def remark(self) -> str:
+        """What is odd about its settings beside the data, in words; empty for nothing."""
+        return ""
+
     def own(self, name: str) -> str:
         """A name of this aid, of its blocks or their labels; a second sensor's carry its key (``baro2_height``)."""
         sensor = self.key.rstrip("0123456789")

@@ -19,9 +19,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from lowcostnav_ros.base.settings import nearest
+from lowcostnav_ros.base.documents import read_yaml
+from lowcostnav_ros.base.settings import nearest, shown
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.graph.executables import EXECUTABLES, MONITOR, SIMULATOR, SOURCE, kind_of
 
@@ -90,19 +89,15 @@ def load_graph(name_or_path: str | Path) -> Graph:
 
     Raises
     ------
-    GraphError
-        When it is missing or cannot be run, with what to do.
+    GraphError, SettingsError
+        When it is missing, cannot be read or cannot be run, with what to do.
     """
     path = Path(name_or_path)
     if path.suffix not in (".yaml", ".yml"):
         path = config_dir() / "graphs" / f"{name_or_path}.yaml"
     if not path.is_file():
         raise GraphError(f"No graph '{name_or_path}'{nearest(str(name_or_path), graph_names())}; or give the path of a YAML file.")
-    try:
-        content = yaml.safe_load(path.read_text())
-    except yaml.YAMLError as error:
-        raise GraphError(f"{path.name} is not YAML: {' '.join(str(error).split())}.") from error
-    return parse_graph(content, path.stem, path.parent)
+    return parse_graph(read_yaml(path), path.stem, path.parent)
 
 
 def parse_graph(content: Any, name: str, folder: Path | None = None) -> Graph:
@@ -112,12 +107,12 @@ def parse_graph(content: Any, name: str, folder: Path | None = None) -> Graph:
         raise GraphError(f"{name}: give at least one node under 'nodes'.")
     factor = content.get("real_time_factor", 1.0)
     if isinstance(factor, bool) or not isinstance(factor, int | float) or not 0.01 <= factor <= 1000.0:
-        raise GraphError(f"{name}: 'real_time_factor' must be a number from 0.01 to 1000, got {factor!r}.")
+        raise GraphError(f"{name}: 'real_time_factor' must be a number from 0.01 to 1000, got {shown(factor)}.")
     domain = content.get("domain")
     if domain is not None and (isinstance(domain, bool) or not isinstance(domain, int) or not 1 <= domain <= 100):
-        raise GraphError(f"{name}: 'domain' must be a whole number from 1 to 100, got {domain!r}.")
+        raise GraphError(f"{name}: 'domain' must be a whole number from 1 to 100, got {shown(domain)}.")
     if not isinstance(content.get("lossless", False), bool):
-        raise GraphError(f"{name}: 'lossless' must be true or false, got {content['lossless']!r}.")
+        raise GraphError(f"{name}: 'lossless' must be true or false, got {shown(content['lossless'])}.")
     scenario = str(content.get("scenario") or "")
     nodes = tuple(_node(entry, name, scenario, folder) for entry in content["nodes"])
     names = [node.name for node in nodes]
@@ -132,15 +127,17 @@ def _node(entry: Any, where: str, scenario: str, folder: Path | None) -> GraphNo
         entry = {"executable": entry}
     _mapping(entry, f"{where}: a node", NODE_KEYS)
     executable = entry.get("executable")
-    if executable not in EXECUTABLES:
+    if not isinstance(executable, str) or executable not in EXECUTABLES:
         raise GraphError(f"{where}: unknown executable '{executable}'{nearest(str(executable), EXECUTABLES)}.")
     parameters = entry.get("parameters") or {}
     if not isinstance(parameters, Mapping):
-        raise GraphError(f"{where}: 'parameters' of {executable} must be names and values, got {parameters!r}.")
+        raise GraphError(f"{where}: 'parameters' of {executable} must be names and values, got {shown(parameters)}.")
     config = _config(entry.get("config"), executable, where, scenario, folder)
     # a flight that starts again from its beginning would jump back in time, so its source stays dead
     respawn = entry.get("respawn", kind_of(executable) != SOURCE)
-    return GraphNode(executable, _name(entry.get("name", executable), where), config, dict(parameters), bool(respawn))
+    if not isinstance(respawn, bool):
+        raise GraphError(f"{where}: 'respawn' of {executable} must be true or false, got {shown(respawn)}.")
+    return GraphNode(executable, _name(entry.get("name", executable), where), config, dict(parameters), respawn)
 
 
 def _name(name: Any, where: str) -> str:
@@ -150,11 +147,13 @@ def _name(name: Any, where: str) -> str:
     return name
 
 
-def _config(given: str | None, executable: str, where: str, scenario: str, folder: Path | None) -> Path | None:
+def _config(given: Any, executable: str, where: str, scenario: str, folder: Path | None) -> Path | None:
     if given is None:
         default = config_dir() / f"{executable}.yaml"
         # the scenario sets its simulators; the file of defaults would set them back
         return default if default.is_file() and not (scenario and takes_scenario(executable)) else None
+    if not isinstance(given, str) or "\0" in given or not given:
+        raise GraphError(f"{where}: 'config' of {executable} must name a file, got {shown(given)}.")
     for candidate in (config_dir() / given, *([folder / given] if folder else []), Path(given)):
         if candidate.is_file():
             return candidate

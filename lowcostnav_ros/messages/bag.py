@@ -3,7 +3,9 @@
 import hashlib
 import logging
 import shutil
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,16 +15,20 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.rosbag2 import Reader, StoragePlugin
 from rosbags.rosbag2.errors import ReaderError, WriterError
 
+from lowcostnav_ros.base.documents import written_whole
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages.checks import WRONG_FRAME
 from lowcostnav_ros.messages.decode import Decoder, Rejected
+from lowcostnav_ros.messages.foreign import mapped, offers, options
 from lowcostnav_ros.messages.storage import SafeWriter
 from lowcostnav_ros.messages.store import STORE, full_type
 from lowcostnav_ros.messages.unclosed import UnclosedReader, files_of
 
 _STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 _NEVER = QosTime(0, 0)
+_LISTED = 12
 _NOT_A_BAG = "is not a recording: expected a bag directory with metadata.yaml, or an .mcap or .db3 file"
 
 
@@ -124,10 +130,31 @@ class BagWriter:
         return self._writer.add_connection(topic, msgtype, typestore=STORE, offered_qos_profiles=[qos])
 
 
+@contextmanager
+def new_bag(path: str | Path, storage: str = "mcap") -> Iterator[BagWriter]:
+    """Write a recording that is there when it is whole; one that is not finished leaves nothing.
+
+    ``path`` of the writer is where a settings folder goes.  Raises as :class:`BagWriter` does, before anything is written.
+    """
+    if Path(path).exists():
+        raise BagError(f"{path} exists already; choose another name or remove it first.")
+    with written_whole(path) as place, BagWriter(place, storage) as writer:
+        yield writer
+
+
 class BagReader:
     """Read a recording of either storage, as bytes or as measurements; a context manager.
 
     One without metadata is read to its last whole message; one that has been closed and is damaged since only where ``is_torn``.
+
+    Parameters
+    ----------
+    path : str or Path
+    decoder : Decoder, optional
+    maps : mapping of recorded topic to the name it is read by, optional
+        See :func:`~lowcostnav_ros.messages.foreign.parse_maps`.
+    is_torn : bool, optional
+        Read what is whole of a recording that has been closed and is damaged since.
 
     Attributes
     ----------
@@ -147,21 +174,40 @@ class BagReader:
         For a missing path, something that is not a bag, an empty or a truncated one.
     """
 
-    def __init__(self, path: str | Path, decoder: Decoder | None = None, is_torn: bool = False) -> None:
-        self.path = Path(path)
+    def __init__(
+        self, path: str | Path, decoder: Decoder | None = None, maps: Mapping[str, str] | None = None, is_torn: bool = False
+    ) -> None:
+        self.path, self.maps = Path(path), dict(maps or {})
         self.decoder = decoder or Decoder()
         self._reader: Any = _opened(self.path, is_torn)
         self.is_closed = isinstance(self._reader, Reader)
-        self.types = {topics.source_of(c.topic): c.msgtype for c in self._reader.connections}
+        self.types = {mapped(c.topic, self.maps): c.msgtype for c in self._reader.connections}
+        self._refuse_double_names()
+        stated = [c.msgcount for c in self._reader.connections]
+        times = self._reader.message_count, self._reader.start_time, self._reader.end_time
+        if not all(isinstance(number, int) for number in (*times, *stated)):
+            self.close()
+            raise BagError(f"{path} cannot be read, its metadata.yaml holds a count or time that is no number; record again.")
         self.counts: dict[str, int] = dict.fromkeys(self.types, 0)
         for connection in self._reader.connections:
-            self.counts[topics.source_of(connection.topic)] += connection.msgcount
+            self.counts[mapped(connection.topic, self.maps)] += connection.msgcount
         if self._reader.message_count == 0:
             self.close()
             raise BagError(f"{path} holds no messages; check that the recorder was running while the sensors were.")
         self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
         if not self.is_closed:
             _note_once(self.path, self.duration_s)
+
+    def _refuse_double_names(self) -> None:
+        recorded = {topics.source_of(c.topic) for c in self._reader.connections}
+        missing = [name for name in self.maps if not any(r == name or (name.endswith("/") and r.startswith(name)) for r in recorded)]
+        if missing:
+            self.close()
+            raise BagError(f"{self.path} has no topic '{missing[0]}' to map{nearest(missing[0], recorded)}.")
+        if len(self.types) < len(recorded):
+            double = next(name for name in self.types if sum(mapped(r, self.maps) == name for r in recorded) > 1)
+            self.close()
+            raise BagError(f"{self.path}: two topics would be read as '{double}'; map the other one to another name too.")
 
     @property
     def settings_folder(self) -> Path | None:
@@ -195,7 +241,9 @@ class BagReader:
         """
         for source in map(topics.source_of, sources):
             if source not in self.types:
-                raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
+                found = {theirs: ours for theirs, ours in offers(self.types).items() if ours in (source, "")}
+                remedy = f"; read one with {options(found)}" if found else nearest(source, self.types)
+                raise BagError(f"{self.path} has no topic '{source}'{remedy}.")
             expected = self._msgtype_of(source)
             if expected is None:
                 raise BagError(f"{self.path}: topic '{source}' carries nothing a navigator reads{nearest(source, topics.TOPICS)}.")
@@ -214,8 +262,8 @@ class BagReader:
         for source in wanted or ():
             if source not in self.types:
                 raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
-        connections = [c for c in self._reader.connections if wanted is None or topics.source_of(c.topic) in wanted]
-        names = {c.topic: topics.source_of(c.topic) for c in connections}
+        connections = [c for c in self._reader.connections if wanted is None or mapped(c.topic, self.maps) in wanted]
+        names = {c.topic: mapped(c.topic, self.maps) for c in connections}
         try:
             if connections:
                 for connection, stamp_ns, raw in self._reader.messages(connections):
@@ -255,6 +303,28 @@ class BagReader:
     def _msgtype_of(self, source: str) -> str | None:
         kind = self.decoder.rules.kind_of(source)
         return None if kind is None or kind.decode is None else kind.msgtype
+
+    def nothing(self, sources: Sequence[str]) -> BagError:
+        """Return the refusal of a recording of which nothing can be used: what was rejected and why, or what there is instead."""
+        if sources and self.decoder.rejected:
+            return BagError(f"{self.path} holds nothing usable on {', '.join(sources)}: rejected {self.rejections()}.")
+        there = ", ".join(f"{source} ({msgtype})" for source, msgtype in sorted(self.types.items())[:_LISTED])
+        further = f" and {len(self.types) - _LISTED} more" if len(self.types) > _LISTED else ""
+        found = offers(self.types)
+        remedy = f"read them with {options(found)}" if found else "name the topics that are sensors with --map recorded=ours"
+        empty = f"nothing on {', '.join(sources)}; it" if sources else "no topic that a navigator reads; it"
+        return BagError(f"{self.path} holds {empty} has {there}{further}; {remedy}.")
+
+    def rejections(self, only: str = "") -> str:
+        """Say in words what was rejected most, with an example: of one source, or of all."""
+        reasons = []
+        counts = Counter({key: n for key, n in self.decoder.rejected.items() if only in ("", key[0])})
+        for (source, reason), count in counts.most_common(3):
+            detail = self.decoder.examples.get((source, reason), "")
+            if reason == WRONG_FRAME:
+                detail += f"; accept it with --frame {detail.split(chr(39))[1] or 'any'}"
+            reasons.append(f"{source} {count} times '{reason}'{f' ({detail})' if detail else ''}")
+        return ", ".join(reasons)
 
     def identity(self) -> str:
         """Return the SHA-256 over topic, receive stamp and bytes of every message in order: the same for either storage."""

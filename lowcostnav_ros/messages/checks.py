@@ -28,6 +28,8 @@ LEAST_SIGMA = {
 }
 """What no sensor of a datum is better than, 1 sigma; a smaller one that is stated is raised, along every direction."""
 
+WRONG_FRAME = "wrong frame id"
+
 
 def stamp_ns(header: Any) -> int:
     """Return the header stamp in ns; zero is a stamp that was not set."""
@@ -52,7 +54,7 @@ class Received:
         """Refuse a frame id that is not of this kind."""
         expected = self.kind.frames
         if expected and frame_id.rpartition("/")[2] not in expected:
-            raise Refusal("wrong frame id", f"'{frame_id}', expected {' or '.join(sorted(expected))}")
+            raise Refusal(WRONG_FRAME, f"'{frame_id}', expected {' or '.join(sorted(expected))}")
 
     def assumed(self) -> tuple[float, ...]:
         """Return the default variances and note it; refuse where there are none."""
@@ -202,18 +204,31 @@ def variance(value: float, what: str) -> float | None:
     return float(value)
 
 
+def present(covariance: Sequence[float] | np.ndarray, what: str) -> None:
+    """Refuse a datum that its covariance marks as absent; the rest of a covariance that nobody uses is not looked at."""
+    if covariance[0] == -1.0:
+        raise Refusal(f"{what} is absent")
+
+
 def geodetic(message: Any) -> tuple[float, float, float]:
     """Return checked (lat rad, lon rad, ellipsoid height m) of a NavSatFix; raises Refusal."""
+    place, height = horizontal(message), message.altitude
+    finite((height,), "position")
+    if not -1000.0 <= height <= 50_000.0:
+        raise Refusal("height out of range", f"{height:g} m")
+    return *place, height
+
+
+def horizontal(message: Any) -> tuple[float, float]:
+    """Return checked (lat, lon), rad, of a NavSatFix; raises Refusal."""
     if message.status.status < 0:
         raise Refusal("no fix")
-    lat, lon, height = message.latitude, message.longitude, message.altitude
-    finite((lat, lon, height), "position")
+    lat, lon = message.latitude, message.longitude
+    finite((lat, lon), "position")
     if abs(lat) > 90.0:
         raise Refusal("latitude out of range", f"{lat:g} deg")
     if abs(lon) > 180.0:
         raise Refusal("longitude out of range", f"{lon:g} deg")
     if lat == 0.0 and lon == 0.0:
         raise Refusal("position is exactly 0, 0")
-    if not -1000.0 <= height <= 50_000.0:
-        raise Refusal("height out of range", f"{height:g} m")
-    return math.radians(lat), math.radians(lon), height
+    return math.radians(lat), math.radians(lon)

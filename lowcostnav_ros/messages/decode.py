@@ -93,6 +93,7 @@ class Decoder:
     accepted : Counter of source
     rejected : Counter of (source, reason)
     notes : Counter of phrase
+    examples : dict of (source, reason) to the detail of the first rejected
     """
 
     def __init__(self, rules: DecodeRules | None = None) -> None:
@@ -100,6 +101,7 @@ class Decoder:
         self.accepted: Counter[str] = Counter()
         self.rejected: Counter[tuple[str, str]] = Tally(others=(OTHERS, OTHERS))
         self.notes: Notes = Tally()
+        self.examples: dict[tuple[str, str], str] = {}
 
     def decode(self, source: str, msgtype: str, raw: bytes | memoryview) -> Measurement | Rejected:
         """Decode one message as :func:`decode` does, and count it."""
@@ -130,6 +132,7 @@ class Decoder:
         """Count one result."""
         if isinstance(result, Rejected):
             self.rejected[source, result.reason] += 1
+            self.examples.setdefault((source, result.reason), result.detail)
         else:
             self.accepted[source] += 1
 

@@ -3,6 +3,7 @@
 Little-endian CDR of sensor_msgs/Imu: 4 bytes of encapsulation, then sec (int32), nanosec (uint32), length of frame_id with its zero
 (uint32), the text, padding to 8, and 37 doubles: orientation 4, covariance 9, angular rate 3, covariance 9, acceleration 3,
 covariance 9.  Only messages that are clean at first sight pass; all others go through the careful decoder, which names what is wrong.
+Of the last two covariances, which no filter uses, only the mark of an absent datum is looked at.
 """
 
 import struct
@@ -12,7 +13,7 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import Attitude, ImuBlock
 from lowcostnav_ros.base.small_matrices import at_least
-from lowcostnav_ros.messages.checks import ABSURD, LEAST_SIGMA, covariance
+from lowcostnav_ros.messages.checks import LEAST_SIGMA, covariance
 from lowcostnav_ros.messages.conversions import quat_from_ros, swap_world_cov
 from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.messages.rules import DecodeRules, Refusal
@@ -21,8 +22,8 @@ _HEAD = struct.Struct("<iII")
 _TO_RATE = struct.Struct("<13d")
 _RATE_TO_END = struct.Struct("<24d")
 _DOUBLES = 37
-_RATE, _RATE_COV, _FORCE, _FORCE_COV = slice(13, 16), slice(16, 25), slice(25, 28), slice(28, 37)
-_ZERO = (0.0,) * 9
+_RATE, _RATE_COV, _FORCE, _FORCE_COV = slice(13, 16), 16, slice(25, 28), 28
+_ABSENT = -1.0
 _TO_FRD = np.array([1.0, -1.0, -1.0])
 
 
@@ -75,11 +76,11 @@ def _head(raw: bytes | memoryview, kind: Kind) -> tuple[int, int] | None:
 
 
 def _sound_vectors(v: tuple[float, ...], rules: DecodeRules) -> bool:
-    """Say whether rate, force and their covariances (24 numbers) are plausible and plain; NaN fails every comparison."""
+    """Say whether rate and force, of 24 numbers with their covariances, are there and plausible; NaN fails every comparison."""
     rate, force = rules.max_angular_rate, rules.max_specific_force
     small = -rate <= v[0] <= rate and -rate <= v[1] <= rate and -rate <= v[2] <= rate
     light = -force <= v[12] <= force and -force <= v[13] <= force and -force <= v[14] <= force
-    return small and light and _plain(v[3:12]) and _plain(v[15:24])
+    return small and light and v[3] != _ABSENT and v[15] != _ABSENT
 
 
 def many(raws: Sequence[bytes], kind: Kind, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -114,7 +115,7 @@ def _columns(raws: Sequence[bytes], size: int, kind: Kind, rules: DecodeRules) -
     good = (table[:, 0] == 0) & (table[:, 1] == 1) & (table[:, 12 : 16 + frame_size] == table[0, 12 : 16 + frame_size]).all(axis=1)
     good &= (sec >= 0) & (nanosec < 1_000_000_000) & ((sec > 0) | (nanosec > 0))
     good &= (np.abs(v[:, _RATE]) <= rules.max_angular_rate).all(axis=1) & (np.abs(v[:, _FORCE]) <= rules.max_specific_force).all(axis=1)
-    good &= _plain_rows(v[:, _RATE_COV]) & _plain_rows(v[:, _FORCE_COV])
+    good &= (v[:, _RATE_COV] != _ABSENT) & (v[:, _FORCE_COV] != _ABSENT)
     return sec * 1_000_000_000 + nanosec, v[:, _FORCE] * _TO_FRD, v[:, _RATE] * _TO_FRD, good
 
 
@@ -129,20 +130,3 @@ def _frame_is_known(raw: bytes | memoryview, frame_size: int, kind: Kind) -> boo
     if raw[15 + frame_size] != 0 or not name.isascii():
         return False
     return not kind.frames or name.decode().rpartition("/")[2] in kind.frames
-
-
-def _plain(cov: tuple[float, ...]) -> bool:
-    """Say whether a covariance is all zeros or a sound diagonal."""
-    if cov == _ZERO:
-        return True
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = cov
-    sound = 0.0 < xx < ABSURD and 0.0 < yy < ABSURD and 0.0 < zz < ABSURD
-    return sound and xy == xz == yx == yz == zx == zy == 0.0
-
-
-def _plain_rows(cov: np.ndarray) -> np.ndarray:
-    first = _plain(tuple(cov[0].tolist()))
-    same = (cov == cov[0]).all(axis=1)
-    if first and same.all():  # senders nearly always repeat one covariance
-        return same
-    return np.array([_plain(tuple(row)) for row in cov.tolist()])

@@ -33,6 +33,8 @@ class DecodeRules:
         Kinds of sources that their names do not show (see :func:`~lowcostnav_ros.messages.kind.find`); :meth:`assign` fills it.
     frames : dict of source to frame ids
         Accepted besides those of the kind; :data:`ANY` accepts all.
+    everywhere : tuple of frame ids
+        Accepted of every source; :data:`ANY` accepts all.
     default_variances : mapping of source to variances, or None
         For a covariance of all zeros (NED/FRD order, SI); a source that is missing is refused.  None: those of the kinds.
     origins : dict of navigator name to the :class:`LocalFrame` its odometry is expressed in; a :class:`Decoder`
@@ -47,6 +49,7 @@ class DecodeRules:
 
     kinds: dict[str, str] = field(default_factory=dict)
     frames: dict[str, Collection[str]] = field(default_factory=dict)
+    everywhere: tuple[str, ...] = ()
     default_variances: Mapping[str, tuple[float, ...]] | None = None
     origins: dict[str, "LocalFrame"] = field(default_factory=dict)
     max_angular_rate: float = 35.0
@@ -94,8 +97,8 @@ class DecodeRules:
             found = find(source, self.kinds)
             if found is None:
                 return None
-            own, variances = self.frames.get(source, ()), self.default_variances
-            frames = frozenset() if ANY in own or not found.frames else found.frames | frozenset(own)
+            own, variances = {*self.frames.get(source, ()), *self.everywhere}, self.default_variances
+            frames = frozenset() if ANY in own or not found.frames else found.frames | own
             assumed = found.variances if variances is None else tuple(variances.get(source, ()))
             kind = self._known[source] = replace(found, name=source, frames=frames, variances=assumed)
         return kind

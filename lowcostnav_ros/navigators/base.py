@@ -454,7 +454,7 @@ class Navigator(ABC):
 
     def _details(self) -> Mapping[str, str]:
         """Further values for diagnostics, by name."""
-        return {}
+        return {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark}
 
     def _solution_at(self, t_ns: int, nav: np.ndarray, P: np.ndarray, rows: range, **further: Any) -> NavSolution:
         """Solution with position, velocity and the states ``rows``; ``nav`` begins with lat, lon, height, velocity and ``P`` likewise."""

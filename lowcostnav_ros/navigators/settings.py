@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Protocol
 
 from lowcostnav_ros.aids import AIDS
 from lowcostnav_ros.base.registry import RegistryError
-from lowcostnav_ros.base.settings import SettingsError, setting, to_mapping
+from lowcostnav_ros.base.settings import SettingsError, setting, shown, to_mapping
 from lowcostnav_ros.estimation.aiding import Sensor
 
 
@@ -74,11 +74,17 @@ def settings_class(navigator: type[Listing], keys: tuple[str, ...]) -> type:
         namespace={
             "__doc__": f"All settings of {navigator.name}.",
             "__module__": navigator.__module__,
-            "chosen_by": classmethod(lambda cls, values: settings_class(navigator, tuple(values.get("aids", keys)))),
+            "chosen_by": classmethod(lambda cls, values: settings_class(navigator, _names(values.get("aids", keys)))),
             "upgraded": staticmethod(lambda flat: {n: v for n, v in upgrade(flat).items() if n.partition(".")[0] not in unused}),
             "__reduce__": lambda self: (_restored, (navigator, to_mapping(self))),
         },
     )
+
+
+def _names(aids: Any) -> tuple[str, ...]:
+    if not isinstance(aids, list | tuple) or not all(isinstance(key, str) for key in aids):
+        raise SettingsError(f"'aids' must list the names of sensors, got {shown(aids)}.")
+    return tuple(aids)
 
 
 def _restored(navigator: type[Listing], values: dict[str, Any]) -> Any:

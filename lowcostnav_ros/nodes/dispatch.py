@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 
+from lowcostnav_ros.base.documents import read_yaml
 from lowcostnav_ros.base.settings import SettingsError
-from lowcostnav_ros.catalogue.config_files import read_yaml
 from lowcostnav_ros.graph.domain import discovery
 from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, NODES, SIMULATOR, kind_of, needs_compiler, sensor_of
 from lowcostnav_ros.graph.parent import end_with_runner

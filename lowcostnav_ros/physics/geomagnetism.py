@@ -6,11 +6,14 @@ The model holds the core field only: local anomalies of some hundred nanotesla (
 
 import functools
 import math
+from datetime import UTC, datetime
 from datetime import date as Date
-from datetime import datetime
+from typing import Any
 
 import numpy as np
 from pygeomag import GeoMag
+
+from lowcostnav_ros.base.settings import SettingsError, setting
 
 GENERATIONS = ((2010.0, "WMM_2010"), (2015.0, "WMM_2015v2"), (2020.0, "WMM_2020"), (2025.0, "WMM_2025"))
 """First year of validity and name of each model; each is good for five years."""
@@ -21,6 +24,36 @@ LOWEST_HEIGHT, HIGHEST_HEIGHT = -1_000.0, 850_000.0
 _NANOTESLA = 1.0e-9
 _CELLS_PER_DEGREE = 10  # 11 km; linear interpolation over a cell is good to 0.2 nT, a thousandth of the model's own error
 _CELL_HEIGHT = 2_000.0  # m
+
+
+UNDATED_YEAR = 2026.5
+"""Year taken where neither the settings nor the stamps, which then count from a power-up, give a date."""
+_EARLIEST_NS = 1_260_000_000 * 1_000_000_000  # December 2009: an earlier stamp is not a date
+_MONTH_NS = 30 * 86_400 * 1_000_000_000
+
+
+def year_setting(description: str) -> Any:
+    """Declare the setting of a model's year: one range wherever it stands, 0 for the stamps'."""
+    return setting(0.0, f"{description}; 0: that of the stamps.", unit="year", minimum=0.0, maximum=LAST_YEAR)
+
+
+def check_year(year: float) -> None:
+    """Refuse a year in settings, other than 0, that no model covers.
+
+    Raises
+    ------
+    SettingsError
+    """
+    if year != 0.0:
+        try:
+            model_name(year)
+        except ValueError as error:
+            raise SettingsError(f"'decimal_year': {error}") from None
+
+
+def year_of_stamp(stamp_ns: int) -> float | None:
+    """Decimal year of a stamp, ns since 1970; None for one that is no date but a time since power-up."""
+    return decimal_year(datetime.fromtimestamp(stamp_ns * 1e-9, UTC)) if _EARLIEST_NS < stamp_ns < 2**63 else None
 
 
 def decimal_year(date: float | Date | datetime) -> float:
@@ -113,6 +146,48 @@ def horizontal(lat: float, lon: float, height: float, date: float | Date | datet
     return math.hypot(field[0], field[1])
 
 
+class DatedModel:
+    """The magnetic model of a stated year, or of the month of the stamps: a function of year and stamp alone.
+
+    Parameters
+    ----------
+    stated : float
+        Decimal year; 0 for that of the stamps, :data:`UNDATED_YEAR` where these are no dates.
+
+    Attributes
+    ----------
+    model : MagneticModel or None
+        Of the month last followed; None where no model covers it.
+    remark : str
+        What is odd about the year, in words; empty for nothing.
+
+    Raises
+    ------
+    ValueError
+        For a stated year that no model covers.
+    """
+
+    def __init__(self, stated: float) -> None:
+        self._stated, self._month, self.remark = stated, 0, ""
+        self.model: MagneticModel | None = _model(stated or UNDATED_YEAR)
+
+    def follow(self, stamp_ns: int) -> None:
+        """Take the date of a stamp, ns."""
+        if stamp_ns // _MONTH_NS == self._month:
+            return
+        self._month = stamp_ns // _MONTH_NS
+        year, self.remark = year_of_stamp(self._month * _MONTH_NS + _MONTH_NS // 2), ""
+        if self._stated:
+            if year is not None and abs(year - self._stated) > 1.0:
+                apart = f"{abs(year - self._stated):.0f} years from the stamps' {year:.1f}"
+                self.remark = f"magnetic model of {self._stated:g}, {apart}; set decimal_year to 0"
+            return
+        try:
+            self.model = _model(UNDATED_YEAR if year is None else year)
+        except ValueError as error:
+            self.model, self.remark = None, str(error)
+
+
 class MagneticModel:
     """The field of one date, cheap enough to ask at every magnetometer sample.
 
@@ -148,3 +223,8 @@ class MagneticModel:
     def declination(self, lat: float, lon: float, height: float) -> float:
         """Declination, rad, east positive."""
         return declination_of(self.field_n(lat, lon, height))
+
+
+@functools.lru_cache(maxsize=8)
+def _model(year: float) -> MagneticModel:
+    return MagneticModel(year)

@@ -15,7 +15,7 @@ import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.small_matrices import matvec
-from lowcostnav_ros.physics.geomagnetism import HIGHEST_HEIGHT, LOWEST_HEIGHT, MagneticModel, declination_of
+from lowcostnav_ros.physics.geomagnetism import HIGHEST_HEIGHT, LOWEST_HEIGHT, DatedModel, MagneticModel, declination_of
 from lowcostnav_ros.physics.rotation import wrap, wrap_2pi
 
 STRENGTH_TOLERANCE = 0.2
@@ -111,7 +111,7 @@ class MagneticReference:
     Parameters
     ----------
     decimal_year : float
-        Date for the model.
+        Date for the model; 0: that of the stamps (:meth:`follow`).
     declination_deg : list of float
         Empty for the model; one number, east positive, overrides its declination (zero is a value like any other).
 
@@ -126,21 +126,36 @@ class MagneticReference:
             raise ValueError(f"Give one declination in degrees or an empty list for the magnetic model, got {list(declination_deg)}.")
         self.override = math.radians(declination_deg[0]) if declination_deg else None
         try:
-            self.model: MagneticModel | None = MagneticModel(decimal_year)
+            self.dated: DatedModel | None = DatedModel(decimal_year)
         except ValueError:
             if self.override is None:
                 raise
-            self.model = None  # a declination by hand needs no model; only the test of the field strength is lost
+            self.dated = None  # a declination by hand needs no model; only the test of the field strength is lost
+
+    @property
+    def model(self) -> MagneticModel | None:
+        """The model of the date; None where there is none."""
+        return None if self.dated is None else self.dated.model
+
+    @property
+    def remark(self) -> str:
+        """What is odd about the date of the model, in words; empty for nothing."""
+        return "" if self.dated is None else self.dated.remark
+
+    def follow(self, stamp_ns: int) -> None:
+        """Take the date of the model from a stamp, ns, unless the settings state it."""
+        if self.dated is not None:
+            self.dated.follow(stamp_ns)
 
     @property
     def source(self) -> str:
         """Where the declination comes from, for people."""
         return f"{self.model.name} {self.model.year:.1f}" if self.override is None and self.model else "given by hand"
 
-    def at(self, lat: float, lon: float, height: float) -> LocalField:
-        """Expected field at a place: rad, rad, m above the ellipsoid."""
+    def at(self, lat: float, lon: float, height: float) -> LocalField | None:
+        """Expected field at a place: rad, rad, m above the ellipsoid; None where no model covers the date and none is given."""
         if self.model is None:
-            return LocalField(self.override or 0.0)  # the constructor refuses to have neither
+            return self.anywhere()
         field_n = self.model.field_n(lat, lon, min(max(height, LOWEST_HEIGHT), HIGHEST_HEIGHT))
         declination = declination_of(field_n) if self.override is None else self.override
         return LocalField(declination, float(np.linalg.norm(field_n)))
@@ -161,6 +176,15 @@ class FieldAtPlace:
 
     def __init__(self, reference: MagneticReference, place: tuple[float, float, float] | None) -> None:
         self.reference, self.place = reference, place
+
+    @property
+    def remark(self) -> str:
+        """What is odd about the date of the model."""
+        return self.reference.remark
+
+    def follow(self, stamp_ns: int) -> None:
+        """Take the date of the model from a stamp, ns."""
+        self.reference.follow(stamp_ns)
 
     def known(self) -> LocalField | None:
         """Expected field, or None when neither the place nor a declination is known."""

@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,12 +13,16 @@ from lowcostnav_ros.catalogue.building import Registry, build_navigators
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import BagError, BagReader
+from lowcostnav_ros.messages.decode import Decoder
+from lowcostnav_ros.messages.foreign import offers
+from lowcostnav_ros.messages.foreign import options as word_options
+from lowcostnav_ros.messages.rules import DecodeRules
 from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.replay.links import output_topic
 from lowcostnav_ros.replay.result import Bag, Recording, ReplayResult, SourceCounts
-from lowcostnav_ros.replay.selection import Selection, check_names, select
+from lowcostnav_ros.replay.selection import Selection, SelectionError, check_names, select
 from lowcostnav_ros.replay.session import Session, first_stamp, timed
 from lowcostnav_ros.replay.withhold import Withhold, check_sources, resolve
 
@@ -47,6 +51,9 @@ class ReplayOptions:
         Called with the share done, 0 to 1.
     smooth : bool
         Whether every navigator that can is smoothed at the end.
+    maps : mapping of recorded topic to the name it is read by
+    frames : tuple of str
+        Frame ids accepted of every source besides the usual ones.
     """
 
     navigators: tuple[str, ...] | None = None
@@ -57,6 +64,8 @@ class ReplayOptions:
     registry: Registry | None = None
     on_progress: Callable[[float], None] | None = None
     smooth: bool = False
+    maps: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    frames: tuple[str, ...] = ()
 
 
 def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> ReplayResult:
@@ -74,8 +83,12 @@ def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> Replay
         (BagError, SelectionError, SettingsError, WithholdError) each with one sentence that says what to do.
     """
     options = options or ReplayOptions()
-    with BagReader(path) as reader, BagReader(path) as recorded, BagReader(path) as reference:
+    with (_reader(path, options) as reader, _reader(path, options) as recorded, _reader(path, options) as reference):
         return _Replay(reader, recorded, reference, options).run()
+
+
+def _reader(path: str | Path, options: ReplayOptions) -> BagReader:
+    return BagReader(path, Decoder(DecodeRules(everywhere=options.frames)), options.maps)
 
 
 class _Replay:
@@ -106,7 +119,7 @@ class _Replay:
         stream = self._timed(self.reader.measurements(self.sources))
         head = next((m for m in stream if m.source in self.fed), None)
         if head is None:
-            raise BagError(f"{self.reader.path} holds nothing usable on {', '.join(self.fed)}: {_rejections(self.reader)}.")
+            raise self.reader.nothing(self.fed)
         first_ns = first_stamp(head)
         windows = [resolve(w, first_ns) for w in self.options.withhold]
         rules = self.reader.decoder.rules
@@ -145,7 +158,14 @@ class _Replay:
         counts = self.reader.counts
         inputs = {s: SourceCounts(counts[s], rejected.get(s, {})) for s in dict.fromkeys([*self.sources, *self.true_sources])}
         bag = Bag(self.reader.path.name, self.reference.identity(), dict(sorted(counts.items())))
-        return Recording(bag, self.truth, self.selection.left_out, inputs, dict(sorted(self.reader.decoder.notes.items())))
+        remarks = {f"{name}: {aid.remark}": 1 for name, one in self.navigators.items() for aid in one.aids if aid.remark}
+        decoder = self.reader.decoder
+        unused = {source for source, _ in decoder.rejected if not decoder.accepted[source]}
+        remarks |= {f"nothing usable on {source}: {self.reader.rejections(source)}": 1 for source in sorted(unused)}
+        found = offers(self.reader.types)
+        if found:
+            remarks[f"{len(found)} topics look like sensors and are not read; {word_options(found)} reads them"] = 1
+        return Recording(bag, self.truth, self.selection.left_out, inputs, dict(sorted(self.reader.decoder.notes.items())) | remarks)
 
 
 class _Alongside:
@@ -188,7 +208,16 @@ def _navigators(reader: BagReader, options: ReplayOptions) -> tuple[dict[str, Na
         reader.decoder.rules.accept(navigator)
     inputs = {name: navigator.inputs for name, navigator in navigators.items()}
     reader.require(s for s in reader.types if any(s in sources for sources in inputs.values()))
-    selection = select(inputs, set(reader.decodable()), insist=options.navigators is not None)
+    decodable = set(reader.decodable())
+    try:
+        selection = select(inputs, decodable, insist=options.navigators is not None)
+    except SelectionError as error:
+        found = offers(reader.types)
+        if found:
+            raise SelectionError(f"{str(error).rstrip('.')}; read more with {word_options(found)}.") from error
+        raise
+    if not any(source in decodable for name in selection.chosen for source in inputs[name]):
+        raise reader.nothing(())
     return {name: navigators[name] for name in selection.chosen}, selection
 
 
@@ -214,8 +243,3 @@ def _with_origins(reader: BagReader, sources: Sequence[str] | dict[str, str]) ->
     odometries = [s for s in sources if reader.types[s] == topics.ODOMETRY]
     origins = dict.fromkeys(o for s in odometries if (o := _origin_of(s)) in reader.types)
     return [*origins, *(s for s in sources if s not in origins)]
-
-
-def _rejections(reader: BagReader) -> str:
-    reasons = [f"{source} {count} times '{reason}'" for (source, reason), count in reader.decoder.rejected.most_common(3)]
-    return "rejected " + ", ".join(reasons) if reasons else "the topics are empty"

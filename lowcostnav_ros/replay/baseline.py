@@ -23,7 +23,8 @@ from typing import Any
 
 import yaml
 
-from lowcostnav_ros.base.settings import nearest
+from lowcostnav_ros.base.documents import read_yaml, write_text
+from lowcostnav_ros.base.settings import SettingsError, nearest
 
 BETTER, SAME, WORSE = "better", "same", "worse"
 _KEYS = ("value", "tolerance", "limit", "best")
@@ -69,11 +70,9 @@ def load_baseline(path: Path) -> tuple[str | None, list[Expectation]]:
         When the file is missing, is not YAML of the form above, or holds an unknown key.
     """
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise BaselineError(f"Baseline {path} cannot be read ({error.strerror}); make one with --write-baseline.") from error
-    except yaml.YAMLError as error:
-        raise BaselineError(f"Baseline {path} is not YAML: {str(error).splitlines()[0]}.") from error
+        data = read_yaml(path)
+    except SettingsError as error:
+        raise BaselineError(f"Baseline: {error} Make one with --write-baseline.") from error
     if not isinstance(data, Mapping) or not isinstance(data.get("navigators"), Mapping):
         raise BaselineError(f"Baseline {path} has no 'navigators' section; make one with --write-baseline.")
     expectations = []
@@ -98,7 +97,7 @@ def _expectation(path: Path, navigator: str, metric: str, entry: Any) -> Expecta
         limit = None if entry.get("limit") is None else float(entry["limit"])
         value = value if value is None or isinstance(value, bool) else float(value)
         return Expectation(navigator, metric, value, float(tolerance), limit, float(entry.get("best", 0.0)))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise BaselineError(f"{where}: value, tolerance, limit and best must be numbers (a tolerance may be a percentage).") from error
 
 
@@ -147,7 +146,7 @@ def write_baseline(path: Path, summary: Mapping[str, Any], tolerance: str = "5%"
     identity = (summary.get("bag") or {}).get("sha256")
     data = {**({"bag": identity} if identity else {}), "navigators": navigators}
     head = "# Expected results of a replay; change on purpose only.  Tolerance is in the metric's unit or per cent; best is the ideal.\n"
-    path.write_text(head + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=140), encoding="utf-8")
+    write_text(path, head + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=140))
     return sum(len(m) for m in navigators.values())
 
 

@@ -5,6 +5,7 @@ An attribute that is None stands in the file as null, but for those declared :fu
 """
 
 import dataclasses
+import math
 import types
 from collections.abc import Iterator, Mapping
 from typing import Any, Union, get_args, get_origin, get_type_hints
@@ -355,6 +356,8 @@ def plain(value: Any) -> Any:
     if not hasattr(value, "__dataclass_fields__"):
         if isinstance(value, Mapping):
             return {key: plain(item) for key, item in value.items()}
+        if isinstance(value, float) and not math.isfinite(value):
+            return None  # a sum that ran over: no number, and none that JSON could hold
         return [plain(item) for item in value] if isinstance(value, tuple | list) else value
     out: dict[str, Any] = {}
     for field in dataclasses.fields(value):

@@ -115,7 +115,7 @@ def aid_rows(status: AidStatus, computed: bool) -> list[list[str]]:
 def gps_row(stamp_ns: int, lat: float, lon: float, height: float, withheld: bool) -> list[str]:
     """One row of :data:`GPS_HEADER`; latitude and longitude given in rad."""
     lat_deg, lon_deg = f"{math.degrees(lat):.10f}", f"{math.degrees(lon):.10f}"
-    return [seconds_text(stamp_ns), lat_deg, lon_deg, f"{height:.4f}", "yes" if withheld else "no"]
+    return [seconds_text(stamp_ns), lat_deg, lon_deg, "" if math.isnan(height) else f"{height:.4f}", "yes" if withheld else "no"]
 
 
 def state_rows(solution: NavSolution) -> list[list[str]]:

@@ -56,6 +56,7 @@ class SessionFiles:
         """Create the folder and the files."""
         if self.folder is not None:
             self.folder.mkdir(parents=True, exist_ok=True)
+            (self.folder / "summary.json").unlink(missing_ok=True)  # with it, tables that are not finished would look whole
             self.truth = files.Table(self.folder / "truth.csv", files.TRUTH_HEADER)
             self.wind = files.Table(self.folder / "truth_wind.csv", files.TRUTH_WIND_HEADER)
             self.gps = files.Table(self.folder / "gps.csv", files.GPS_HEADER)
@@ -214,7 +215,7 @@ class Session:
         self.withheld[held.source] += 1
         if isinstance(held, GpsPosition):
             self._write_fix(held, withheld=True)
-        if isinstance(held, GpsPosition | GpsVelocity):
+        if isinstance(held, GpsVelocity) or (isinstance(held, GpsPosition) and held.has_height):  # no reference without its height
             columns = fix_columns(held)
             for run in self.runs.values():
                 for evaluation in filter(None, (run.evaluation, run.smoothed)):
@@ -222,7 +223,7 @@ class Session:
 
     def _write_fix(self, fix: GpsPosition, withheld: bool) -> None:
         if self.files.gps is not None:
-            self.files.gps.rows([files.gps_row(fix.stamp_ns, fix.lat, fix.lon, fix.height, withheld)])
+            self.files.gps.rows([files.gps_row(fix.stamp_ns, fix.lat, fix.lon, fix.height if fix.has_height else math.nan, withheld)])
 
     def _distribute(self, measurement: Measurement) -> None:
         for run in self.runs.values():

@@ -70,7 +70,7 @@ def _print_head(result: ReplayResult, console: Console) -> None:
         lines += [f"{name} not run: {reason}" for name, reason in recording.left_out.items()]
         rejecting = ((s, entry) for s, entry in recording.inputs.items() if entry.rejected)
         lines += [f"[yellow]{s}: of {e.count} messages rejected: {counted(e.rejected)}[/yellow]" for s, e in rejecting]
-        lines += [f"{phrase} ({count} times)" for phrase, count in recording.assumed.items()]
+        lines += [f"{phrase} ({count} times)" if count > 1 else phrase for phrase, count in recording.assumed.items()]
     for line in lines:
         console.print(line, highlight=False)
     console.print()

@@ -21,7 +21,7 @@ from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import from_mapping, group, setting
 from lowcostnav_ros.graph.wiring import PACED
 from lowcostnav_ros.messages import topics
-from lowcostnav_ros.messages.decode import Decoder, Rejected
+from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.ros import polling, qos
 from lowcostnav_ros.ros.diagnostics import DiagnosticsPublisher
 from lowcostnav_ros.ros.flow import ProgressReport, header_stamp_ns
@@ -61,6 +61,7 @@ class InputSettings:
         maximum=60.0,
         live=True,
     )
+    frames: list[str] = setting([], "Frame ids accepted of every input beside the usual ones; 'any' accepts all.")
 
 
 @dataclass(frozen=True)
@@ -172,7 +173,7 @@ class NodeBase(Node):
             raise
         self._poller = polling.Poller()
         self._progress: ProgressReport | None = None
-        self.decoder = Decoder()
+        self.decoder = Decoder(DecodeRules(everywhere=tuple(self.node_settings.input.frames)))
         self._gates: dict[str, OriginGate] = {}
         self.inputs: dict[str, InputMonitor] = {}
         self.outputs: dict[str, Output] = {}

@@ -8,8 +8,8 @@ one sample at ``noise_rate_hz``, which is a density of ``sigma / sqrt(noise_rate
 from dataclasses import dataclass
 
 import numpy as np
-import yaml
 
+from lowcostnav_ros.base.documents import parse_yaml
 from lowcostnav_ros.base.settings import SettingsError, from_mapping, group, setting
 from lowcostnav_ros.base.units import DEGREE_PER_HOUR, MILLI_G
 
@@ -180,10 +180,7 @@ def imu_profile_from_text(text: str, where: str = "profile") -> ImuProfile:
     SettingsError
         When the text is not YAML, a name is unknown, or a number is out of range.
     """
-    try:
-        values = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise SettingsError(f"{where}: not readable as YAML; correct it near {getattr(error, 'problem_mark', 'its start')}.") from error
+    values = parse_yaml(text, where)
     return from_mapping(ImuProfile, values if values is not None else {}, where)
 
 

@@ -14,7 +14,7 @@ from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.base.units import GAUSS
-from lowcostnav_ros.physics.geomagnetism import MagneticModel
+from lowcostnav_ros.physics.geomagnetism import DatedModel, check_year, year_setting
 from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock, to_body
 
@@ -27,7 +27,7 @@ class MagnetometerSimulatorSettings:
 
     seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     rate_hz: float = setting(20.0, "Output rate.", unit="Hz", minimum=0.1, maximum=1000.0)
-    decimal_year: float = setting(2026.0, "Date of the flight for the magnetic model.", unit="year", minimum=1990.0, maximum=2100.0)
+    decimal_year: float = year_setting("Date of the flight for the magnetic model")
     noise_mg: float = setting(1.0, "White noise of one sample, 1 sigma (1 typical, 5 poor).", unit="mG", minimum=0.01, maximum=100.0)
     calibrated: bool = setting(True, "Deliver the calibrated field; iron, scale and misalignment then have no effect.")
     calibration_residual_mg: float = setting(4.0, "Constant error left by calibration, 1 sigma.", unit="mG", minimum=0.0, maximum=100.0)
@@ -40,6 +40,7 @@ class MagnetometerSimulatorSettings:
         for name, count in (("hard_iron_mg", 3), ("soft_iron", 9), ("scale_factor", 3), ("misalignment_deg", 3)):
             if len(getattr(self, name)) != count:
                 raise SettingsError(f"Magnetometer: '{name}' needs {count} numbers, got {len(getattr(self, name))}.")
+        check_year(self.decimal_year)
 
 
 @simulator("magnetometer", Settings=MagnetometerSimulatorSettings, truth=("truth/odometry",), topics=("imu/mag",), usual=2)
@@ -49,7 +50,7 @@ class MagnetometerSimulator:
     def __init__(self, settings: MagnetometerSimulatorSettings, source: str = "imu/mag") -> None:
         self.settings, self.source = settings, source
         self._clock = SampleClock(settings.rate_hz)
-        self._model = MagneticModel(settings.decimal_year)
+        self._model = DatedModel(settings.decimal_year)
         self._noise_rng = stream(settings.seed, "magnetometer.noise")
         self._matrix, self._offset = _distortion(settings)
         systematic = settings.calibration_residual_mg if settings.calibrated else 0.0
@@ -64,7 +65,11 @@ class MagnetometerSimulator:
         rows = self._clock.rows(truth.stamps_ns)
         if len(rows) == 0:
             return []
-        field_n = np.array([self._model.field_n(truth.lat[k], truth.lon[k], truth.height[k]) for k in rows])
+        self._model.follow(int(truth.stamps_ns[rows[0]]))
+        model = self._model.model
+        if model is None:
+            raise SettingsError(f"Magnetometer: {self._model.remark}")
+        field_n = np.array([model.field_n(truth.lat[k], truth.lon[k], truth.height[k]) for k in rows])
         field_b = to_body(truth.q_nb[rows], field_n)
         noise = self._noise_rng.standard_normal(field_b.shape) * self.settings.noise_mg * TESLA_PER_MG
         return [

@@ -2,15 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, make_dataclass
-from datetime import UTC, datetime
 from functools import cache
 from typing import Any
 
-import yaml
-
-from lowcostnav_ros.base.settings import SettingsError, from_mapping, group, nearest, setting
+from lowcostnav_ros.base.documents import parse_yaml, read_text
+from lowcostnav_ros.base.settings import SettingsError, checked, declared, from_mapping, group, nearest, setting, shown
 from lowcostnav_ros.catalogue.config_files import config_dir, find_config
-from lowcostnav_ros.physics.geomagnetism import decimal_year
+from lowcostnav_ros.physics.geomagnetism import year_of_stamp
 from lowcostnav_ros.sensors.registry import SIMULATORS
 from lowcostnav_ros.trajectory import TruthSettings
 
@@ -80,7 +78,7 @@ def load_scenario(name: str, seed: int | None = None) -> Scenario:
             known = [p.stem for p in path.parent.glob("*.yaml")]
             raise SettingsError(f"There is no scenario '{name}'{nearest(name, known)}; or give the path of a YAML file.")
     changes = {} if seed is None else {"seed": seed}
-    return scenario_from_text(path.read_text(encoding="utf-8"), str(path), **changes)
+    return scenario_from_text(read_text(path), str(path), **changes)
 
 
 def scenario_from_text(text: str, where: str = "scenario", **changes: Any) -> Scenario:
@@ -100,10 +98,7 @@ def scenario_from_text(text: str, where: str = "scenario", **changes: Any) -> Sc
     SettingsError
         When the text is not YAML, a name is unknown, or a value does not fit.
     """
-    try:
-        values = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise SettingsError(f"{where}: not readable as YAML; correct it near {getattr(error, 'problem_mark', 'its start')}.") from error
+    values = parse_yaml(text, where)
     if not isinstance(values, Mapping):
         raise SettingsError(f"{where}: a scenario is a list of names and values; begin with 'name:'.")
     nested = {name: value for name, value in changes.items() if "." in name}
@@ -114,18 +109,20 @@ def scenario_from_text(text: str, where: str = "scenario", **changes: Any) -> Sc
 def _completed(values: dict[str, Any], where: str) -> dict[str, Any]:
     """Fill in what sections inherit from the scenario, so that from here on every section stands alone."""
     truth = _section(values, "truth", where)
-    stamp_s = truth.get("start_stamp_s", TruthSettings().start_stamp_s)
+    start = next(entry for entry in declared(TruthSettings) if entry.name == "start_stamp_s")
+    stamp_s = checked(start, truth.get("start_stamp_s", start.default), where)
     for name in SIMULATORS:
         known = {f.name for f in fields(SIMULATORS[name].Settings)}
         section = _section(values, name, where)
-        if "decimal_year" in known and isinstance(stamp_s, int | float):
-            section = {"decimal_year": decimal_year(datetime.fromtimestamp(stamp_s, UTC)), **section}
+        if "decimal_year" in known:
+            section = {"decimal_year": year_of_stamp(round(stamp_s * 1e9)) or 0.0, **section}
         if isinstance(section.get("outages_s"), list):
             pairs = [pair if isinstance(pair, list) else [pair] for pair in section["outages_s"]]
             section["outages_s"] = [time for pair in pairs for time in pair]
         values[name] = {"seed": values.get("seed", 1), **section} if "seed" in known else section
-    for sensor in values.get("sensors") or ():
-        if sensor not in SIMULATORS:
+    sensors = values.get("sensors") or []
+    for sensor in sensors if isinstance(sensors, list) else [sensors]:
+        if not isinstance(sensor, str) or sensor not in SIMULATORS:
             raise SettingsError(f"{where}: there is no sensor '{sensor}'{nearest(str(sensor), SIMULATORS)}.")
     return values
 
@@ -135,5 +132,5 @@ def _section(values: Mapping[str, Any], name: str, where: str) -> dict[str, Any]
     if section is None:
         return {}
     if not isinstance(section, Mapping):
-        raise SettingsError(f"{where}: section '{name}' must hold names and values, got {section!r}.")
+        raise SettingsError(f"{where}: section '{name}' must hold names and values, got {shown(section)}.")
     return dict(section)

@@ -83,6 +83,8 @@ class GpsStart:
         """Take any other measurement in; the first state, once there is one."""
         if isinstance(item, MagneticField):
             self._field_b = item.field_b
+            if self._magnetic is not None:
+                self._magnetic.reference.follow(item.stamp_ns)
         elif isinstance(item, GpsPosition):
             self._fix = item
             if not self._velocities:

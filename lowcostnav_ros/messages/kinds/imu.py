@@ -24,7 +24,7 @@ _SAMPLES = 20
 
 def _vectors(message: Any, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray]:
     """Return checked (specific force, angular rate), FRD."""
-    checks.covariance(message.angular_velocity_covariance, "angular rate", may_be_zero=True)
+    checks.present(message.angular_velocity_covariance, "angular rate")
     rate, force = checks.xyz(message.angular_velocity), checks.xyz(message.linear_acceleration)
     checks.finite(rate, "angular rate")
     checks.magnitude(rate, rules.max_angular_rate, "angular rate implausible, degrees per second?")
@@ -35,7 +35,7 @@ def _vectors(message: Any, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray]:
 
 def _decode_raw(message: Any, received: Received) -> ImuBlock:
     received.frame(message.header.frame_id)
-    checks.covariance(message.linear_acceleration_covariance, "specific force", may_be_zero=True)
+    checks.present(message.linear_acceleration_covariance, "specific force")
     force, rate = _vectors(message, received.rules)
     return ImuBlock(*received.head, np.array([received.head[0]]), force[np.newaxis], rate[np.newaxis])
 

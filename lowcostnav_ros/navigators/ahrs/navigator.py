@@ -152,6 +152,8 @@ class Ahrs(Navigator):
         elif not all(np.isfinite(getattr(item, name)).all() for name in NUMBERS.get(type(item), ())):
             self.input_status[item.source].reject("not finite")
         elif not self._aligned:
+            if isinstance(item, MagneticField):
+                self.magnetic.follow(item.stamp_ns)
             self._start(self.alignment.take(item, self.magnetic.known()))
         else:
             self.use(item)

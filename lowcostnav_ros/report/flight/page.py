@@ -4,6 +4,7 @@ import datetime
 import json
 from pathlib import Path
 
+from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.replay import tables
 from lowcostnav_ros.replay.result import ReplayResult
 from lowcostnav_ros.replay.words import sentence
@@ -47,7 +48,7 @@ def write_page(folder: Path, output: Path, title: str | None = None) -> int:
         When the folder is no result of a replay.
     """
     page = page_of(read_result(folder), title)
-    output.write_text(page, encoding="utf-8")
+    write_text(output, page)
     return len(page.encode())
 
 

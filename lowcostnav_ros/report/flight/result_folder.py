@@ -56,14 +56,15 @@ def read_table(path: Path) -> Columns:
     """
     if not path.exists():
         return {}
-    with path.open(newline="", encoding="utf-8") as file:
-        reader = csv.reader(file)
-        header = next(reader, [])
-        cells = list(zip(*reader, strict=True)) or [()] * len(header)
     try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.reader(file)
+            header = next(reader, [])
+            cells = list(zip(*reader, strict=True)) or [()] * len(header)
         return {name: _column(name, column) for name, column in zip(header, cells, strict=True)}
-    except ValueError as error:
-        raise ReportError(f"{path} holds a cell that is not a number ({error}); write the folder again with replay --out.") from error
+    except (ValueError, csv.Error) as error:
+        what = f"{path} is damaged or holds a cell that is not a number ({error})"
+        raise ReportError(f"{what}; write the folder again with replay --out.") from error
 
 
 def _column(name: str, cells: tuple[str, ...]) -> np.ndarray:
