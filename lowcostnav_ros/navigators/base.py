@@ -1,5 +1,6 @@
 """The form all navigators share: measurements in by one verb, fused solutions out, status for people."""
 
+import math
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -13,6 +14,7 @@ from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import NO_CORRECTION, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Sensor, unique
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
@@ -332,7 +334,7 @@ class Navigator(ABC):
             else:
                 self._fuse(item)
         out, self._out = self._out, []
-        return out if all(solution.is_sound for solution in out) else self._lost(out)
+        return out if all(map(is_sound, out)) else self._lost(out)
 
     def _screened(self, block: ImuBlock) -> None:
         """Take inertial samples in, spikes replaced; what the state gains instead comes at its own time."""
@@ -354,7 +356,7 @@ class Navigator(ABC):
     def _lost(self, out: list[NavSolution]) -> list[NavSolution]:
         """Begin anew after a solution that is none; what was sound before it still goes out."""
         self.realign("solution not finite")
-        return [solution for solution in out if solution.is_sound]
+        return [solution for solution in out if is_sound(solution)]
 
     def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
         """Feed many; return all fused solutions."""
@@ -363,7 +365,7 @@ class Navigator(ABC):
     def output(self) -> NavSolution | None:
         """The solution carried to the newest stamp by mean propagation alone (low latency), None before alignment."""
         solution = self._predict()
-        return solution if solution is None or solution.is_sound else None
+        return solution if solution is None or is_sound(solution) else None
 
     def status(self) -> NavigatorStatus:
         """Mode, reason, level and all records, for diagnostics and reports."""
@@ -457,6 +459,23 @@ class Navigator(ABC):
     def _level(self) -> Level:
         """Health, by the mode."""
         return level_of(self.mode)
+
+
+NO_COVARIANCE, NO_VECTOR = np.zeros((0, 0)), np.zeros(0)
+
+
+def is_sound(solution: NavSolution) -> bool:
+    """Whether all numbers of a solution are finite and no variance is negative: nothing else may leave a navigator."""
+    if solution.lat is not None and not math.isfinite(sum(solution.place)):
+        return False
+    covariances = solution.cov_pos, solution.cov_vel, solution.cov_att, solution.cov_wind, None
+    vectors = solution.vel_n, solution.specific_force_b, solution.q_nb, solution.wind_n, solution.angular_rate_b
+    return all(
+        kalman.is_sound(
+            NO_COVARIANCE if cov is None else np.ascontiguousarray(cov), NO_VECTOR if vector is None else np.ascontiguousarray(vector)
+        )
+        for cov, vector in zip(covariances, vectors, strict=True)
+    )
 
 
 def position_sigmas(P: np.ndarray) -> dict[str, float]:
