@@ -292,15 +292,6 @@ class NavSolution(Measurement):
     integrity: Integrity | None = None
 
     @property
-    def is_sound(self) -> bool:
-        """Whether all its numbers are finite and no variance is negative: nothing else may leave a navigator."""
-        covariances = [cov for cov in (self.cov_pos, self.cov_vel, self.cov_att, self.cov_wind) if cov is not None]
-        vectors = (self.vel_n, self.q_nb, self.angular_rate_b, self.specific_force_b, self.wind_n)
-        place = 0.0 if self.lat is None else sum(self.place)
-        total = place + sum(float(part.sum()) for part in (*covariances, *vectors) if part is not None)
-        return math.isfinite(total) and all(cov.diagonal().min() >= 0.0 for cov in covariances)
-
-    @property
     def has_position(self) -> bool:
         """Whether it has a position with its covariance; only then do the following properties mean anything."""
         return self.lat is not None and self.cov_pos is not None

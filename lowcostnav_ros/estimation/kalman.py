@@ -223,6 +223,20 @@ def update(P, y, H, R, free):
 
 
 @kernel
+def is_sound(cov, vector):
+    """Whether a covariance (n, n) and a vector (m,) are finite and no variance is negative."""
+    total = 0.0
+    for i in range(cov.shape[0]):
+        if not cov[i, i] >= 0.0:
+            return False
+        for j in range(cov.shape[0]):
+            total += cov[i, j]
+    for value in vector:
+        total += value
+    return np.isfinite(total)
+
+
+@kernel
 def guard_covariance(P, variance_floor, variance_ceiling):
     """Keep every variance inside its bounds and every correlation below one, in place; return how often it had to act.
 

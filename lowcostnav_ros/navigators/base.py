@@ -1,5 +1,6 @@
 """The form all navigators share: measurements in by one verb, fused solutions out, status for people."""
 
+import math
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -14,6 +15,7 @@ from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField,
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.tally import Tally
+from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import NO_CORRECTION, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
 from lowcostnav_ros.estimation.clocks import HELD
 from lowcostnav_ros.estimation.error_state import Block, Layout
@@ -335,7 +337,7 @@ class Navigator(ABC):
             else:
                 self._fuse(item)
         out, self._out = self._out, []
-        if not all(solution.is_sound for solution in out):
+        if not all(map(is_sound, out)):
             out = self._lost(out)
         if out:
             self._out_ns = out[-1].stamp_ns
@@ -379,7 +381,7 @@ class Navigator(ABC):
     def _lost(self, out: list[NavSolution]) -> list[NavSolution]:
         """Begin anew after a solution that is none; what was sound before it still goes out."""
         self.realign("solution not finite")
-        return [solution for solution in out if solution.is_sound]
+        return [solution for solution in out if is_sound(solution)]
 
     def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
         """Feed many; return all fused solutions."""
@@ -388,7 +390,7 @@ class Navigator(ABC):
     def output(self) -> NavSolution | None:
         """The solution carried to the newest stamp by mean propagation alone (low latency), None before alignment."""
         solution = self._predict()
-        return solution if solution is None or solution.is_sound else None
+        return solution if solution is None or is_sound(solution) else None
 
     def status(self) -> NavigatorStatus:
         """Mode, reason, level and all records, for diagnostics and reports."""
@@ -502,6 +504,23 @@ class Navigator(ABC):
     def _level(self) -> Level:
         """Health, by the mode."""
         return level_of(self.mode)
+
+
+NO_COVARIANCE, NO_VECTOR = np.zeros((0, 0)), np.zeros(0)
+
+
+def is_sound(solution: NavSolution) -> bool:
+    """Whether all numbers of a solution are finite and no variance is negative: nothing else may leave a navigator."""
+    if solution.lat is not None and not math.isfinite(sum(solution.place)):
+        return False
+    covariances = solution.cov_pos, solution.cov_vel, solution.cov_att, solution.cov_wind, None
+    vectors = solution.vel_n, solution.specific_force_b, solution.q_nb, solution.wind_n, solution.angular_rate_b
+    return all(
+        kalman.is_sound(
+            NO_COVARIANCE if cov is None else np.ascontiguousarray(cov), NO_VECTOR if vector is None else np.ascontiguousarray(vector)
+        )
+        for cov, vector in zip(covariances, vectors, strict=True)
+    )
 
 
 def position_sigmas(P: np.ndarray) -> dict[str, float]:
