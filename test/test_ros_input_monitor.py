@@ -82,3 +82,12 @@ def test_stamps_that_step_back_are_counted():
     monitor, _ = fed(100.0, 10)
     monitor.stamped(10**9)
     assert monitor.backward == 1
+
+
+def test_a_flood_of_near_equal_stamps_does_not_count_gaps_without_end():
+    monitor = InputMonitor("imu/data_raw")
+    for k in range(1000):
+        monitor.stamped(1_000_000_000 + k)
+    for k in range(1, 101):
+        monitor.stamped(1_000_000_000 + 10_000_000 * k)
+    assert monitor.gaps <= 100 * 100

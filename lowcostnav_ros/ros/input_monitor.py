@@ -13,6 +13,7 @@ from lowcostnav_ros.base.modes import Level
 
 OK, WARN, ERROR = Level
 TIMEOUT_INTERVALS = 5.0  # a slow sensor times out after this many of its own intervals
+SHORTEST_NS = 100_000  # no sensor is faster: stamps closer than this do not tell its interval
 RECENT_S = 5.0  # a rejection colours the status this long
 
 
@@ -72,8 +73,8 @@ class InputMonitor:
             return
         if step <= 0:
             self.backward += 1
-        elif self._stamp_interval_ns and step > 1.5 * self._stamp_interval_ns:
-            self.gaps += round(step / self._stamp_interval_ns) - 1
+        elif self._stamp_interval_ns and step > 1.5 * max(self._stamp_interval_ns, SHORTEST_NS):
+            self.gaps += round(step / max(self._stamp_interval_ns, SHORTEST_NS)) - 1
         else:
             self._steps += 1  # a plain mean at first: one jittering step must not stand for the interval
             self._stamp_interval_ns += (step - self._stamp_interval_ns) * max(0.05, 1.0 / self._steps)
