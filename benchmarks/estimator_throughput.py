@@ -35,10 +35,10 @@ def stream(seconds: int) -> list:
         last = t[99:100]
         velocity = last.vel_n[0] + 0.1 * rng.standard_normal(3)
         stamp = int(last.stamps_ns[0])
-        measurements.append(GpsPosition(stamp, "gps/fix", last.lat[0], last.lon[0], last.height[0], np.eye(3) * 4.0))
-        measurements.append(GpsVelocity(stamp, "gps/vel", velocity, np.eye(3) * 0.01))
         force = t.specific_force_b + 0.02 * rng.standard_normal((100, 3))
         measurements.append(ImuBlock.of("imu/data_raw", t.stamps_ns, force, t.angular_rate_b + 0.002 * rng.standard_normal((100, 3))))
+        measurements.append(GpsPosition(stamp, "gps/fix", last.lat[0], last.lon[0], last.height[0], np.eye(3) * 4.0))
+        measurements.append(GpsVelocity(stamp, "gps/vel", velocity, np.eye(3) * 0.01))
     return measurements
 
 

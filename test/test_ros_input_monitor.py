@@ -130,3 +130,12 @@ def test_reasons_stay_bounded():
     for k in range(5000):
         monitor.reject(f"station {k} unknown")
     assert len(monitor.status("n").values) < 120 and sum(monitor.rejected.values()) == 5000
+
+
+def test_a_flood_of_near_equal_stamps_does_not_count_gaps_without_end():
+    monitor = InputMonitor("imu/data_raw")
+    for k in range(1000):
+        monitor.stamped(1_000_000_000 + k)
+    for k in range(1, 101):
+        monitor.stamped(1_000_000_000 + 10_000_000 * k)
+    assert monitor.gaps <= 100 * 100

@@ -14,11 +14,11 @@ from lowcostnav_ros.base.tally import Tally
 
 OK, WARN, ERROR = Level
 TIMEOUT_INTERVALS = 5.0  # a slow sensor times out after this many of its own intervals
+SHORTEST_NS = 100_000  # no sensor is faster: stamps closer than this do not tell its interval
 RECENT_S = 5.0  # a rejection colours the status this long
 MOST_HZ, BURST = 3000.0, 1000.0  # of one input in real time: what a process can take beside its other inputs
 FLOOD_RATIO, FLOOD_HZ, USUAL_S = 5.0, 50.0, 10.0
 FLOOD = "flood"
-SHORTEST_NS = 1e5  # no sensor is faster; stamps nearer to one another are no interval
 
 
 class Status(NamedTuple):
@@ -105,7 +105,7 @@ class InputMonitor:
             return
         if step <= 0:
             self.backward += 1
-        elif self._stamp_interval_ns and step > 1.5 * self._stamp_interval_ns:
+        elif self._stamp_interval_ns and step > 1.5 * max(self._stamp_interval_ns, SHORTEST_NS):
             self.gaps += round(step / max(self._stamp_interval_ns, SHORTEST_NS)) - 1
         else:
             self._steps += 1  # a plain mean at first: one jittering step must not stand for the interval
