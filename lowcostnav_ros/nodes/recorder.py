@@ -120,7 +120,7 @@ class Recorder(NodeBase):
                 row = monitor.status(self.get_name())
                 yield row._replace(level=OK)
         count = sum(monitor.count for monitor in self.inputs.values())
-        values = {"path": str(self.path), "count": str(count), "lost": str(self._writer.lost)}
+        values = {"path": str(self.path), "count": str(count), "lost": str(self._writer.lost if hasattr(self, "_writer") else 0)}
         message = self.trouble or f"{count} messages in {self.path}"
         yield Status(f"{self.get_name()}: recording", ERROR if self.trouble else OK, message, values)
 
