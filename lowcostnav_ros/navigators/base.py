@@ -10,10 +10,10 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Health, ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
-from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
+from lowcostnav_ros.estimation.aiding import RECOVERED, SLACK_NS, Aid, AidStatus, Reason, Sensor, unique
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
 from lowcostnav_ros.estimation.smoothing import History
@@ -21,6 +21,8 @@ from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
 
 AidType = TypeVar("AidType", bound=Aid)
+HEALTH_NS = 1_000_000_000
+"""A navigator says how it is at least once in this time of stamps."""
 
 
 @dataclass(frozen=True)
@@ -172,6 +174,7 @@ class Navigator(ABC):
         self.restarts: Counter[str] = Counter()
         self.on_aid: Callable[[AidStatus], None] | None = None
         self._out: list[NavSolution] = []
+        self._said: Health | None = None
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
 
@@ -333,7 +336,7 @@ class Navigator(ABC):
         """Mode, reason, level and all records, for diagnostics and reports."""
         aids = [aid.status for aid in self.aids]
         inputs = list(self.input_status.values())
-        now_ns, further = self.horizon.passed_ns, (self._integrity(), self._details())
+        now_ns, further = self.horizon.passed_ns, (self._integrity(), self._details(), self.contradictions())
         return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, *further)
 
     def reset(self, reason: str) -> None:
@@ -355,10 +358,23 @@ class Navigator(ABC):
         self.history = self.core.history = History()
 
     def publish(self, solution: NavSolution) -> None:
-        """Give out the fused solution of the present state."""
+        """Give out the fused solution of the present state, with what there is to say of it."""
+        health = self._health(solution.stamp_ns)
+        said = self._said
+        if said is None or health.stamp_ns // HEALTH_NS != said.stamp_ns // HEALTH_NS or _gist(health) != _gist(said):
+            self._said, solution = health, replace(solution, health=health)
         self._out.append(solution)
         if self.history is not None:
             self.history.output(solution, self.P, self.core.output_rows())
+
+    def _health(self, stamp_ns: int) -> Health:
+        recovered = sum(aid.status.rejected[RECOVERED] for aid in self.aids if aid.is_fix)
+        counts = self.restarts.total() + recovered, len(self.contradictions())
+        return Health(stamp_ns, self.name, str(self.mode), int(self._level()), self.reason, *counts)
+
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """What contradicts what, for longer than a moment."""
+        return ()
 
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """Run one aid on one measurement and notify the observer, if there is one."""
@@ -417,6 +433,11 @@ class Navigator(ABC):
     def _level(self) -> Level:
         """Health, by the mode."""
         return level_of(self.mode)
+
+
+def _gist(health: Health) -> tuple[object, ...]:
+    """What of a health is news at once; numbers in its reason are not."""
+    return health.mode, health.level, Reason.phrase_of(health.reason).partition(" for ")[0], health.restarts, health.contradictions
 
 
 def position_sigmas(P: np.ndarray) -> dict[str, float]:

@@ -47,8 +47,9 @@ class NavigatorNode(NodeBase):
     """Run one navigator live.
 
     Publishes ``<name>/odometry``, ``<name>/fix`` and ``<name>/wind`` at ``output.rate_hz`` of stamps with low latency,
-    ``<name>/odometry_fused`` and ``<name>/wind_fused`` for every fused solution, and ``<name>/origin`` once, latched.  The AHRS, which
-    has no position, publishes ``imu/data`` and ``imu/data_fused``; the supervisor's topics are under ``nav/``.
+    ``<name>/odometry_fused`` and ``<name>/wind_fused`` for every fused solution, ``<name>/health`` when that changes and each second, and
+    ``<name>/origin`` once, latched.  The AHRS, which has no position, publishes ``imu/data`` and ``imu/data_fused``; the supervisor's
+    topics are under ``nav/``.
 
     Parameters
     ----------
@@ -139,6 +140,8 @@ class NavigatorNode(NodeBase):
             self.output(f"{self._room}/origin").send(to_cdr(encode.origin_fix(stamp_ns, origin)))
 
     def _publish(self, solution: NavSolution, suffix: str) -> None:
+        if suffix and solution.health is not None:
+            self.output(self._topics[-1]).send(to_cdr(encode.health_from(solution.health)))
         if self._is_attitude_only:
             if solution.q_nb is not None:
                 self.output(f"imu/data{suffix}").send(to_cdr(encode.imu_from_solution(solution)))

@@ -240,14 +240,15 @@ class DeadReckoning(Navigator):
     def _solution(self, core: ReckoningCore) -> NavSolution:
         velocity, G, noise = core.velocity()
         total, held = core.totals(), core.held
+        q_nb, swing = held.attitude(core.t_ns)
         return NavSolution(
             *(core.t_ns, self.name, float(core.nav[0]), float(core.nav[1]), float(core.nav[2]), velocity),
-            q_nb=held.q_nb,
+            q_nb=q_nb,
             angular_rate_b=held.rate_b,
             specific_force_b=held.force_b,
             cov_pos=core.P[POS, POS].copy(),
             cov_vel=G @ core.P @ G.T + noise,
-            cov_att=held.cov_att,
+            cov_att=held.cov_att + swing**2 * np.eye(3),
             wind_n=total[0:2],
             cov_wind=core.wind_covariance(),
             mode=self.mode,
