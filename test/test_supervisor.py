@@ -220,7 +220,7 @@ def test_whatever_lives_is_flown_and_nothing_is_published_when_nothing_does():
     def until(end, source, sigma):
         return lambda t: solution(source, t, sigma) if t < end else None
 
-    out = fly(supervisor, (0.0, 60.0), until(20.0, INS, 2.0), until(40.0, DR, 9.0), lambda t: gps(t, 30.0, 99.0))
+    out = fly(supervisor, (0.0, 60.0), until(20.0, INS, 2.0), until(40.0, DR, 9.0), gps)
     assert supervisor.switches[-1].reason == "ins_gps timed out"
     assert max(1e-9 * (s.stamp_ns - T0) for s in out) < 41.5
     assert supervisor.mode == "failed"

@@ -10,6 +10,7 @@ import numpy as np
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.messages import checks, imu_columns, topics
 from lowcostnav_ros.messages.kind import Kind
+from lowcostnav_ros.messages.map_frames import MapFrame
 from lowcostnav_ros.messages.rules import RULES, DecodeRules, Refusal, Rejected
 from lowcostnav_ros.messages.store import from_cdr, full_type
 from lowcostnav_ros.physics.earth import LocalFrame
@@ -107,7 +108,8 @@ class Decoder:
         if source.endswith("/origin") and isinstance(result, NavSolution):
             lat, lon, height = result.lat, result.lon, result.height
             if lat is not None and lon is not None and height is not None:
-                self.rules.origins[source.rpartition("/")[0]] = LocalFrame(lat, lon, height)
+                origin, room = LocalFrame(lat, lon, height), source.rpartition("/")[0]
+                self.rules.origins.setdefault(room, MapFrame(origin, result.stamp_ns)).announce(origin)
         self.count(result, source)
         return result
 

@@ -41,6 +41,7 @@ class Link:
         self.is_attitude = self.msgtype == topics.IMU
         self._room = self.topic.rpartition("/")[0]
         self._decoder = Decoder(rules)
+        navigator.map_origins = rules.origins
         self._origin: Any = None
 
     def message(self, solution: NavSolution) -> Any:

@@ -43,7 +43,7 @@ class TruthSettings:
     """
 
     kind: str = setting(
-        "segments", "How the truth is made: closed-form manoeuvres or aerobatics, thesis dataset, flight dynamics, a recording", choices=KINDS
+        "segments", "How the truth is made: closed-form manoeuvres, aerobatics, thesis dataset, flight dynamics, a recording", choices=KINDS
     )
     name: str = setting("demo", "Standard mission (demo, turns_then_approach, banked_turns, straight) or dataset (LD, LD-gentle, HD, STR)")
     mission: list[str] = setting([], "Own manoeuvres, one per line such as 'turn by_deg=90 bank_deg=20'; empty flies the standard mission")

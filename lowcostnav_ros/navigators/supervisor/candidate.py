@@ -19,8 +19,9 @@ from lowcostnav_ros.physics.earth import difference_n
 LOOK_NS, SILENT_NS = 500_000_000, 3_000_000_000
 WINDOWS_NS = (1_000_000_000, 8_000_000_000, 30_000_000_000)
 """The way is compared with the velocity over these times: a jump shows in the first, what creeps away in the last."""
-SIGMAS, FLOOR_M, FLOOR_MPS = 4.5, 4.0, 0.5
-"""How far way and velocity may be apart: in sigmas of each axis, and what sampling the velocity misses."""
+SIGMAS, SIGMAS_WAY, FLOOR_M, FLOOR_MPS = 4.5, 1.5, 4.0, 0.5
+"""How far way and velocity may be apart: in sigmas of the position at first and of the velocity, which is corrected with it; and what
+sampling the velocity misses."""
 STILL_NS, MOVING_MPS = 1_500_000_000, 5.0
 """For so long, at this speed, the same bits of a position, seen three times, are no measurement."""
 DOUBTED_NS, LONGEST_NS, FORGIVEN_NS = 30_000_000_000, 480_000_000_000, 120_000_000_000
@@ -53,6 +54,8 @@ class Candidate:
         How it contradicts itself, kept for a while.
     offset_n : ndarray (3,)
         By how far, m.
+    doubted_ns : int
+        When it last did.
     """
 
     def __init__(self, name: str) -> None:
@@ -64,7 +67,7 @@ class Candidate:
         self._looks: deque[Look] = deque()
         self._way, self._sigma_way, self._slack = np.zeros(3), np.zeros(3), 0.0
         self._anchor: Look | None = None
-        self._until_ns, self._kept_ns = 0, DOUBTED_NS
+        self.doubted_ns, self._until_ns, self._kept_ns = 0, 0, DOUBTED_NS
         self._still, self._still_since_ns = 0, 0
 
     def take(self, solution: NavSolution) -> None:
@@ -123,7 +126,7 @@ class Candidate:
             self._kept_ns = min(2 * self._kept_ns, LONGEST_NS) if again else DOUBTED_NS
             self.contradiction = Contradiction(name, (self.name, "its velocity"), 0.0, "m", stamp_ns, self.name)
             self._anchor = look
-        self._until_ns = stamp_ns + self._kept_ns
+        self.doubted_ns, self._until_ns = stamp_ns, stamp_ns + self._kept_ns
 
     def forgive(self) -> None:
         """Believe it again."""
@@ -159,5 +162,5 @@ def _apart(look: Look, now: Look) -> np.ndarray:
 
 def _is_off(look: Look, now: Look) -> bool:
     lasted_s = 1e-9 * (now.stamp_ns - look.stamp_ns)
-    allowed = SIGMAS * (look.sigma + now.sigma_way - look.sigma_way) + FLOOR_M + FLOOR_MPS * lasted_s + now.slack - look.slack
+    allowed = SIGMAS * look.sigma + SIGMAS_WAY * (now.sigma_way - look.sigma_way) + FLOOR_M + FLOOR_MPS * lasted_s + now.slack - look.slack
     return bool((np.abs(_apart(look, now)) > allowed).any())

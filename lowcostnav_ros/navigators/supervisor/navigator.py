@@ -194,7 +194,7 @@ class Supervisor(Navigator):
 
     def _gps(self, now_ns: int) -> Gps:
         settings = self.settings.gps
-        if self._fix is None or now_ns - self._fix.stamp_ns > 1e9 * settings.timeout_s:
+        if self._fix is None or not self._fix_is_fresh(now_ns):
             return Gps.LOST
         outage = self.mode in (Mode.COASTING, Mode.RE_ACQUIRING, Mode.FAILED)
         if now_ns - self._agreed_ns > 1e9 * settings.timeout_s:
@@ -229,9 +229,13 @@ class Supervisor(Navigator):
         fresh = {name: s for name, s in newest.items() if s is not None and now_ns - s.stamp_ns <= limit_ns}
         return {name: self._motion.carried(solution, now_ns) for name, solution in fresh.items()}
 
+    def _fix_is_fresh(self, now_ns: int) -> bool:
+        return self._fix is not None and now_ns - self._fix.stamp_ns <= 1e9 * self.settings.gps.timeout_s
+
     def _gps_alone(self, now_ns: int) -> dict[str, NavSolution]:
         newest = self._candidates[GPS].newest
-        if newest is None or newest.vel_n is None or now_ns - newest.stamp_ns > 1e9 * self.settings.gps.timeout_s:
+        velocity, fresh = self._velocity, self._fix_is_fresh(now_ns)
+        if newest is None or velocity is None or not fresh or abs(newest.stamp_ns - velocity.stamp_ns) > VELOCITY_NS or self.active is None:
             return {}
         return {GPS: self._motion.carried(newest, now_ns)}
 
@@ -251,10 +255,11 @@ class Supervisor(Navigator):
             return
         self._apart = None
         self._agree_since_ns = now_ns if self._agree_since_ns == NEVER_NS else self._agree_since_ns
-        if now_ns - self._agree_since_ns >= 1e9 * AGREED_S and TRUSTED in (self._trust(first), self._trust(second)):
-            for name in (first, second):
-                if self._candidates[name].contradiction is not None:
-                    self._candidates[name].forgive()
+        if TRUSTED not in (self._trust(first), self._trust(second)):
+            return
+        for candidate in (self._candidates[first], self._candidates[second]):
+            if candidate.contradiction is not None and now_ns - max(self._agree_since_ns, candidate.doubted_ns) >= 1e9 * AGREED_S:
+                candidate.forgive()
 
     def _cover(self, active: str, alive: dict[str, NavSolution], now_ns: int) -> np.ndarray:
         """What the contradictions that are known add to the covariance of the position, (3, 3): the solution flown may be the wrong one."""
@@ -262,8 +267,9 @@ class Supervisor(Navigator):
         others = {name: solution for name, solution in alive.items() if name != active}
         if self._apart is not None and self._apart.suspect in ("", active):
             offsets += [difference_n(*own.place, *other.place) for other in others.values()]
-        if self._strayed(active, now_ns) and self._trust(GPS) == TRUSTED:
-            offsets += [difference_n(*own.place, *fixed.place) for fixed in self._gps_alone(now_ns).values()]
+        fixed = self._candidates[GPS].newest
+        if active in self._strays and self._trust(GPS) == TRUSTED and fixed is not None and self._fix_is_fresh(now_ns):
+            offsets.append(difference_n(*own.place, *self._motion.carried(fixed, now_ns).place))
         return sum((np.outer(offset, offset) for offset in offsets), np.zeros((3, 3)))
 
     def _flies(self, alive: dict[str, NavSolution]) -> bool:
@@ -339,7 +345,13 @@ class Supervisor(Navigator):
             self._blend = Blend(self.settings.blend_s)
         self._flown = source
         self._published = self._outgoing(source)
-        self.set_origin(*self._published.place)
+        if self.origin is None:
+            self._begin_map(self._published)
+
+    def _begin_map(self, first: NavSolution) -> None:
+        """Use the map frame of the navigator that is flown first: a supervisor that is started again so finds its own again."""
+        frame = self.map_origins.get(self.active or "")
+        self.set_origin(*first.place if frame is None else (frame.origin.lat, frame.origin.lon, frame.origin.height))
 
     def _outgoing(self, source: NavSolution) -> NavSolution:
         """What is published of a solution: with the offsets that die away, and covering what contradicts it."""
@@ -371,8 +383,7 @@ class Supervisor(Navigator):
         order = ": do not depart" if self.mode == Mode.NO_GO else ""
         if self._agreed_ns == NEVER_NS:
             return "no GPS since the start" + order
-        fresh = self._fix is not None and now_ns - self._fix.stamp_ns <= 1e9 * self.settings.gps.timeout_s
-        what = "GPS disagrees with the solution" if fresh else "no GPS"
+        what = "GPS disagrees with the solution" if self._fix_is_fresh(now_ns) else "no GPS"
         return f"{what} for {1e-9 * (now_ns - self._agreed_ns):.0f} s{order}"
 
     def _alert(self) -> bool:
@@ -382,7 +393,7 @@ class Supervisor(Navigator):
         """What speaks against the solution that is flown, or keeps it from being judged; empty for nothing."""
         flown = self._candidates.get(self.active or "")
         own = "" if flown is None or flown.trust() == TRUSTED else flown.why()
-        apart = "" if self._apart is None else self._apart.words(self._t_ns)
+        apart = "" if self._apart is None else self._apart.words(max(self._t_ns, self._apart.since_ns))
         receiver = self._candidates[GPS].why() if self._trust(GPS) != TRUSTED else ""
         alone = "neither navigator has a sound solution" if self.active == GPS else ""
         return "; ".join(words for words in (own, apart, receiver, alone) if words)
