@@ -82,7 +82,7 @@ def fly(ros, samples=100, name="standstill", **parameters):
 
 
 def outputs(node):
-    return [o for topic, o in node.outputs.items() if topic.split("/")[1] not in ("origin", "wind_fused")]
+    return [o for topic, o in node.outputs.items() if topic.split("/")[1] not in ("origin", "wind_fused", "health")]
 
 
 def test_outputs_are_decimated_by_stamp_and_every_fused_solution_is_published(ros):

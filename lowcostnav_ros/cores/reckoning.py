@@ -26,6 +26,8 @@ from lowcostnav_ros.physics.rotation import quat_rotate
 
 LOST_S = 10.0
 """Without attitude or airspeed the unknown velocity is as large as the last airspeed and stays correlated this long."""
+INCIDENCE_MPS, CHANGE_SHARE = 5.0, 0.7
+"""Vertical component of the air-relative velocity that incidence may hide, m/s; share of a change beyond it that may be wrong."""
 LANDED = 0.8
 """Share of the minimum airspeed below which an aircraft that was flying counts as landed; the step keeps gusts from toggling it."""
 
@@ -218,6 +220,7 @@ class ReckoningCore:
         self._floor, self._ceiling = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2, np.full(layout.size, 1e14)
         self.ranging = (layout.kind != Kind.HELD).astype(float)
         self.ranging[2:CORE] = 0.0
+        self._down_mps: float | None = None
 
     def start(self, t_ns: int, nav: np.ndarray, cov_n: np.ndarray) -> None:
         """Begin at a position (lat, lon [rad], height [m]) with its covariance (3, 3), NED m^2."""
@@ -232,9 +235,10 @@ class ReckoningCore:
         self.correct(kalman.update(self.P, y, H, max(sigma, 1e-6) ** 2 * np.eye(2), np.ones(self.layout.size)))
 
     def branch(self) -> "ReckoningCore":
-        """A copy whose mean and inputs may be moved on alone; the covariance is shared and must not be settled."""
+        """A copy that may be moved on alone."""
         twin = copy.copy(self)
-        twin.nav, twin.estimate, twin._sums, twin.held = self.nav.copy(), self.estimate.copy(), self._sums.copy(), copy.copy(self.held)
+        twin.history, twin.held = None, copy.copy(self.held)
+        twin.P, twin.nav, twin.estimate, twin._sums = self.P.copy(), self.nav.copy(), self.estimate.copy(), self._sums.copy()
         return twin
 
     def move(self, to_ns: int) -> None:
@@ -258,6 +262,32 @@ class ReckoningCore:
         model.carry_covariance(self.P, sums, layout.kind, layout.axis, layout.rate, layout.psd, heading, airspeed, self._walk(), track)
         if self.history is not None:
             self.history.end(self.P)
+
+    def heed_climb(self) -> None:
+        """Let the vertical velocity follow attitude and airspeed where they change more than incidence can hide: a dive, a loop.
+
+        The model of the vertical velocity knows climbs and descents only; in level flight the barometer shows more than the attitude.
+        """
+        held = self.held
+        if not held.airborne or self.timed_out():
+            self._down_mps = None
+            return
+        down = float(held.air_n(self.t_ns)[2])
+        if self._down_mps is None:
+            self._down_mps = down
+        change = down - self._down_mps
+        if abs(change) <= INCIDENCE_MPS:
+            return
+        dx = np.zeros(self.layout.size)
+        dx[CLIMB] = change - math.copysign(INCIDENCE_MPS, change)
+        self._down_mps += dx[CLIMB]
+        self.settle()
+        if self.history is not None:
+            self.history.begin(self.P)
+        self.P[CLIMB, CLIMB] += (CHANGE_SHARE * dx[CLIMB]) ** 2
+        if self.history is not None:
+            self.history.end(self.P)
+        self.correct(dx)
 
     def correct(self, dx: np.ndarray) -> None:
         """Inject a correction (n,): the estimate moves, the error state is zero again."""

@@ -176,7 +176,7 @@ class NavigatorNode(NodeBase):
             return
         self._is_map_settled, shared = True, announced.origin
         apart = difference_n(origin.lat, origin.lon, origin.height, shared.lat, shared.lon, shared.height)
-        if float(apart @ apart) < FARTHEST_M**2 and self._first_ns - announced.stamp_ns > JOINED_NS:
+        if float(apart @ apart) < FARTHEST_M**2 and (self._first_ns or 0) - announced.stamp_ns > JOINED_NS:
             self.navigator.origin = shared
 
     def _publish_origin(self, stamp_ns: int) -> None:

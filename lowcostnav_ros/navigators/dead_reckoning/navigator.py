@@ -122,6 +122,8 @@ class DeadReckoning(Navigator):
         """Let the core hold what carries it; return whether this does."""
         if item.source == self.settings.attitude_topic and isinstance(item, Attitude):
             core.held.take_attitude(item)
+            if core.started:
+                core.heed_climb()
         elif item.source == AIR and isinstance(item, AirVelocity):
             core.held.take_air(item, self.settings.airspeed)
         else:
@@ -235,6 +237,7 @@ class DeadReckoning(Navigator):
                 core.move(item.stamp_ns)
                 self._hold(item, core)
         core.move(self.horizon.newest_ns or core.t_ns)
+        core.settle()
         return self._solution(core)
 
     def _solution(self, core: ReckoningCore) -> NavSolution:
