@@ -8,7 +8,6 @@ from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.messages import encode as e
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.decode import Decoder, decode
-from lowcostnav_ros.messages.map_frames import MapFrame
 from lowcostnav_ros.messages.store import STORE, from_cdr, to_cdr
 from lowcostnav_ros.physics.earth import LocalFrame
 
@@ -45,7 +44,7 @@ def test_truth_survives_its_messages():
     truth = TruthBlock(np.arange(1, n + 1) * 10**9, np.full(n, 0.65), np.full(n, -2.1), np.full(n, 700.0), vectors[0], q, *vectors[1:])
     origin = LocalFrame(0.64, -2.11, 0.0)
     decoder = Decoder()
-    decoder.rules.origins["truth"] = MapFrame(origin)
+    decoder.rules.origins["truth"] = origin
     for k in range(n):
         imu = decoder.decode("truth/imu", topics.IMU, to_cdr(e.truth_imu(truth, k)))
         np.testing.assert_allclose(np.abs(imu.q_nb @ q[k]), 1.0, atol=1e-15)

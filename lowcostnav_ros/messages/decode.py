@@ -109,7 +109,9 @@ class Decoder:
             lat, lon, height = result.lat, result.lon, result.height
             if lat is not None and lon is not None and height is not None:
                 origin, room = LocalFrame(lat, lon, height), source.rpartition("/")[0]
-                self.rules.origins.setdefault(room, MapFrame(origin, result.stamp_ns)).announce(origin)
+                frame = self.rules.map_frames.setdefault(room, MapFrame(origin, result.stamp_ns))
+                frame.announce(origin)
+                self.rules.origins[room] = frame.origin
         self.count(result, source)
         return result
 

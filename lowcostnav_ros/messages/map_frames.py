@@ -56,7 +56,8 @@ class MapFrame:
         self.is_new = False
         return off_there < AWAY_M + AWAY_MPS * abs(dt_s) if paused else off_there < off_here
 
-    def swap(self) -> None:
-        """Use the other origin."""
+    def swap(self) -> "LocalFrame":
+        """Use the other origin, and return it."""
         if self.other is not None:
             self.origin, self.other = self.other, self.origin
+        return self.origin

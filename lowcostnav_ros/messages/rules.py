@@ -9,6 +9,7 @@ from lowcostnav_ros.messages.kind import TOPICS, Kind, described, find
 
 if TYPE_CHECKING:
     from lowcostnav_ros.messages.map_frames import MapFrame
+    from lowcostnav_ros.physics.earth import LocalFrame
 
 ANY = "any"
 """Among the frames of a source: accept every frame id."""
@@ -35,8 +36,9 @@ class DecodeRules:
         Accepted besides those of the kind; :data:`ANY` accepts all.
     default_variances : mapping of source to variances, or None
         For a covariance of all zeros (NED/FRD order, SI); a source that is missing is refused.  None: those of the kinds.
-    origins : dict of navigator name to the :class:`~lowcostnav_ros.messages.map_frames.MapFrame` its odometry is expressed in; a
-        :class:`Decoder` fills it as ``<navigator>/origin`` arrives.
+    origins : dict of navigator name to the :class:`LocalFrame` its odometry is expressed in; a :class:`Decoder`
+        fills it as ``<navigator>/origin`` arrives.
+    map_frames : dict of navigator name to what is known of the origins it has announced
     max_angular_rate, max_specific_force : float
         rad/s and m/s^2; more than this is a unit error, not an aircraft.
     mag_range : (float, float)
@@ -48,7 +50,8 @@ class DecodeRules:
     kinds: dict[str, str] = field(default_factory=dict)
     frames: dict[str, Collection[str]] = field(default_factory=dict)
     default_variances: Mapping[str, tuple[float, ...]] | None = None
-    origins: dict[str, "MapFrame"] = field(default_factory=dict)
+    origins: dict[str, "LocalFrame"] = field(default_factory=dict)
+    map_frames: dict[str, "MapFrame"] = field(default_factory=dict)
     max_angular_rate: float = 35.0
     max_specific_force: float = 1000.0
     mag_range: tuple[float, float] = (0.1e-4, 1.4e-4)

@@ -132,7 +132,7 @@ class Navigator(ABC):
         As given; source to whether it is required (a class may declare some); all aids in order; error states and what its aids see, where
         it has a filter.
     map_origins : mapping
-        Of the navigators whose odometry it takes: name to what holds the ``origin`` of its map frame.
+        Of the navigators whose odometry it takes: name to the origin of its map frame.
     frames, kinds : mapping
         Of the sources of its sensors: further frame ids that are accepted, and the topic of the package whose message each carries.
     """
@@ -170,7 +170,7 @@ class Navigator(ABC):
         self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns)
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
         self.origin: LocalFrame | None = None
-        self.map_origins: Mapping[str, Any] = {}
+        self.map_origins: Mapping[str, LocalFrame] = {}
         self.input_status = {source: InputStatus(source, required) for source, required in self.inputs.items()}
         self.mode: str = Mode.INITIALISING
         self.reason = "waiting for measurements"

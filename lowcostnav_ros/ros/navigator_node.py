@@ -171,7 +171,7 @@ class NavigatorNode(NodeBase):
 
     def _keep_the_map(self) -> None:
         """Take over the map frame of the solution that is flown where that is older than this process: it has been started again."""
-        announced, origin = self.decoder.rules.origins.get(NAV), self.navigator.origin
+        announced, origin = self.decoder.rules.map_frames.get(NAV), self.navigator.origin
         if self._room == NAV or announced is None or origin is None or self._is_map_settled:
             return
         self._is_map_settled, shared = True, announced.origin

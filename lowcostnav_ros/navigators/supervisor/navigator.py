@@ -350,8 +350,8 @@ class Supervisor(Navigator):
 
     def _begin_map(self, first: NavSolution) -> None:
         """Use the map frame of the navigator that is flown first: a supervisor that is started again so finds its own again."""
-        frame = self.map_origins.get(self.active or "")
-        self.set_origin(*first.place if frame is None else (frame.origin.lat, frame.origin.lon, frame.origin.height))
+        origin = self.map_origins.get(self.active or "")
+        self.set_origin(*first.place if origin is None else (origin.lat, origin.lon, origin.height))
 
     def _outgoing(self, source: NavSolution) -> NavSolution:
         """What is published of a solution: with the offsets that die away, and covering what contradicts it."""
