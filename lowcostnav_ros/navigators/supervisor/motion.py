@@ -21,7 +21,7 @@ GRAVITY_N = np.array([0.0, 0.0, STANDARD_GRAVITY])
 KEPT_NS = 3_000_000_000
 BUMPY = 0.5
 """Acceleration of which an aircraft in rough air shows nothing at the instant it is looked at, m/s^2, sigma."""
-BLIND = 3.0
+BLIND = 5.0
 """The same while nothing shows the specific force."""
 ONSET = 3.0
 """Rate of change of the specific force of an aircraft in the air, m/s^3, sigma, when none was seen lately."""
