@@ -27,7 +27,7 @@ from lowcostnav_ros.physics.strapdown import strapdown_step
 
 POS, VEL, ATT = slice(0, 3), slice(3, 6), slice(6, 9)
 CORE = 9
-COVARIANCE_STEP_NS = 100_000_000
+COVARIANCE_STEP_NS, NO_OUTPUT_NS = 100_000_000, 2**62
 GAP_NS = HOLE_NS
 ACCEL_BIAS, GYRO_BIAS, ACCEL_SCALE, GYRO_SCALE, CHAIN = map(
     int, (Kind.ACCEL_BIAS, Kind.GYRO_BIAS, Kind.ACCEL_SCALE, Kind.GYRO_SCALE, Kind.CHAIN)
@@ -162,19 +162,6 @@ def mean_step(nav, last, f, w, dt):
 
 
 @kernel
-def gather(sums, C, f, w, dt):
-    """Add an interval to what the next covariance step needs; see :func:`covariance_step`."""
-    sums[0] += dt
-    f_n = matvec(C, f)
-    for r in range(3):
-        sums[1 + r] += f_n[r] * dt
-        sums[13 + r] += f[r] * dt
-        sums[16 + r] += w[r] * dt
-        for j in range(3):
-            sums[4 + 3 * r + j] += C[r, j] * dt
-
-
-@kernel
 def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, stamps, f_m, w_m, start, step_ns, output_ns):
     """Carry mean and covariance through inertial samples ``start``...; stop after the one on which an output falls due.
 
@@ -187,7 +174,14 @@ def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, 
         w = (w_m[k] - errors[1]) / (1.0 + errors[3])
         mean_step(nav, last, f, w, dt)
         C = quat_to_dcm(nav[6:10])
-        gather(sums, C, f, w, dt)
+        sums[0] += dt
+        f_n = matvec(C, f)
+        for r in range(3):
+            sums[1 + r] += f_n[r] * dt
+            sums[13 + r] += f[r] * dt
+            sums[16 + r] += w[r] * dt
+            for j in range(3):
+                sums[4 + 3 * r + j] += C[r, j] * dt
         due = stamps[k] // output_ns != t_ns // output_ns
         if due or stamps[k] // step_ns != t_ns // step_ns:
             covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track)
@@ -196,18 +190,6 @@ def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, 
         if due:
             return k + 1, t_ns
     return stamps.shape[0], t_ns
-
-
-@kernel
-def predict_mean(t_ns, nav, last, sums, errors, stamps, f_m, w_m):
-    """Mean propagation alone, in place, through samples beyond the horizon: the output predictor."""
-    for k in range(stamps.shape[0]):
-        dt = (stamps[k] - t_ns) * 1e-9
-        f, w = (f_m[k] - errors[0]) / (1.0 + errors[2]), (w_m[k] - errors[1]) / (1.0 + errors[3])
-        mean_step(nav, last, f, w, dt)
-        gather(sums, quat_to_dcm(nav[6:10]), f, w, dt)
-        t_ns = stamps[k]
-    return t_ns
 
 
 @kernel
@@ -325,11 +307,12 @@ class InertialCore:
         """Mean state and covariance at the end of ``block`` (samples beyond the horizon, or None), leaving this state alone."""
         layout, t_ns = self.layout, self.t_ns
         nav, sums, P, estimate = self.nav.copy(), self._sums.copy(), self.P.copy(), self.estimate.copy()
+        kinds = layout.kind, layout.axis, layout.rate, layout.psd, kalman.NO_TRACK
         if block is not None:
             samples = block.stamps_ns, block.specific_force_b, block.angular_rate_b
-            t_ns = int(predict_mean(t_ns, nav, self._last.copy(), sums, self.errors(), *samples))
-        covariance_step(nav, sums, P, estimate, layout.kind, layout.axis, layout.rate, layout.psd, kalman.NO_TRACK)
-        return t_ns, nav, P
+            _, t_ns = run_block(t_ns, nav, self._last.copy(), sums, P, estimate, *kinds, *samples, 0, COVARIANCE_STEP_NS, NO_OUTPUT_NS)
+        covariance_step(nav, sums, P, estimate, *kinds)
+        return int(t_ns), nav, P
 
     def rest(self) -> None:
         """Take the latest sample for that of a unit at rest."""

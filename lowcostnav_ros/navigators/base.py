@@ -177,7 +177,7 @@ class Navigator(ABC):
         self.restarts: Counter[str] = Counter()
         self.on_aid: Callable[[AidStatus], None] | None = None
         self._out: list[NavSolution] = []
-        self._said: Health | None = None
+        self._said: tuple[int, str, Level, str] | None = None
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
 
@@ -362,10 +362,9 @@ class Navigator(ABC):
 
     def publish(self, solution: NavSolution) -> None:
         """Give out the fused solution of the present state, with what there is to say of it."""
-        health = self._health(solution.stamp_ns)
-        said = self._said
-        if said is None or health.stamp_ns // HEALTH_NS != said.stamp_ns // HEALTH_NS or _gist(health) != _gist(said):
-            self._said, solution = health, replace(solution, health=health)
+        news = solution.stamp_ns // HEALTH_NS, self.mode, self._level(), self.reason
+        if news != self._said and (self._said is None or news[:3] != self._said[:3] or _phrase(news[3]) != _phrase(self._said[3])):
+            self._said, solution = news, replace(solution, health=self._health(solution.stamp_ns))
         self._out.append(solution)
         if self.history is not None:
             self.history.output(solution, self.P, self.core.output_rows())
@@ -438,9 +437,9 @@ class Navigator(ABC):
         return level_of(self.mode)
 
 
-def _gist(health: Health) -> tuple[object, ...]:
-    """What of a health is news at once; numbers in its reason are not."""
-    return health.mode, health.level, Reason.phrase_of(health.reason).partition(" for ")[0], health.restarts, health.contradictions
+def _phrase(reason: str) -> str:
+    """What of a reason is news at once; the numbers in it are not."""
+    return Reason.phrase_of(reason).partition(" for ")[0]
 
 
 def position_sigmas(P: np.ndarray) -> dict[str, float]:
