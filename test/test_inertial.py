@@ -127,12 +127,15 @@ def test_predicting_ahead_ends_where_the_core_will_be_without_touching_it():
     core = InertialCore(layout_of())
     core.start(0, NAV, np.eye(CORE))
     block = still_block(5)
-    t_ns, ahead = core.predicted(block)
+    t_ns, ahead, P = core.predicted(block)
     assert core.t_ns == 0
     assert np.array_equal(core.nav, NAV)
+    assert np.array_equal(core.P[:CORE, :CORE], np.eye(CORE))
     run(core, block)
+    core.settle()
     assert t_ns == core.t_ns
     assert np.allclose(ahead, core.nav, atol=1e-12)
+    assert np.allclose(P, core.P, atol=1e-12)
 
 
 def test_covariance_growth_equals_van_loan_and_does_not_depend_on_the_sample_rate():

@@ -1,6 +1,6 @@
 """The generic navigator node, with a navigator so small that everything it says is known."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -82,7 +82,7 @@ def fly(ros, samples=100, name="standstill", **parameters):
 
 
 def outputs(node):
-    return [o for topic, o in node.outputs.items() if topic.split("/")[1] not in ("origin", "wind_fused")]
+    return [o for topic, o in node.outputs.items() if topic.split("/")[1] not in ("origin", "wind_fused", "health")]
 
 
 def test_outputs_are_decimated_by_stamp_and_every_fused_solution_is_published(ros):
@@ -146,3 +146,32 @@ def test_a_navigator_that_puts_out_nothing_any_more_is_not_ok(ros):
     assert ros.spin_until(lambda: row() is not None and row().message == "gps")
     assert ros.spin_until(lambda: row().level == b"\x02", 6.0)
     assert row().message.startswith("no solution for 2.") and row().message.endswith("; gps")
+
+
+def ask(ros, client):
+    """Call a reset service and return its answer."""
+    future = client.call_async(Trigger.Request())
+    assert ros.spin_until(future.done)
+    return future.result()
+
+
+def test_resets_are_not_to_follow_one_another(ros):
+    fly(ros, samples=10)
+    client = ros.probe.create_client(Trigger, "/standstill/reset")
+    assert ros.spin_until(client.service_is_ready)
+    assert ask(ros, client).success
+    again = ask(ros, client)
+    assert not again.success
+    assert "ago; wait 10 s" in again.message
+
+
+def test_a_reset_that_costs_the_solution_in_flight_is_asked_for_twice(ros):
+    node, _ = fly(ros, samples=10)
+    output, node.navigator.mode = node.navigator.output, "coasting"
+    node.navigator.output = lambda: replace(output(), vel_n=np.array([50.0, 0.0, 0.0]))
+    client = ros.probe.create_client(Trigger, "/standstill/reset")
+    assert ros.spin_until(client.service_is_ready)
+    first = ask(ros, client)
+    assert not first.success and node.navigator.mode == "coasting"
+    assert "ask again within 5 s" in first.message
+    assert ask(ros, client).success and node.navigator.mode == "initialising"

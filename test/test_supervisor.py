@@ -81,11 +81,12 @@ def place(t_s, offset=(0.0, 0.0, 0.0)):
     return ORIGIN.from_ned(VEL * t_s + np.asarray(offset))
 
 
-def solution(source, t_s, sigma, offset=(0.0, 0.0, 0.0), heading_deg=0.0):
+def solution(source, t_s, sigma, offset=(0.0, 0.0, 0.0), heading_deg=0.0, drift=(0.0, 0.0, 0.0)):
     q = euler_to_quat(0.0, 0.0, math.radians(heading_deg))
     small = 1e-4 * np.eye(3)
     return NavSolution(
-        T0 + round(1e9 * t_s), source, *place(t_s, offset), VEL, q, np.zeros(3), None, sigma**2 * np.eye(3), 0.01 * np.eye(3), small
+        *(T0 + round(1e9 * t_s), source, *place(t_s, offset), VEL + np.array(drift), q, np.zeros(3), None),
+        *(sigma**2 * np.eye(3), 0.01 * np.eye(3), small),
     )
 
 
@@ -125,11 +126,11 @@ def outage_flight(**settings):
 
     def ins(t):
         lost = max(t - 30.0, 0.0) if t < 90.0 else 0.0
-        return solution(INS, t, 2.0 + 0.1 * lost**2, (0.05 * lost**2, 0.0, 0.0), heading_deg=0.1 * lost)
+        return solution(INS, t, 2.0 + 0.1 * lost**2, (0.05 * lost**2, 0.0, 0.0), 0.1 * lost, (0.1 * lost, 0.0, 0.0))
 
     def dr(t):
         lost = max(t - 30.0, 0.0) if t < 90.0 else 0.0
-        return solution(DR, t, 5.0 + 1.5 * lost, (0.0, 1.0 * lost, 0.0), heading_deg=3.0)
+        return solution(DR, t, 5.0 + 1.5 * lost, (0.0, 1.0 * lost, 0.0), 3.0, (0.0, float(lost > 0.0), 0.0))
 
     return supervisor, fly(supervisor, (0.0, 120.0), ins, dr, lambda t: gps(t, 30.0, 90.0))
 
@@ -258,7 +259,7 @@ def test_a_solution_that_disagrees_with_gps_is_left_for_one_that_agrees():
     fly(supervisor, (20.0, 40.0), lambda t: solution(INS, t, 2.0, (200.0, 0.0, 0.0)), lambda t: solution(DR, t, 5.0), gps)
     assert supervisor.mode == "calibrating"
     assert supervisor.active == "dead_reckoning"
-    assert supervisor.switches[-1].reason == "ins_gps disagrees with GPS"
+    assert supervisor.switches[-1].reason == "ins_gps: way and velocity disagree"
     assert len(supervisor.switches) == 2
 
 

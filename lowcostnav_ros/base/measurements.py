@@ -248,6 +248,30 @@ class Integrity:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Health(Measurement):
+    """What a navigator says of itself beside its solution of the same stamp.
+
+    Attributes
+    ----------
+    mode : str
+    level : int
+        0 healthy, 1 degraded, 2 failed, as diagnostic_msgs numbers them.
+    reason : str
+        One sentence.
+    restarts : int
+        How often it began anew, or took its position anew from a source that it had rejected, since its process began.
+    contradictions : int
+        How many contradictions last.
+    """
+
+    mode: str
+    level: int
+    reason: str
+    restarts: int
+    contradictions: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class NavSolution(Measurement):
     """The state a navigator reports; ``source`` is the navigator's name.
 
@@ -273,6 +297,8 @@ class NavSolution(Measurement):
         Further named scalars with their sigma, units in the names (``gyro_bias_x_radps``).
     integrity : Integrity or None
         Of a navigator that tests its satellites.
+    health : Health or None
+        What the navigator says of itself, where that has changed, or a second has passed since it last said so.
     """
 
     lat: float | None = None
@@ -290,6 +316,7 @@ class NavSolution(Measurement):
     mode: str = ""
     states: dict | None = None
     integrity: Integrity | None = None
+    health: Health | None = None
 
     @property
     def has_position(self) -> bool:

@@ -28,7 +28,7 @@ from lowcostnav_ros.physics.strapdown import strapdown_step
 
 POS, VEL, ATT = slice(0, 3), slice(3, 6), slice(6, 9)
 CORE = 9
-COVARIANCE_STEP_NS = 100_000_000
+COVARIANCE_STEP_NS, NO_OUTPUT_NS = 100_000_000, 2**62
 GAP_NS = HOLE_NS
 ACCEL_BIAS, GYRO_BIAS, ACCEL_SCALE, GYRO_SCALE, CHAIN = map(
     int, (Kind.ACCEL_BIAS, Kind.GYRO_BIAS, Kind.ACCEL_SCALE, Kind.GYRO_SCALE, Kind.CHAIN)
@@ -194,16 +194,6 @@ def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, 
 
 
 @kernel
-def predict_mean(t_ns, nav, last, errors, stamps, f_m, w_m):
-    """Mean propagation alone, in place, through samples beyond the horizon: the output predictor."""
-    for k in range(stamps.shape[0]):
-        dt = (stamps[k] - t_ns) * 1e-9
-        mean_step(nav, last, (f_m[k] - errors[0]) / (1.0 + errors[2]), (w_m[k] - errors[1]) / (1.0 + errors[3]), dt)
-        t_ns = stamps[k]
-    return t_ns
-
-
-@kernel
 def turn_covariance(P, heading):
     """Turn the covariance of tilt and heading errors with a correction of the heading, rad, in place.
 
@@ -351,15 +341,16 @@ class InertialCore:
         """Take the estimated sensor errors out of a sample."""
         return without_errors(specific_force_b, angular_rate_b, self.estimate, self.layout.kind, self.layout.axis)
 
-    def predicted(self, block: ImuBlock | None) -> tuple[int, np.ndarray]:
-        """Mean state at the end of ``block`` (samples beyond the horizon, or None), leaving this state alone."""
-        nav = self.nav.copy()
-        if block is None:
-            return self.t_ns, nav
-        t_ns = predict_mean(
-            self.t_ns, nav, self._last.copy(), self.errors(), block.stamps_ns, block.specific_force_b, block.angular_rate_b
-        )
-        return int(t_ns), nav
+    def predicted(self, block: ImuBlock | None) -> tuple[int, np.ndarray, np.ndarray]:
+        """Mean state and covariance at the end of ``block`` (samples beyond the horizon, or None), leaving this state alone."""
+        layout, t_ns = self.layout, self.t_ns
+        nav, sums, P, estimate = self.nav.copy(), self._sums.copy(), self.P.copy(), self.estimate.copy()
+        kinds = layout.kind, layout.axis, layout.rate, layout.psd, kalman.NO_TRACK
+        if block is not None:
+            samples = block.stamps_ns, block.specific_force_b, block.angular_rate_b
+            _, t_ns = run_block(t_ns, nav, self._last.copy(), sums, P, estimate, *kinds, *samples, 0, COVARIANCE_STEP_NS, NO_OUTPUT_NS)
+        covariance_step(nav, sums, P, estimate, *kinds)
+        return int(t_ns), nav, P
 
     def rest(self) -> None:
         """Take the latest sample for that of a unit at rest."""

@@ -14,6 +14,7 @@ from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Atti
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores import reckoning_model as model
+from lowcostnav_ros.cores.held import Unsteadiness, turn_sigma, turned_on
 from lowcostnav_ros.cores.reckoning_model import CLIMB, CORE, POS
 from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
@@ -25,8 +26,8 @@ from lowcostnav_ros.physics.rotation import quat_rotate
 
 LOST_S = 10.0
 """Without attitude or airspeed the unknown velocity is as large as the last airspeed and stays correlated this long."""
-LONGEST_TURN_S = 0.5
-"""An attitude is turned on with its own rate for this long at most; after that it is held."""
+INCIDENCE_MPS, CHANGE_SHARE = 5.0, 0.7
+"""Vertical component of the air-relative velocity that incidence may hide, m/s; share of a change beyond it that may be wrong."""
 LANDED = 0.8
 """Share of the minimum airspeed below which an aircraft that was flying counts as landed; the step keeps gusts from toggling it."""
 
@@ -126,6 +127,7 @@ class HeldInputs:
     force_b: np.ndarray | None = None
     cov_att: np.ndarray = field(default_factory=lambda: np.eye(3))
     attitude_ns: int | None = None
+    unsteady: Unsteadiness = field(default_factory=Unsteadiness)  # of the angular rate
     vel_b: np.ndarray = field(default_factory=lambda: np.zeros(3))
     speed: float = 0.0
     air_ns: int | None = None
@@ -134,8 +136,11 @@ class HeldInputs:
 
     def take_attitude(self, attitude: Attitude) -> None:
         """Hold a new attitude."""
-        self.q_nb, self.cov_att, self.attitude_ns = attitude.q_nb, attitude.cov_att, attitude.stamp_ns
-        self.rate_b = np.zeros(3) if attitude.angular_rate_b is None else attitude.angular_rate_b
+        rate_b = np.zeros(3) if attitude.angular_rate_b is None else attitude.angular_rate_b
+        if self.attitude_ns is not None:
+            self.unsteady = copy.copy(self.unsteady)  # a branch shares it
+            self.unsteady.see(self.rate_b, rate_b, 1e-9 * (attitude.stamp_ns - self.attitude_ns))
+        self.q_nb, self.cov_att, self.rate_b, self.attitude_ns = attitude.q_nb, attitude.cov_att, rate_b, attitude.stamp_ns
         self.force_b = attitude.specific_force_b
 
     def take_air(self, air: AirVelocity, settings: AirspeedSettings) -> None:
@@ -148,8 +153,12 @@ class HeldInputs:
 
     def air_n(self, t_ns: int) -> np.ndarray:
         """Air-relative velocity (3,) in n at a time, the attitude turned on with its rate."""
+        return quat_rotate(self.attitude(t_ns)[0], self.vel_b)
+
+    def attitude(self, t_ns: int) -> tuple[np.ndarray, float]:
+        """Attitude (4,) at a time, turned on with its rate, and the sigma per axis, rad, that its age adds."""
         age_s = 0.0 if self.attitude_ns is None else 1e-9 * (t_ns - self.attitude_ns)
-        return model.air_velocity_n(self.q_nb, self.rate_b, min(max(age_s, 0.0), LONGEST_TURN_S), self.vel_b)
+        return turned_on(self.q_nb, self.rate_b, age_s), turn_sigma(self.rate_b, self.unsteady.value, age_s)
 
     def timed_out(self, t_ns: int, attitude_s: float, air_s: float) -> str:
         """Which input is older than it may be at ``t_ns``, in words; empty when both are fresh."""
@@ -211,6 +220,7 @@ class ReckoningCore:
         self._floor, self._ceiling = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2, np.full(layout.size, 1e14)
         self.ranging = (layout.kind != Kind.HELD).astype(float)
         self.ranging[2:CORE] = 0.0
+        self._down_mps: float | None = None
 
     def start(self, t_ns: int, nav: np.ndarray, cov_n: np.ndarray) -> None:
         """Begin at a position (lat, lon [rad], height [m]) with its covariance (3, 3), NED m^2."""
@@ -225,9 +235,10 @@ class ReckoningCore:
         self.correct(kalman.update(self.P, y, H, max(sigma, 1e-6) ** 2 * np.eye(2), np.ones(self.layout.size)))
 
     def branch(self) -> "ReckoningCore":
-        """A copy whose mean and inputs may be moved on alone; the covariance is shared and must not be settled."""
+        """A copy that may be moved on alone."""
         twin = copy.copy(self)
-        twin.nav, twin.estimate, twin._sums, twin.held = self.nav.copy(), self.estimate.copy(), self._sums.copy(), copy.copy(self.held)
+        twin.history, twin.held = None, copy.copy(self.held)
+        twin.P, twin.nav, twin.estimate, twin._sums = self.P.copy(), self.nav.copy(), self.estimate.copy(), self._sums.copy()
         return twin
 
     def move(self, to_ns: int) -> None:
@@ -251,6 +262,32 @@ class ReckoningCore:
         model.carry_covariance(self.P, sums, layout.kind, layout.axis, layout.rate, layout.psd, heading, airspeed, self._walk(), track)
         if self.history is not None:
             self.history.end(self.P)
+
+    def heed_climb(self) -> None:
+        """Let the vertical velocity follow attitude and airspeed where they change more than incidence can hide: a dive, a loop.
+
+        The model of the vertical velocity knows climbs and descents only; in level flight the barometer shows more than the attitude.
+        """
+        held = self.held
+        if not held.airborne or self.timed_out():
+            self._down_mps = None
+            return
+        down = float(held.air_n(self.t_ns)[2])
+        if self._down_mps is None:
+            self._down_mps = down
+        change = down - self._down_mps
+        if abs(change) <= INCIDENCE_MPS:
+            return
+        dx = np.zeros(self.layout.size)
+        dx[CLIMB] = change - math.copysign(INCIDENCE_MPS, change)
+        self._down_mps += dx[CLIMB]
+        self.settle()
+        if self.history is not None:
+            self.history.begin(self.P)
+        self.P[CLIMB, CLIMB] += (CHANGE_SHARE * dx[CLIMB]) ** 2
+        if self.history is not None:
+            self.history.end(self.P)
+        self.correct(dx)
 
     def correct(self, dx: np.ndarray) -> None:
         """Inject a correction (n,): the estimate moves, the error state is zero again."""
@@ -282,6 +319,9 @@ class ReckoningCore:
             out[0:2] = air + total[0:2]
         out[2] = self.estimate[CLIMB]
         noise = model.unmodelled_velocity(air_n, settings.heading.noise_deg * DEGREE, settings.airspeed.noise_mps, settings.wind.gust_mps)
+        swing = held.attitude(self.t_ns)[1]
+        if swing > 0.0:
+            noise = noise + swing**2 * (float(air_n @ air_n) * np.eye(3) - np.outer(air_n, air_n))
         return out, model.coupling(air[0], air[1], float(held.airborne), layout.kind, layout.axis), noise
 
     def dynamics(self) -> np.ndarray:

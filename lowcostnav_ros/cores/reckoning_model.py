@@ -20,19 +20,12 @@ from lowcostnav_ros.base.small_matrices import turned
 from lowcostnav_ros.estimation.error_state import Kind
 from lowcostnav_ros.estimation.kalman import lead
 from lowcostnav_ros.physics.earth import displace
-from lowcostnav_ros.physics.rotation import quat_from_rotvec, quat_multiply, quat_rotate
 
 CORE = 4
 POS, CLIMB = slice(0, 3), 3
 WIND, SCALE, BIAS, HEADING = int(Kind.WIND), int(Kind.AIRSPEED_SCALE), int(Kind.AIRSPEED_BIAS), int(Kind.HEADING_BIAS)
 SHORT = 1.0e-2
 """Step over correlation time below which the closed forms lose digits and their series is used."""
-
-
-@kernel
-def air_velocity_n(q_nb, rate_b, age_s, vel_b):
-    """Air-relative velocity in n, shape (3,), from an attitude ``age_s`` old that is turned on with its angular rate."""
-    return quat_rotate(quat_multiply(q_nb, quat_from_rotvec(rate_b * age_s)), vel_b)
 
 
 @kernel

@@ -11,6 +11,7 @@ from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.tally import OTHERS, Tally
 from lowcostnav_ros.messages import checks, imu_columns, topics
 from lowcostnav_ros.messages.kind import Kind
+from lowcostnav_ros.messages.map_frames import MapFrame
 from lowcostnav_ros.messages.rules import RULES, DecodeRules, Refusal, Rejected
 from lowcostnav_ros.messages.store import from_cdr, full_type
 from lowcostnav_ros.physics.earth import LocalFrame
@@ -110,7 +111,10 @@ class Decoder:
         if source.endswith("/origin") and isinstance(result, NavSolution):
             lat, lon, height = result.lat, result.lon, result.height
             if lat is not None and lon is not None and height is not None:
-                self.rules.origins[source.rpartition("/")[0]] = LocalFrame(lat, lon, height)
+                origin, room = LocalFrame(lat, lon, height), source.rpartition("/")[0]
+                frame = self.rules.map_frames.setdefault(room, MapFrame(origin, result.stamp_ns))
+                frame.announce(origin)
+                self.rules.origins[room] = frame.origin
         self.count(result, source)
         return result
 

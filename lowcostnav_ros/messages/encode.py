@@ -5,7 +5,7 @@ from typing import Any
 
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.messages.kind import TOPICS, Kind
-from lowcostnav_ros.messages.kinds.health import clock, diagnostics
+from lowcostnav_ros.messages.kinds.health import clock, diagnostics, health_from
 from lowcostnav_ros.messages.kinds.imu import imu_attitude, imu_from_solution, imu_raw, imu_raw_cdr
 from lowcostnav_ros.messages.kinds.navigator import fix_from_solution, odometry_from_solution, origin_fix, wind_from_solution, wind_message
 from lowcostnav_ros.messages.kinds.truth import truth_imu, truth_odometry, truth_wind
@@ -14,7 +14,7 @@ from lowcostnav_ros.messages.store import to_cdr
 
 __all__ = ["clock", "diagnostics", "encode", "encode_cdr", "fix_from_solution", "imu_attitude", "imu_from_solution", "imu_raw"]
 __all__ += ["imu_raw_cdr", "odometry_from_solution", "origin_fix", "truth_imu", "truth_odometry", "truth_wind", "wind_from_solution"]
-__all__ += ["wind_message"]
+__all__ += ["wind_message", "health_from"]
 
 
 def encode(measurement: Measurement) -> Any:

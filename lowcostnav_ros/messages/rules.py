@@ -8,6 +8,7 @@ from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.messages.kind import TOPICS, Kind, described, find
 
 if TYPE_CHECKING:
+    from lowcostnav_ros.messages.map_frames import MapFrame
     from lowcostnav_ros.physics.earth import LocalFrame
 
 ANY = "any"
@@ -39,6 +40,7 @@ class DecodeRules:
         For a covariance of all zeros (NED/FRD order, SI); a source that is missing is refused.  None: those of the kinds.
     origins : dict of navigator name to the :class:`LocalFrame` its odometry is expressed in; a :class:`Decoder`
         fills it as ``<navigator>/origin`` arrives.
+    map_frames : dict of navigator name to what is known of the origins it has announced
     max_angular_rate, max_specific_force : float
         rad/s and m/s^2; more than this is a unit error, not an aircraft.
     mag_range : (float, float)
@@ -52,6 +54,7 @@ class DecodeRules:
     everywhere: tuple[str, ...] = ()
     default_variances: Mapping[str, tuple[float, ...]] | None = None
     origins: dict[str, "LocalFrame"] = field(default_factory=dict)
+    map_frames: dict[str, "MapFrame"] = field(default_factory=dict)
     max_angular_rate: float = 35.0
     max_specific_force: float = 1000.0
     mag_range: tuple[float, float] = (0.1e-4, 1.4e-4)

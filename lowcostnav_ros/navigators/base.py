@@ -11,12 +11,12 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Health, ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import NO_CORRECTION, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
+from lowcostnav_ros.estimation.aiding import NO_CORRECTION, RECOVERED, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
 from lowcostnav_ros.estimation.clocks import HELD
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS, TIME_JUMPED, FusionHorizon, unbroken
@@ -31,6 +31,8 @@ ALL_REFUSED = 100
 """Nor is one that has refused so many messages in a row."""
 
 AidType = TypeVar("AidType", bound=Aid)
+HEALTH_NS = 1_000_000_000
+"""A navigator says how it is at least once in this time of stamps."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,8 @@ class Navigator(ABC):
     settings, inputs, aids, layout, core
         As given; source to whether it is required (a class may declare some); all aids in order; error states and what its aids see, where
         it has a filter.
+    map_origins : mapping
+        Of the navigators whose odometry it takes: name to the origin of its map frame.
     frames, kinds : mapping
         Of the sources of its sensors: further frame ids that are accepted, and the topic of the package whose message each carries.
     """
@@ -177,6 +181,7 @@ class Navigator(ABC):
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
         self.spikes = InertialSpikes()
         self.origin: LocalFrame | None = None
+        self.map_origins: Mapping[str, LocalFrame] = {}
         self.input_status = {source: InputStatus(source, required) for source, required in self.inputs.items()}
         self.mode: str = Mode.INITIALISING
         self.reason = "waiting for measurements"
@@ -185,6 +190,7 @@ class Navigator(ABC):
         self._out: list[NavSolution] = []
         self._out_ns: int | None = None
         self._refused_in_row = 0
+        self._said: tuple[int, str, Level, str] | None = None
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
 
@@ -414,10 +420,6 @@ class Navigator(ABC):
         silent_ns = newest_ns - last_ns - self.horizon.lag_ns
         return f"no solution for {1e-9 * silent_ns:.1f} s" if silent_ns > max(SILENT_NS, 3 * self.output_period_ns) else ""
 
-    def contradictions(self) -> tuple[Contradiction, ...]:
-        """What disagrees: inputs whose clocks are off."""
-        return self.horizon.clocks.contradictions()
-
     def reset(self, reason: str) -> None:
         """Restart: forget the state and what is held, keep the settings, the origin and the counters."""
         self.horizon.clear()
@@ -439,10 +441,22 @@ class Navigator(ABC):
         self.history = self.core.history = History()
 
     def publish(self, solution: NavSolution) -> None:
-        """Give out the fused solution of the present state."""
+        """Give out the fused solution of the present state, with what there is to say of it."""
+        news = solution.stamp_ns // HEALTH_NS, self.mode, self._level(), self.reason
+        if news != self._said and (self._said is None or news[:3] != self._said[:3] or _phrase(news[3]) != _phrase(self._said[3])):
+            self._said, solution = news, replace(solution, health=self._health(solution.stamp_ns))
         self._out.append(solution)
         if self.history is not None:
             self.history.output(solution, self.P, self.core.output_rows())
+
+    def _health(self, stamp_ns: int) -> Health:
+        recovered = sum(aid.status.rejected[RECOVERED] for aid in self.aids if aid.is_fix)
+        counts = self.restarts.total() + recovered, len(self.contradictions())
+        return Health(stamp_ns, self.name, str(self.mode), int(self._level()), self.reason, *counts)
+
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """What contradicts what, for longer than a moment: inputs whose clocks are off."""
+        return self.horizon.clocks.contradictions()
 
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """Run one aid on one measurement and notify the observer, if there is one."""
@@ -521,6 +535,11 @@ def is_sound(solution: NavSolution) -> bool:
         )
         for cov, vector in zip(covariances, vectors, strict=True)
     )
+
+
+def _phrase(reason: str) -> str:
+    """What of a reason is news at once; the numbers in it are not."""
+    return Reason.phrase_of(reason).partition(" for ")[0]
 
 
 def position_sigmas(P: np.ndarray) -> dict[str, float]:

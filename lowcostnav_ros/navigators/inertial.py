@@ -184,7 +184,7 @@ class InertialNavigator(Navigator):
         for channel in self.clocked:
             self.use_channel(channel, Measurement(self.core.t_ns, IMU))
         self._judge()
-        self.publish(self._solution(self.core.t_ns, self.core.nav, self.core.force_b, self.core.rate_b))
+        self.publish(self._solution(self.core.t_ns, self.core.nav, self.P, self.core.force_b, self.core.rate_b))
 
     def _aid(self, item: Measurement) -> None:
         if any(aid.is_fix for aid in self.use(item)):
@@ -269,8 +269,8 @@ class InertialNavigator(Navigator):
         block = self.ahead()
         return self._solution(*self.core.predicted(block), *self.core.latest(block))
 
-    def _solution(self, t_ns: int, nav: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
-        P, wind = self.P, self.layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
+    def _solution(self, t_ns: int, nav: np.ndarray, P: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
+        wind = self.layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
         return self._solution_at(
             *(t_ns, nav, P, range(CORE, self.layout.size)),
             q_nb=nav[6:10].copy(),

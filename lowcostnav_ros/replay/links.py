@@ -36,11 +36,12 @@ class Link:
 
     def __init__(self, name: str, navigator: Navigator, rules: DecodeRules) -> None:
         self.navigator = navigator
-        self.topic = output_topic(name)
+        self.topic, *_, self._health_topic = fused_topics(name)
         self.msgtype = topics.spec(self.topic).msgtype
         self.is_attitude = self.msgtype == topics.IMU
         self._room = self.topic.rpartition("/")[0]
         self._decoder = Decoder(rules)
+        navigator.map_origins = rules.origins
         self._origin: Any = None
 
     def message(self, solution: NavSolution) -> Any:
@@ -67,6 +68,8 @@ class Link:
             Topics some navigator takes.
         """
         published = [(self.topic, self.msgtype, message)]
+        if solution.health is not None:
+            published.insert(0, (self._health_topic, topics.DIAGNOSTICS, encode.health_from(solution.health)))
         if not self.is_attitude:
             published.append((f"{self._room}/wind_fused", topics.TWIST, encode.wind_from_solution(solution)))
         for topic, msgtype, sent in published:

@@ -1,5 +1,6 @@
 """Any navigator as a node: its inputs in, its solutions out, its status on /diagnostics."""
 
+import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,19 +9,26 @@ from pathlib import Path
 from typing import Any
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
-from lowcostnav_ros.base.modes import Level
+from lowcostnav_ros.base.modes import Level, level_of
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.catalogue.building import complete_settings, make_navigator
 from lowcostnav_ros.catalogue.navigator_topics import topics_of
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.registry import NAVIGATORS
+from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.ros.diagnostics import navigator_rows
 from lowcostnav_ros.ros.input_monitor import Status
-from lowcostnav_ros.ros.node_base import NodeBase
+from lowcostnav_ros.ros.node_base import NodeBase, OriginGate, ResetRefusedError
 from lowcostnav_ros.ros.warm_up import warm_up
 
 SILENT_S = 2.0  # without a solution, once there were some
+RESET_PAUSE_S, CONFIRM_S = 10.0, 5.0  # between two resets; within which one that costs the solution must be asked for again
+AIRBORNE_MPS = 15.0
+NAV = "nav"
+JOINED_NS = 1_000_000_000  # a map frame announced so long before this node heard anything is older than this process
+SETTLING_NS = 10_000_000_000  # it may take so long until that is heard of
+FARTHEST_M = 100_000.0  # from the origin of a map frame that is taken over
 RESTART_NS = 10_000_000_000  # a stamp this much older is a time base that started again (a bag played twice)
 
 
@@ -50,8 +58,9 @@ class NavigatorNode(NodeBase):
     """Run one navigator live.
 
     Publishes ``<name>/odometry``, ``<name>/fix`` and ``<name>/wind`` at ``output.rate_hz`` of stamps with low latency,
-    ``<name>/odometry_fused`` and ``<name>/wind_fused`` for every fused solution, and ``<name>/origin`` once, latched.  The AHRS, which
-    has no position, publishes ``imu/data`` and ``imu/data_fused``; the supervisor's topics are under ``nav/``.
+    ``<name>/odometry_fused`` and ``<name>/wind_fused`` for every fused solution, ``<name>/health`` when that changes and each second, and
+    ``<name>/origin`` once, latched.  The AHRS, which has no position, publishes ``imu/data`` and ``imu/data_fused``; the supervisor's
+    topics are under ``nav/``.
 
     Parameters
     ----------
@@ -84,6 +93,12 @@ class NavigatorNode(NodeBase):
         self._next_output_ns = 0
         self._published_at = 0.0
         self._origin = None
+        self._first_ns: int | None = None
+        self._is_map_settled = False
+        self._reset_at, self._asked_at = -math.inf, -math.inf
+        self.navigator.map_origins = self.decoder.rules.origins
+        if self._room != NAV and not self._is_attitude_only:
+            self._gates[NAV] = self._gates.get(NAV) or OriginGate(NAV, self)
         for topic in self._topics:
             self.output(topic)
         for source, required in self.navigator.inputs.items():
@@ -113,10 +128,25 @@ class NavigatorNode(NodeBase):
         return row._replace(level=Level.ERROR, message=f"{words}; {row.message}", values=row.values | {"silent_s": f"{silent_s:.1f}"})
 
     def reset(self, reason: str) -> str:
-        """Reset the estimator."""
+        """Reset the estimator, not too often; one that coasts in flight only when asked twice: nothing but GPS may bring it back."""
+        now, navigator = time.monotonic(), self.navigator
+        if now - self._reset_at < RESET_PAUSE_S:
+            raise ResetRefusedError(f"{self.get_name()} was reset {now - self._reset_at:.1f} s ago; wait {RESET_PAUSE_S:.0f} s.")
+        if self._would_be_lost() and now - self._asked_at > CONFIRM_S:
+            self._asked_at = now
+            words = f"{self.get_name()} flies without GPS ({navigator.mode}: {navigator.reason}) and a reset would lose its solution"
+            raise ResetRefusedError(f"{words}; ask again within {CONFIRM_S:.0f} s to do it all the same.")
+        self._reset_at, self._asked_at = now, -math.inf
         self.navigator.reset(reason)
         self._next_output_ns = 0
         return f"{self.get_name()} was reset: {self.navigator.mode}, {self.navigator.reason}."
+
+    def _would_be_lost(self) -> bool:
+        """Whether there is a solution in flight that GPS does not hold."""
+        solution = self.navigator.output()
+        if solution is None or level_of(self.navigator.mode) == Level.OK:
+            return False
+        return solution.vel_n is None or math.hypot(*solution.vel_n) > AIRBORNE_MPS
 
     def on_settings(self, settings: list) -> None:
         """Take over a new output rate."""
@@ -128,7 +158,12 @@ class NavigatorNode(NodeBase):
     def _feed(self, measurement: Measurement) -> None:
         if self._magnetometer is not None:
             self._magnetometer.take(measurement)
+        if self._first_ns is None:
+            self._first_ns = measurement.stamp_ns
+        elif measurement.stamp_ns - self._first_ns > SETTLING_NS:
+            self._is_map_settled = True
         fused = self.navigator.feed(measurement)
+        self._keep_the_map()
         self._publish_origin(measurement.stamp_ns)
         for solution in fused:
             self._publish(solution, "_fused")
@@ -150,6 +185,16 @@ class NavigatorNode(NodeBase):
         self._next_output_ns = (stamp_ns // self._output_period_ns + 1) * self._output_period_ns
         return True
 
+    def _keep_the_map(self) -> None:
+        """Take over the map frame of the solution that is flown where that is older than this process: it has been started again."""
+        announced, origin = self.decoder.rules.map_frames.get(NAV), self.navigator.origin
+        if self._room == NAV or announced is None or origin is None or self._is_map_settled:
+            return
+        self._is_map_settled, shared = True, announced.origin
+        apart = difference_n(origin.lat, origin.lon, origin.height, shared.lat, shared.lon, shared.height)
+        if float(apart @ apart) < FARTHEST_M**2 and (self._first_ns or 0) - announced.stamp_ns > JOINED_NS:
+            self.navigator.origin = shared
+
     def _publish_origin(self, stamp_ns: int) -> None:
         origin = self.navigator.origin
         if origin is not None and origin is not self._origin and not self._is_attitude_only:
@@ -158,6 +203,8 @@ class NavigatorNode(NodeBase):
 
     def _publish(self, solution: NavSolution, suffix: str) -> None:
         self._published_at = time.monotonic()
+        if suffix and solution.health is not None:
+            self.output(self._topics[-1]).send(to_cdr(encode.health_from(solution.health)))
         if self._is_attitude_only:
             if solution.q_nb is not None:
                 self.output(f"imu/data{suffix}").send(to_cdr(encode.imu_from_solution(solution)))

@@ -110,6 +110,10 @@ class Output:
         return Status(f"{prefix}: output {self.topic}", OK, f"{self.topic}: {self.count} sent", values)
 
 
+class ResetRefusedError(Exception):
+    """Why a reset is not done, in one sentence."""
+
+
 class OriginGate:
     """Hold the odometry of one navigator until the origin of its map frame has come: two topics keep no order between them."""
 
@@ -283,7 +287,7 @@ class NodeBase(Node):
         yield from (output.status(prefix) for output in self.outputs.values())
 
     def reset(self, reason: str) -> str:
-        """Reset the node's state; return one sentence on what was done.  A subclass overrides it."""
+        """Reset the node's state; return one sentence on what was done.  A subclass overrides it, and may raise ResetRefusedError."""
         return f"{self.get_name()} keeps no state: nothing to reset."
 
     def on_settings(self, settings: list) -> None:
@@ -296,8 +300,10 @@ class NodeBase(Node):
         super().destroy_node()
 
     def _reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.message = self.reset("reset by service")
-        response.success = True
+        try:
+            response.message, response.success = self.reset("reset by service"), True
+        except ResetRefusedError as refusal:
+            response.message, response.success = str(refusal), False
         self.get_logger().info(response.message)
         return response
 

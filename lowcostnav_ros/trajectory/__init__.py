@@ -1,4 +1,4 @@
-"""True flights: closed-form manoeuvres, the thesis datasets, a flight-dynamics aircraft, recorded flights."""
+"""True flights: closed-form manoeuvres, aerobatics, the thesis datasets, a flight-dynamics aircraft, recorded flights."""
 
 from lowcostnav_ros.trajectory.manoeuvres import parse_mission
 from lowcostnav_ros.trajectory.missions import MISSIONS, standard
@@ -34,6 +34,10 @@ def build(settings: TruthSettings, seed: int = 0) -> Trajectory:
         from lowcostnav_ros.trajectory.recorded import build_recorded
 
         return build_recorded(settings, seed)
+    if settings.kind == "aerobatics":
+        from lowcostnav_ros.trajectory.aerobatics import build_aerobatics
+
+        return build_aerobatics(settings, seed)
     from lowcostnav_ros.trajectory.segments import build_segments
 
     return build_segments(settings, seed)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 
-KINDS = ("segments", "dataset", "jsbsim", "recorded")
+KINDS = ("segments", "aerobatics", "dataset", "jsbsim", "recorded")
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class TruthSettings:
     """
 
     kind: str = setting(
-        "segments", "How the truth is made: closed-form manoeuvres, thesis dataset, flight dynamics, or a recorded flight", choices=KINDS
+        "segments", "How the truth is made: closed-form manoeuvres, aerobatics, thesis dataset, flight dynamics, a recording", choices=KINDS
     )
     name: str = setting("demo", "Standard mission (demo, turns_then_approach, banked_turns, straight) or dataset (LD, LD-gentle, HD, STR)")
     mission: list[str] = setting([], "Own manoeuvres, one per line such as 'turn by_deg=90 bank_deg=20'; empty flies the standard mission")
@@ -58,7 +58,7 @@ class TruthSettings:
     def __post_init__(self) -> None:
         if self.kind == "recorded" and not self.recording:
             raise SettingsError("A recorded flight needs its file: set 'recording' to a CSV path.")
-        if self.kind in ("dataset", "recorded") and self.mission:
+        if self.kind in ("aerobatics", "dataset", "recorded") and self.mission:
             raise SettingsError(f"Kind '{self.kind}' flies no manoeuvres: remove 'mission', or set kind to segments or jsbsim.")
 
     @property

@@ -59,7 +59,8 @@ def _decode_odometry(message: Any, received: Received) -> NavSolution:
     received.frame(message.header.frame_id)
     if message.child_frame_id.rpartition("/")[2] != "base_link":
         raise Refusal("wrong child frame id", f"'{message.child_frame_id}', expected base_link")
-    origin = received.rules.origins.get(received.kind.name.rpartition("/")[0])
+    room = received.kind.name.rpartition("/")[0]
+    origin, frame = received.rules.origins.get(room), received.rules.map_frames.get(room)
     if origin is None:
         raise Refusal("map origin is not known yet")
     truth = received.kind.name.startswith(_TRUTH)
@@ -73,10 +74,18 @@ def _decode_odometry(message: Any, received: Received) -> NavSolution:
     _check_numbers(position_enu, vel_flu, rate_flu)
     checks.quaternion(attitude.x, attitude.y, attitude.z, attitude.w)
     q_map = conv.quat_from_ros(attitude.x, attitude.y, attitude.z, attitude.w)
-    place, q_nb, cov_pos, cov_att = conv.local_from_map(position_enu, q_map, cov_position, cov_rotation, origin.origin_e, origin.C_le)
+    in_map = position_enu, q_map, cov_position, cov_rotation
+    place, q_nb, cov_pos, cov_att = conv.local_from_map(*in_map, origin.origin_e, origin.C_le)
+    if frame is not None and frame.other is not None and _known(cov_position):
+        elsewhere = conv.local_from_map(*in_map, frame.other.origin_e, frame.other.C_le)
+        if frame.prefers_other(received.head[0], place, elsewhere[0]):
+            received.rules.origins[room] = frame.swap()
+            place, q_nb, cov_pos, cov_att = elsewhere
     vel_n, cov_vel = conv.local_velocity(vel_flu, cov_velocity, q_nb)
     has_pos, has_att, has_vel = _known(cov_position), _known(cov_rotation), _known(cov_velocity)
     lat, lon, height = place if has_pos else (None, None, None)
+    if has_pos and frame is not None:
+        frame.last = (received.head[0], place, vel_n)
     return NavSolution(
         *received.head,
         lat,

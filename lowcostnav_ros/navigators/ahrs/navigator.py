@@ -239,7 +239,7 @@ class Ahrs(Navigator):
         if self.core.t_ns // self.output_period_ns != before // self.output_period_ns:
             self._tick()
             if self._aligned:
-                self._out.append(self._solution(self.core.t_ns, self.core.nav, self.core.force_b, self.core.rate_b))
+                self.publish(self._solution(self.core.t_ns, self.core.nav, self.P, self.core.force_b, self.core.rate_b))
         return following
 
     def _tick(self) -> None:
@@ -280,7 +280,7 @@ class Ahrs(Navigator):
         block = self.ahead()
         return self._solution(*self.core.predicted(block), *self.core.latest(block))
 
-    def _solution(self, t_ns: int, nav: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
+    def _solution(self, t_ns: int, nav: np.ndarray, P: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
         last = "heading_bias" if "heading_bias" in self.layout else "gyro_bias"
         return NavSolution(
             stamp_ns=int(t_ns),
@@ -288,9 +288,9 @@ class Ahrs(Navigator):
             q_nb=nav[6:10].copy(),
             angular_rate_b=rate_b,
             specific_force_b=force_b,
-            cov_att=self.P[ATT, ATT].copy(),
+            cov_att=P[ATT, ATT].copy(),
             mode=self.mode,
-            states=self._states(self.P, range(CORE, self.layout[last].stop)),
+            states=self._states(P, range(CORE, self.layout[last].stop)),
         )
 
     def _sigmas(self) -> dict[str, float]:

@@ -122,6 +122,8 @@ class DeadReckoning(Navigator):
         """Let the core hold what carries it; return whether this does."""
         if item.source == self.settings.attitude_topic and isinstance(item, Attitude):
             core.held.take_attitude(item)
+            if core.started:
+                core.heed_climb()
         elif item.source == AIR and isinstance(item, AirVelocity):
             core.held.take_air(item, self.settings.airspeed)
         else:
@@ -235,19 +237,21 @@ class DeadReckoning(Navigator):
                 core.move(item.stamp_ns)
                 self._hold(item, core)
         core.move(self.horizon.newest_ns or core.t_ns)
+        core.settle()
         return self._solution(core)
 
     def _solution(self, core: ReckoningCore) -> NavSolution:
         velocity, G, noise = core.velocity()
         total, held = core.totals(), core.held
+        q_nb, swing = held.attitude(core.t_ns)
         return NavSolution(
             *(core.t_ns, self.name, float(core.nav[0]), float(core.nav[1]), float(core.nav[2]), velocity),
-            q_nb=held.q_nb,
+            q_nb=q_nb,
             angular_rate_b=held.rate_b,
             specific_force_b=held.force_b,
             cov_pos=core.P[POS, POS].copy(),
             cov_vel=G @ core.P @ G.T + noise,
-            cov_att=held.cov_att,
+            cov_att=held.cov_att + swing**2 * np.eye(3),
             wind_n=total[0:2],
             cov_wind=core.wind_covariance(),
             mode=self.mode,

@@ -10,16 +10,6 @@ from lowcostnav_ros.physics.earth import difference_n, displace
 from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_conjugate, quat_multiply, rotvec_from_quat
 
 
-def carried_to(solution: NavSolution, stamp_ns: int) -> NavSolution:
-    """Return a solution carried to ``stamp_ns`` by its own velocity; the covariance grows by that of the velocity."""
-    dt = 1e-9 * (stamp_ns - solution.stamp_ns)
-    if dt == 0.0 or solution.vel_n is None:
-        return solution
-    lat, lon, height = displace(*solution.place, solution.vel_n * dt)
-    cov = solution.place_cov if solution.cov_vel is None else solution.place_cov + solution.cov_vel * dt * dt
-    return replace(solution, stamp_ns=stamp_ns, lat=lat, lon=lon, height=height, cov_pos=cov)
-
-
 @dataclass(slots=True)
 class Blend:
     """Offsets published minus source: position (3,) m NED, velocity (3,) m/s, attitude (3,) rad in n, decaying with ``tau_s``."""
