@@ -22,6 +22,7 @@ from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Layout
 
 
@@ -126,6 +127,8 @@ class Host(Protocol):
 
     ``layout`` names the states; ``P`` (n, n) is their covariance; ``core`` holds the mean and offers the views of
     :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,); ``gps_good(stamp_ns)``: GPS holds the solution.
+    ``excluded(aid)``: why its source contradicts others and is not to be used; ``agrees_again(aid)`` tells that it is sound again;
+    ``doubts(aid, stamp_ns)``: why the solution is not to recover to it, though it has been rejected for ``recovery_s(aid, stamp_ns)``.
     """
 
     name: str
@@ -136,8 +139,18 @@ class Host(Protocol):
     def P(self) -> np.ndarray: ...
     def correct(self, dx: np.ndarray) -> None: ...
     def gps_good(self, stamp_ns: int) -> bool: ...
+    def excluded(self, aid: "Aid") -> str: ...
+    def agrees_again(self, aid: "Aid") -> None: ...
+    def doubts(self, aid: "Aid", stamp_ns: int) -> str: ...
+    def noise_factor(self, aid: "Aid") -> float: ...
+    def aids_of(self, kind: type) -> list: ...
+    def recovery_s(self, aid: "Aid", stamp_ns: int) -> float: ...
 
 
+UNRESOLVED_NS = 900_000_000
+"""Rejecting for so long is no outlier: what was rejected last is a contradiction that is not resolved."""
+AGREE_NS = 5_000_000_000
+"""An excluded source that has strayed and agrees with the prediction again for so long is believed again."""
 SHARED = ("wind", "updraught")
 """Blocks of the air mass: one for all sensors."""
 NAMED_S = 120.0
@@ -177,6 +190,10 @@ class Aid(ABC):
         What was fused last.
     decision : Decision or None
         What was made of the last measurement; None when there was no innovation.
+    unresolved : (int, ndarray (m,)) or None
+        Stamp and innovation of the last rejection while rejecting lasts.
+    latches : list of Latch
+        Contradictions that it finds itself.
     """
 
     name: ClassVar[str]
@@ -198,8 +215,12 @@ class Aid(ABC):
         self.source, self.period_s = self.topic, getattr(settings, "period_s", 0.0)
         self.applied: Innovation | None = None
         self.decision: Decision | None = None
+        self.unresolved: tuple[int, np.ndarray] | None = None
+        self.latches: list[Latch] = []
         self._teaching: np.ndarray | None = None
-        self._rejecting_since_ns: int | None = None
+        self.rejecting_since_ns: int | None = None
+        self._agreeing_since_ns: int | None = None
+        self._strayed = False
 
     # what it is made of ------------------------------------------------------------------------------------------------------
 
@@ -231,7 +252,10 @@ class Aid(ABC):
 
     def restart(self) -> None:
         """Forget what was received; the counters stay."""
-        self.status.accepted_ns = self._rejecting_since_ns = None
+        self.status.accepted_ns = self.rejecting_since_ns = self._agreeing_since_ns = self.unresolved = None
+        self._strayed = False
+        for latch in self.latches:
+            latch.clear()
 
     def is_fresh(self, now_ns: int) -> bool:
         """Whether it used a measurement within the time-out of its sensor."""
@@ -275,17 +299,41 @@ class Aid(ABC):
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """Decide what to do with an innovation of this test ratio, and why when it is not fused."""
+        excluded = host.excluded(self)
+        if excluded:
+            self._watch_excluded(stamp_ns, test_ratio, host)
+            return Decision.REJECT, excluded
         if test_ratio <= 1.0:
-            self._rejecting_since_ns = None
+            self.rejecting_since_ns, self._strayed = None, False
             return Decision.FUSE, ""
         if self.last_resort and self.is_last(stamp_ns, test_ratio, host):
             return Decision.LIMIT, LIMITED
-        if self._rejecting_since_ns is None:
-            self._rejecting_since_ns = stamp_ns
-        if stamp_ns - self._rejecting_since_ns >= 1e9 * self.gate.recovery_s:
-            self._rejecting_since_ns = None
-            return Decision.RECOVER, RECOVERED
-        return Decision.REJECT, BEYOND_GATE
+        if self.rejecting_since_ns is None:
+            self.rejecting_since_ns = stamp_ns
+        if stamp_ns - self.rejecting_since_ns < 1e9 * host.recovery_s(self, stamp_ns):
+            return Decision.REJECT, BEYOND_GATE
+        doubt = host.doubts(self, stamp_ns)
+        if doubt:
+            return Decision.REJECT, doubt
+        self.rejecting_since_ns = None
+        return Decision.RECOVER, RECOVERED
+
+    def _watch_excluded(self, stamp_ns: int, test_ratio: float, host: Host) -> None:
+        """Tell the host when an excluded source has strayed from the prediction and come back to it for good."""
+        if self.rejecting_since_ns is None:
+            self.rejecting_since_ns = stamp_ns
+        if test_ratio > 1.0:
+            self._strayed, self._agreeing_since_ns = True, None
+        elif self._strayed:
+            if self._agreeing_since_ns is None:
+                self._agreeing_since_ns = stamp_ns
+            elif stamp_ns - self._agreeing_since_ns >= AGREE_NS:
+                self._strayed, self._agreeing_since_ns = False, None
+                host.agrees_again(self)
+
+    def doubt(self, stamp_ns: int, host: Host) -> str:
+        """Why its host is not to recover to it, though it has been rejected for long; empty: it may."""
+        return ""
 
     def prepare(self, measurement: Any, innovation: Innovation, host: Host) -> Innovation:
         """Called once a measurement is to be used: may assign a state to its station; returns the innovation to fuse."""
@@ -317,7 +365,10 @@ class Aid(ABC):
         decision, reason = self.control(measurement.stamp_ns, status.test_ratio, host)
         self.decision = decision
         if decision is Decision.REJECT:
+            if self.rejecting_since_ns is not None and measurement.stamp_ns - self.rejecting_since_ns >= UNRESOLVED_NS:
+                self.unresolved = measurement.stamp_ns, innovation.y
             return self._refused(reason)
+        self.unresolved = None
         innovation = self.applied = self.prepare(measurement, innovation, host)
         if decision is Decision.RECOVER:
             status.rejected[reason] += 1

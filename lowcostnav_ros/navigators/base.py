@@ -9,11 +9,14 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
+from lowcostnav_ros.aids.gps import VelocityAid
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import ImuBlock, Integrity, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
+from lowcostnav_ros.estimation.cross_checks.receiver import ReceiverCheck
+from lowcostnav_ros.estimation.cross_checks.sources import SourceChecks
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
 from lowcostnav_ros.estimation.smoothing import History
@@ -21,6 +24,12 @@ from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
 
 AidType = TypeVar("AidType", bound=Aid)
+FIX = "gps/fix"
+AIR, STATIC = "air/velocity", "air/static_pressure"
+COVERED = 0.5
+"""Sigma of a solution that GPS contradicts, as a share of what the two are apart: whichever is right is within two sigmas."""
+DISAGREES_NS = 3_000_000_000
+GPS_DISAGREES = "GPS and prediction disagree"
 
 
 @dataclass(frozen=True)
@@ -174,6 +183,7 @@ class Navigator(ABC):
         self._out: list[NavSolution] = []
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
+        self.checks = self._source_checks()
 
     # its list ----------------------------------------------------------------------------------------------------------------
 
@@ -262,6 +272,83 @@ class Navigator(ABC):
         """Whether GPS holds the solution."""
         return False
 
+    def excluded(self, aid: Aid) -> str:
+        """Why what an aid measures contradicts other sources and is not to be used; empty for nothing."""
+        receiver = self._receivers.get(aid)
+        return "" if receiver is None else receiver.excluded(aid.measurement)
+
+    def agrees_again(self, aid: Aid) -> None:
+        """Believe an excluded receiver again: it has strayed and come back to the prediction."""
+        receiver = self._receivers.get(aid)
+        if receiver is not None:
+            receiver.forget()
+
+    def noise_factor(self, aid: Aid) -> float:
+        """By what the stated variance of an aid's measurements is to be multiplied: they scatter more than they state."""
+        receiver = self._receivers.get(aid)
+        return 1.0 if receiver is None else receiver.noise_factor
+
+    def doubts(self, aid: Aid, stamp_ns: int) -> str:
+        """Why the solution is not to recover to an aid that it has rejected for long; empty: let it."""
+        receiver = self._receivers.get(aid)
+        if receiver is not None and receiver.contradicted(aid.measurement):
+            return receiver.excluded(aid.measurement)
+        return aid.doubt(stamp_ns, self)
+
+    def recovery_s(self, aid: Aid, stamp_ns: int) -> float:
+        """How long an aid must have been rejected before the solution recovers to it."""
+        return aid.gate.recovery_s
+
+    # contradictions ----------------------------------------------------------------------------------------------------------
+
+    def _source_checks(self) -> SourceChecks:
+        """The checks of its sources among each other."""
+        self._receivers: dict[Aid, ReceiverCheck] = {}
+        for velocity in self.aids_of(VelocityAid):
+            fix = next((aid for aid in self.aids if aid.measurement is GpsPosition and aid.key == velocity.key), None)
+            source = FIX if fix is None and FIX in self.inputs else fix.source if fix is not None else ""
+            if source:
+                check = ReceiverCheck(source, velocity.source, velocity.settings.memory_s)
+                self._receivers |= {aid: check for aid in (velocity, fix) if aid is not None}
+        air, static = (topic if topic in self.inputs else "" for topic in (AIR, STATIC))
+        return SourceChecks(list(dict.fromkeys(self._receivers.values())), air, static)
+
+    def _trusted(self) -> dict[type, bool]:
+        """Whether the state agrees with GPS position and velocity, where it has been compared."""
+        return {aid.measurement: aid.status.test_ratio <= 1.0 for aid in self._receivers if aid.status.innovation is not None}
+
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """What contradicts what, for longer than a moment."""
+        latched = (latch.held for aid in self.aids for latch in aid.latches)
+        return (*self.checks.held(), *self._unresolved(), *(held for held in latched if held is not None))
+
+    def _unresolved(self) -> Iterable[Contradiction]:
+        """GPS that the state contradicts, and no check can tell which of them is wrong."""
+        for aid in self._receivers:
+            since_ns = aid.rejecting_since_ns
+            if aid.unresolved is None or since_ns is None or aid.unresolved[0] - since_ns < DISAGREES_NS or self.excluded(aid):
+                continue
+            size, unit = float(np.linalg.norm(aid.unresolved[1])), "m" if aid.measurement is GpsPosition else "m/s"
+            yield Contradiction(GPS_DISAGREES, (aid.source, self.inertial or self.name), size, unit, since_ns)
+
+    def doubt(self, stamp_ns: int) -> tuple[np.ndarray, np.ndarray]:
+        """What unresolved contradictions add to the covariance of position (3, 3) and velocity (3, 3), m^2 and (m/s)^2.
+
+        A frozen receiver adds nothing: it is known to be wrong.
+        """
+        position, velocity = np.zeros((3, 3)), np.zeros((3, 3))
+        for aid, check in self._receivers.items():
+            if aid.unresolved is None or check.frozen.held is not None:
+                continue
+            seen_ns, y = aid.unresolved
+            if aid.measurement is GpsVelocity:
+                velocity += COVERED**2 * np.outer(y, y)
+                continue
+            moving = next((a.unresolved[1] for a in self._receivers if a.key == aid.key and a is not aid and a.unresolved is not None), 0.0)
+            offset = y + moving * (1e-9 * max(stamp_ns - seen_ns, 0))
+            position += COVERED**2 * np.outer(offset, offset)
+        return position, velocity
+
     def all_channels(self) -> list[Channel]:
         """The channels of all sources, those applied at the outputs first."""
         return [*self.clocked, *chain.from_iterable(self.channels.values())]
@@ -317,6 +404,7 @@ class Navigator(ABC):
             return []
         record.stamp_ns = measurement.stamp_ns if record.stamp_ns is None else max(record.stamp_ns, measurement.stamp_ns)
         for item in self.horizon.take():
+            self.checks.take(item, self._trusted)
             self._fuse(item)
         out, self._out = self._out, []
         return out
@@ -333,12 +421,13 @@ class Navigator(ABC):
         """Mode, reason, level and all records, for diagnostics and reports."""
         aids = [aid.status for aid in self.aids]
         inputs = list(self.input_status.values())
-        now_ns, further = self.horizon.passed_ns, (self._integrity(), self._details())
+        now_ns, further = self.horizon.passed_ns, (self._integrity(), self._details(), self.contradictions())
         return NavigatorStatus(self.name, self.mode, self.reason, self._level(), now_ns, self._sigmas(), inputs, aids, *further)
 
     def reset(self, reason: str) -> None:
         """Restart: forget the state and what is held, keep the settings, the origin and the counters."""
         self.horizon.clear()
+        self.checks.clear()
         self.realign(reason)
 
     def realign(self, reason: str) -> None:
@@ -373,10 +462,11 @@ class Navigator(ABC):
 
     def _solution_at(self, t_ns: int, nav: np.ndarray, P: np.ndarray, rows: range, **further: Any) -> NavSolution:
         """Solution with position, velocity and the states ``rows``; ``nav`` begins with lat, lon, height, velocity and ``P`` likewise."""
+        in_position, in_velocity = self.doubt(t_ns)
         return NavSolution(
             *(int(t_ns), self.name, float(nav[0]), float(nav[1]), float(nav[2]), nav[3:6].copy()),
-            cov_pos=P[0:3, 0:3].copy(),
-            cov_vel=P[3:6, 3:6].copy(),
+            cov_pos=P[0:3, 0:3] + in_position,
+            cov_vel=P[3:6, 3:6] + in_velocity,
             mode=self.mode,
             states=self._states(P, rows),
             integrity=self._integrity(),
@@ -415,8 +505,8 @@ class Navigator(ABC):
         return None
 
     def _level(self) -> Level:
-        """Health, by the mode."""
-        return level_of(self.mode)
+        """Health, by the mode; a contradiction is a warning at least."""
+        return max(level_of(self.mode), Level.WARN) if self.contradictions() else level_of(self.mode)
 
 
 def position_sigmas(P: np.ndarray) -> dict[str, float]:

@@ -1,0 +1,70 @@
+"""The checks of a navigator's sources among each other, fed with everything but inertial samples, before it is used."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from lowcostnav_ros.base.contradiction import Contradiction
+from lowcostnav_ros.base.measurements import AirVelocity, GpsPosition, GpsVelocity, Measurement, Pressure
+from lowcostnav_ros.estimation.cross_checks.air import AirspeedCheck
+from lowcostnav_ros.estimation.cross_checks.height import ClimbCheck
+from lowcostnav_ros.estimation.cross_checks.receiver import ReceiverCheck, Trusted
+from lowcostnav_ros.physics.atmosphere import pressure_altitude
+
+FRESH_NS = 2_500_000_000
+
+
+class SourceChecks:
+    """All checks among the sources of one navigator.
+
+    Parameters
+    ----------
+    receivers : sequence of ReceiverCheck
+    air, pressure : str
+        Topics of air velocity and static pressure; empty where it takes none.
+    """
+
+    def __init__(self, receivers: Sequence[ReceiverCheck], air: str = "", pressure: str = "") -> None:
+        self.receivers = list(receivers)
+        first = self.receivers[0] if self.receivers else None
+        self.airspeed = AirspeedCheck(air, first.velocity) if air and first else None
+        self.climb = ClimbCheck(pressure, first.fix) if pressure and first else None
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all."""
+        for check in (*self.receivers, self.airspeed, self.climb):
+            if check is not None:
+                check.clear()
+        self.speed_mps, self._speed_ns = 0.0, -FRESH_NS
+        self._altitude: tuple[int, float] | None = None
+
+    def take(self, item: Measurement, trusted: Callable[[], Trusted]) -> None:
+        """Take a measurement; ``trusted``: whether the navigator's state agrees with each kind of measurement."""
+        if isinstance(item, GpsPosition | GpsVelocity):
+            for receiver in self.receivers:
+                if item.source in receiver.sources:
+                    receiver.take(item, trusted())
+                    self._keep(item, receiver)
+        elif isinstance(item, AirVelocity) and self.airspeed is not None and item.source == self.airspeed.parties[0]:
+            if self.ground_speed(item.stamp_ns) is not None:
+                self.airspeed.compare(item.stamp_ns, float(np.linalg.norm(item.vel_b)), self.speed_mps)
+        elif isinstance(item, Pressure) and self.climb is not None and item.source == self.climb.parties[0]:
+            self._altitude = item.stamp_ns, float(pressure_altitude(item.pressure_pa))
+
+    def ground_speed(self, stamp_ns: int) -> float | None:
+        """Speed over ground by GPS, m/s, None where there is none that is fresh and sound."""
+        return self.speed_mps if stamp_ns - self._speed_ns <= FRESH_NS else None
+
+    def _keep(self, item: GpsPosition | GpsVelocity, receiver: ReceiverCheck) -> None:
+        if receiver is not self.receivers[0] or receiver.excluded(type(item)):
+            return
+        if isinstance(item, GpsVelocity):
+            self.speed_mps, self._speed_ns = receiver.speed_mps, item.stamp_ns
+        elif self.climb is not None and self._altitude is not None and item.stamp_ns - self._altitude[0] <= FRESH_NS:
+            self.climb.compare(item.stamp_ns, self._altitude[1], item.height, float(np.sqrt(max(item.cov_n[2, 2], 0.0))))
+
+    def held(self) -> list[Contradiction]:
+        """Contradictions that last, of GPS first."""
+        found = [held for receiver in self.receivers for held in receiver.held()]
+        return found + [check.held for check in (self.airspeed, self.climb) if check is not None and check.held is not None]
