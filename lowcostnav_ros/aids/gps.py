@@ -15,7 +15,6 @@ from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import skew
 from lowcostnav_ros.physics.stochastic import correlation_factor
 
-
 STEADY = 0.35
 """Share of its first size by which the innovation of a velocity that stepped may change."""
 STEPPED = "velocity stepped without a motion"

@@ -282,6 +282,8 @@ class ReckoningCore:
             out[0:2] = air + total[0:2]
         out[2] = self.estimate[CLIMB]
         noise = model.unmodelled_velocity(air_n, settings.heading.noise_deg * DEGREE, settings.airspeed.noise_mps, settings.wind.gust_mps)
+        if self.timed_out() or not held.airborne:
+            noise[0:2, 0:2] += held.fastest**2 * np.eye(2)
         return out, model.coupling(air[0], air[1], float(held.airborne), layout.kind, layout.axis), noise
 
     def dynamics(self) -> np.ndarray:

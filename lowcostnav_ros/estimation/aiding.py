@@ -151,6 +151,8 @@ UNRESOLVED_NS = 900_000_000
 """Rejecting for so long is no outlier: what was rejected last is a contradiction that is not resolved."""
 AGREE_NS = 5_000_000_000
 """An excluded source that has strayed and agrees with the prediction again for so long is believed again."""
+BACK = 0.3
+"""Share of the largest innovation, while it strayed, within which it agrees: a covariance that grew is no agreement."""
 SHARED = ("wind", "updraught")
 """Blocks of the air mass: one for all sensors."""
 NAMED_S = 120.0
@@ -220,7 +222,7 @@ class Aid(ABC):
         self._teaching: np.ndarray | None = None
         self.rejecting_since_ns: int | None = None
         self._agreeing_since_ns: int | None = None
-        self._strayed = False
+        self._strayed = 0.0
 
     # what it is made of ------------------------------------------------------------------------------------------------------
 
@@ -253,7 +255,7 @@ class Aid(ABC):
     def restart(self) -> None:
         """Forget what was received; the counters stay."""
         self.status.accepted_ns = self.rejecting_since_ns = self._agreeing_since_ns = self.unresolved = None
-        self._strayed = False
+        self._strayed = 0.0
         for latch in self.latches:
             latch.clear()
 
@@ -304,7 +306,7 @@ class Aid(ABC):
             self._watch_excluded(stamp_ns, test_ratio, host)
             return Decision.REJECT, excluded
         if test_ratio <= 1.0:
-            self.rejecting_since_ns, self._strayed = None, False
+            self.rejecting_since_ns, self._strayed = None, 0.0
             return Decision.FUSE, ""
         if self.last_resort and self.is_last(stamp_ns, test_ratio, host):
             return Decision.LIMIT, LIMITED
@@ -320,16 +322,19 @@ class Aid(ABC):
 
     def _watch_excluded(self, stamp_ns: int, test_ratio: float, host: Host) -> None:
         """Tell the host when an excluded source has strayed from the prediction and come back to it for good."""
+        y = self.status.innovation
+        size = 0.0 if y is None else math.sqrt(float(y @ y))
         if self.rejecting_since_ns is None:
             self.rejecting_since_ns = stamp_ns
         if test_ratio > 1.0:
-            self._strayed, self._agreeing_since_ns = True, None
-        elif self._strayed:
-            if self._agreeing_since_ns is None:
-                self._agreeing_since_ns = stamp_ns
-            elif stamp_ns - self._agreeing_since_ns >= AGREE_NS:
-                self._strayed, self._agreeing_since_ns = False, None
-                host.agrees_again(self)
+            self._strayed = max(self._strayed, size)
+        if test_ratio > 1.0 or size >= BACK * self._strayed:
+            self._agreeing_since_ns = None
+        elif self._agreeing_since_ns is None:
+            self._agreeing_since_ns = stamp_ns
+        elif stamp_ns - self._agreeing_since_ns >= AGREE_NS:
+            self._strayed, self._agreeing_since_ns = 0.0, None
+            host.agrees_again(self)
 
     def doubt(self, stamp_ns: int, host: Host) -> str:
         """Why its host is not to recover to it, though it has been rejected for long; empty: it may."""

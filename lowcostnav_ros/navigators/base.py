@@ -15,7 +15,7 @@ from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock,
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
-from lowcostnav_ros.estimation.cross_checks.receiver import ReceiverCheck
+from lowcostnav_ros.estimation.cross_checks.receiver import DISAGREE, ReceiverCheck
 from lowcostnav_ros.estimation.cross_checks.sources import SourceChecks
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
@@ -330,6 +330,12 @@ class Navigator(ABC):
                 continue
             size, unit = float(np.linalg.norm(aid.unresolved[1])), "m" if aid.measurement is GpsPosition else "m/s"
             yield Contradiction(GPS_DISAGREES, (aid.source, self.inertial or self.name), size, unit, since_ns)
+
+    def suspicion(self) -> str:
+        """What speaks against the position of GPS or of the solution, in words; a frozen receiver is merely lost."""
+        of_gps = (held for check in self.checks.receivers for held in check.held() if held.name == DISAGREE)
+        found = next(chain(of_gps, self._unresolved()), None)
+        return "" if found is None else found.words(self.horizon.passed_ns or found.since_ns)
 
     def doubt(self, stamp_ns: int) -> tuple[np.ndarray, np.ndarray]:
         """What unresolved contradictions add to the covariance of position (3, 3) and velocity (3, 3), m^2 and (m/s)^2.

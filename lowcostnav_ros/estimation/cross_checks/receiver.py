@@ -33,6 +33,8 @@ MOVING_MPS = 1.5
 Trusted = Mapping[type, bool]
 SCATTER_S, SCATTER = 30.0, 2.5
 """Scatter of the fixes beyond so many stated sigmas, over such a time, is a contradiction."""
+LARGEST = 30.0
+"""Most that one fix counts for: a jump is no scatter."""
 DISAGREE, FROZEN, UNDERSTATED = "position and velocity disagree", "values never change", "scatter exceeds the stated sigma"
 
 
@@ -218,7 +220,7 @@ class ReceiverCheck:
         span = 1e-9 * (fix.stamp_ns - last.stamp_ns)
         expected = 2.0 * variance + velocity_variance * span**2 + (self._bend_since(last) + 0.1 * span) ** 2
         weight = min(1.0, span / SCATTER_S)
-        self._scatter2 += weight * (min(float(np.mean(step**2 / expected)), 400.0) - self._scatter2)
+        self._scatter2 += weight * (min(float(np.mean(step**2 / expected)), LARGEST) - self._scatter2)
         size = math.sqrt(self._scatter2)
         advice = f"set gps.sigma_scale to {size:.1f} or more"
         limit = SCATTER if self.scatter.held is None else 0.7 * SCATTER

@@ -1,5 +1,6 @@
 """The checks of a navigator's sources among each other, fed with everything but inertial samples, before it is used."""
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -10,6 +11,7 @@ from lowcostnav_ros.estimation.cross_checks.air import AirspeedCheck
 from lowcostnav_ros.estimation.cross_checks.height import ClimbCheck
 from lowcostnav_ros.estimation.cross_checks.receiver import ReceiverCheck, Trusted
 from lowcostnav_ros.physics.atmosphere import pressure_altitude
+from lowcostnav_ros.physics.earth import difference_n
 
 FRESH_NS = 2_500_000_000
 
@@ -38,6 +40,7 @@ class SourceChecks:
                 check.clear()
         self.speed_mps, self._speed_ns = 0.0, -FRESH_NS
         self._altitude: tuple[int, float] | None = None
+        self._fix: GpsPosition | None = None
 
     def take(self, item: Measurement, trusted: Callable[[], Trusted]) -> None:
         """Take a measurement; ``trusted``: whether the navigator's state agrees with each kind of measurement."""
@@ -60,9 +63,21 @@ class SourceChecks:
         if receiver is not self.receivers[0] or receiver.excluded(type(item)):
             return
         if isinstance(item, GpsVelocity):
-            self.speed_mps, self._speed_ns = receiver.speed_mps, item.stamp_ns
-        elif self.climb is not None and self._altitude is not None and item.stamp_ns - self._altitude[0] <= FRESH_NS:
+            self._fix, self.speed_mps, self._speed_ns = None, receiver.speed_mps, item.stamp_ns
+            return
+        if self.ground_speed(item.stamp_ns) is None or self._fix is not None:
+            self._speed_of_fixes(item)
+        if self.climb is not None and self._altitude is not None and item.stamp_ns - self._altitude[0] <= FRESH_NS:
             self.climb.compare(item.stamp_ns, self._altitude[1], item.height, float(np.sqrt(max(item.cov_n[2, 2], 0.0))))
+
+    def _speed_of_fixes(self, item: GpsPosition) -> None:
+        """Without velocities, the displacement of fixes over a second or more is the speed."""
+        last = self._fix
+        if last is not None and item.stamp_ns - last.stamp_ns >= 1_000_000_000:
+            north, east, _ = difference_n(item.lat, item.lon, item.height, last.lat, last.lon, last.height)
+            self.speed_mps, self._speed_ns = math.hypot(north, east) / (1e-9 * (item.stamp_ns - last.stamp_ns)), item.stamp_ns
+            last = None
+        self._fix = last or item
 
     def held(self) -> list[Contradiction]:
         """Contradictions that last, of GPS first."""
