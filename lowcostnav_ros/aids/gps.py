@@ -15,8 +15,10 @@ from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import skew
 from lowcostnav_ros.physics.stochastic import correlation_factor
 
-STEADY = 0.35
-"""Share of its first size by which the innovation of a velocity that stepped may change."""
+STEADY = 3.0
+"""Sigmas by which the innovation of a velocity that stepped may change while the prediction is sound."""
+LONGER = 1.2
+"""Times the memory of its receiver, after which the prediction is the less credible."""
 STEPPED = "velocity stepped without a motion"
 
 
@@ -31,7 +33,7 @@ class GpsVelocitySettings(SensorSettings):
     correlation_s: float = setting(0.0, "Correlation time of receiver errors: fast fixes add little.", unit="s", minimum=0.0, maximum=600.0)
     period_s: float = setting(0.0, "Use at most one fix in this time; 0 uses all.", unit="s", minimum=0.0, maximum=60.0)
     memory_s: float = setting(
-        60.0, "A receiver that contradicted itself is believed after agreeing with itself this long.", unit="s", minimum=10.0, maximum=3600.0
+        60.0, "A receiver that contradicted itself is believed after agreeing this long.", unit="s", minimum=10.0, maximum=3600.0
     )
     timeout_s: float = setting(2.5, "No accepted fix for this long is an outage.", unit="s", minimum=0.1, maximum=600.0)
     gate: GateSettings = group(GateSettings)
@@ -128,11 +130,12 @@ class VelocityAid(Aid):
 
     def doubt(self, stamp_ns: int, host: Host) -> str:
         """Whether it stepped without a motion, and not so long ago that the prediction has become the less credible."""
-        if self._stepped is None or host.core.velocity_rows is None or self.status.innovation is None:
+        if self._stepped is None or host.core.velocity_rows is None or self.status.innovation_variance is None:
             return ""
         since_ns, first = self._stepped
-        apart = float(np.linalg.norm(self.status.innovation - first))
-        lasting = apart < STEADY * float(np.linalg.norm(first)) and stamp_ns - since_ns < 1e9 * self.settings.memory_s
+        change, variance = self.status.innovation - first, self.status.innovation_variance
+        drifted = float(np.mean(change**2 / variance)) > STEADY**2  # by more than a sound prediction may have drifted since
+        lasting = not drifted and stamp_ns - since_ns < 1e9 * LONGER * self.settings.memory_s
         return STEPPED if lasting else ""
 
     def innovation(self, measurement: GpsVelocity, host: Host) -> Innovation | str:

@@ -127,7 +127,8 @@ class Host(Protocol):
 
     ``layout`` names the states; ``P`` (n, n) is their covariance; ``core`` holds the mean and offers the views of
     :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,); ``gps_good(stamp_ns)``: GPS holds the solution.
-    ``excluded(aid)``: why its source contradicts others and is not to be used; ``agrees_again(aid)`` tells that it is sound again;
+    ``excluded(aid)``: why its source contradicts others and is not to be used; ``is_frozen(aid)``: why a source that contradicts the
+    prediction is no measurement; ``agrees_again(aid)`` tells that it is sound again;
     ``doubts(aid, stamp_ns)``: why the solution is not to recover to it, though it has been rejected for ``recovery_s(aid, stamp_ns)``.
     """
 
@@ -141,14 +142,13 @@ class Host(Protocol):
     def gps_good(self, stamp_ns: int) -> bool: ...
     def excluded(self, aid: "Aid") -> str: ...
     def agrees_again(self, aid: "Aid") -> None: ...
+    def is_frozen(self, aid: "Aid") -> str: ...
     def doubts(self, aid: "Aid", stamp_ns: int) -> str: ...
     def noise_factor(self, aid: "Aid") -> float: ...
     def aids_of(self, kind: type) -> list: ...
     def recovery_s(self, aid: "Aid", stamp_ns: int) -> float: ...
 
 
-UNRESOLVED_NS = 900_000_000
-"""Rejecting for so long is no outlier: what was rejected last is a contradiction that is not resolved."""
 AGREE_NS = 5_000_000_000
 """An excluded source that has strayed and agrees with the prediction again for so long is believed again."""
 BACK = 0.3
@@ -194,6 +194,8 @@ class Aid(ABC):
         What was made of the last measurement; None when there was no innovation.
     unresolved : (int, ndarray (m,)) or None
         Stamp and innovation of the last rejection while rejecting lasts.
+    size : float
+        Innovation in sigmas of the measurement's own noise, root mean square over its components.
     latches : list of Latch
         Contradictions that it finds itself.
     """
@@ -219,6 +221,7 @@ class Aid(ABC):
         self.decision: Decision | None = None
         self.unresolved: tuple[int, np.ndarray] | None = None
         self.latches: list[Latch] = []
+        self.size = 0.0
         self._teaching: np.ndarray | None = None
         self.rejecting_since_ns: int | None = None
         self._agreeing_since_ns: int | None = None
@@ -312,6 +315,9 @@ class Aid(ABC):
             return Decision.LIMIT, LIMITED
         if self.rejecting_since_ns is None:
             self.rejecting_since_ns = stamp_ns
+        frozen = host.is_frozen(self)
+        if frozen:
+            return Decision.REJECT, frozen
         if stamp_ns - self.rejecting_since_ns < 1e9 * host.recovery_s(self, stamp_ns):
             return Decision.REJECT, BEYOND_GATE
         doubt = host.doubts(self, stamp_ns)
@@ -322,8 +328,7 @@ class Aid(ABC):
 
     def _watch_excluded(self, stamp_ns: int, test_ratio: float, host: Host) -> None:
         """Tell the host when an excluded source has strayed from the prediction and come back to it for good."""
-        y = self.status.innovation
-        size = 0.0 if y is None else math.sqrt(float(y @ y))
+        size = self.size
         if self.rejecting_since_ns is None:
             self.rejecting_since_ns = stamp_ns
         if test_ratio > 1.0:
@@ -367,10 +372,11 @@ class Aid(ABC):
         nis = kalman.normalised_innovation_squared(innovation.y, S)
         status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
         status.nis, status.test_ratio = nis, nis / self.threshold
+        self.size = math.sqrt(float(np.mean(innovation.y**2 / np.maximum(innovation.R.diagonal(), 1e-300))))
         decision, reason = self.control(measurement.stamp_ns, status.test_ratio, host)
         self.decision = decision
         if decision is Decision.REJECT:
-            if self.rejecting_since_ns is not None and measurement.stamp_ns - self.rejecting_since_ns >= UNRESOLVED_NS:
+            if self.rejecting_since_ns is not None:
                 self.unresolved = measurement.stamp_ns, innovation.y
             return self._refused(reason)
         self.unresolved = None

@@ -15,7 +15,7 @@ from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock,
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique
-from lowcostnav_ros.estimation.cross_checks.receiver import DISAGREE, ReceiverCheck
+from lowcostnav_ros.estimation.cross_checks.receiver import DISAGREE, FROZEN, ReceiverCheck
 from lowcostnav_ros.estimation.cross_checks.sources import SourceChecks
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import TIME_JUMPED, FusionHorizon
@@ -28,6 +28,8 @@ FIX = "gps/fix"
 AIR, STATIC = "air/velocity", "air/static_pressure"
 COVERED = 0.5
 """Sigma of a solution that GPS contradicts, as a share of what the two are apart: whichever is right is within two sigmas."""
+LAG_S, LONGEST_S = 1.0, 60.0
+"""A velocity that is off has been so, unnoticed, for a while, and moves the position for as long as nothing else does, within reason."""
 DISAGREES_NS = 3_000_000_000
 GPS_DISAGREES = "GPS and prediction disagree"
 
@@ -288,11 +290,13 @@ class Navigator(ABC):
         receiver = self._receivers.get(aid)
         return 1.0 if receiver is None else receiver.noise_factor
 
+    def is_frozen(self, aid: Aid) -> str:
+        """Why what contradicts the prediction is no measurement: it repeats old values; empty for nothing."""
+        receiver = self._receivers.get(aid)
+        return FROZEN if receiver is not None and receiver.contradicted(aid.measurement) else ""
+
     def doubts(self, aid: Aid, stamp_ns: int) -> str:
         """Why the solution is not to recover to an aid that it has rejected for long; empty: let it."""
-        receiver = self._receivers.get(aid)
-        if receiver is not None and receiver.contradicted(aid.measurement):
-            return receiver.excluded(aid.measurement)
         return aid.doubt(stamp_ns, self)
 
     def recovery_s(self, aid: Aid, stamp_ns: int) -> float:
@@ -343,15 +347,18 @@ class Navigator(ABC):
         A frozen receiver adds nothing: it is known to be wrong.
         """
         position, velocity = np.zeros((3, 3)), np.zeros((3, 3))
-        for aid, check in self._receivers.items():
-            if aid.unresolved is None or check.frozen.held is not None:
-                continue
-            seen_ns, y = aid.unresolved
-            if aid.measurement is GpsVelocity:
+        for key in dict.fromkeys(aid.key for aid in self._receivers):
+            offset = np.zeros(3)
+            for aid, check in self._receivers.items():
+                if aid.key != key or aid.unresolved is None or check.is_frozen(aid.measurement):
+                    continue
+                seen_ns, y = aid.unresolved
+                if aid.measurement is GpsPosition:
+                    offset += y
+                    continue
                 velocity += COVERED**2 * np.outer(y, y)
-                continue
-            moving = next((a.unresolved[1] for a in self._receivers if a.key == aid.key and a is not aid and a.unresolved is not None), 0.0)
-            offset = y + moving * (1e-9 * max(stamp_ns - seen_ns, 0))
+                seen_ns = next((a.unresolved[0] for a in self._receivers if a is not aid and a.key == key and a.unresolved), seen_ns)
+                offset += y * min(1e-9 * max(stamp_ns - seen_ns, 0) + LAG_S, LONGEST_S)
             position += COVERED**2 * np.outer(offset, offset)
         return position, velocity
 

@@ -1,6 +1,6 @@
 """Recovery with memory: what an inertial navigator does when GPS contradicts it again and again.
 
-The first time position and velocity are reset to GPS.  A second time within a minute it is not they that are wrong: attitude and biases
+The first time position and velocity are reset to GPS, and the sensors' noise is taken for ten times as large for a minute.  A second time within a minute it is not they that are wrong: attitude and biases
 are aligned anew in motion, first with ten, then with thirty times the errors that the IMU's settings state, noise included, and the
 settings are the suspect.
 """
@@ -86,9 +86,13 @@ class Recovery:
         if decision is Decision.RECOVER and stamp_ns - self._recovered_ns > ONE_EVENT_NS:
             self.is_lost |= stamp_ns - self._recovered_ns <= MEMORY_NS
             self._recovered_ns = stamp_ns
+            if not self._steps:
+                self._widen(WIDENINGS[0])
+        if not self._steps and stamp_ns - max(self._rejected_ns, self._recovered_ns) > MEMORY_NS:
+            self._widen(1.0)
         if self._steps and stamp_ns - max(self._rejected_ns, self._since_ns) > CALM_NS and self._calm:
             self._steps = 0
-            self._layout.psd[:] = self._psd
+            self._widen(1.0)
 
     def begin(self, stamp_ns: int, P: np.ndarray, *, moving: bool) -> None:
         """Widen the covariance of the sensor errors, in place, and the driving noise, after an alignment."""
@@ -96,11 +100,15 @@ class Recovery:
         self._steps, self._since_ns, self.is_lost = self._steps + 1, stamp_ns, False
         self._calm = False
         P[np.ix_(self._sensors, self._sensors)] *= factor**2
+        self._widen(factor)
+        if moving:
+            self.distrust_compass(stamp_ns)
+
+    def _widen(self, factor: float) -> None:
+        """Take the sensors' noise for so much larger than set."""
         rows = self._sensors.copy()
         rows[VEL], rows[ATT] = True, True
         self._layout.psd[rows] = self._psd[rows] * factor**2
-        if moving:
-            self.distrust_compass(stamp_ns)
 
     def distrust_compass(self, stamp_ns: int) -> None:
         """Let the magnetometer wait: the heading comes from the track."""
@@ -127,4 +135,5 @@ class Recovery:
                 advice = f"{'xyz'[axis]} is off by {value:.3g} {word}, {ratio:.0f} sigmas of {name}: set it to {value:.2g} or more"
             worst = max(worst, ratio)
         self._calm = worst <= EXCEEDED
-        return Contradiction("inertial data and settings disagree", ("imu/data_raw", SETTINGS), worst, "sigma", self._since_ns, SETTINGS, advice)
+        parties = "imu/data_raw", SETTINGS
+        return Contradiction("inertial data and settings disagree", parties, worst, "sigma", self._since_ns, SETTINGS, advice)

@@ -73,13 +73,14 @@ class ReceiverCheck:
         self.fix, self.velocity = (fix, velocity) if fix != velocity else (f"{fix} position", f"{velocity} velocity")
         self.spans_s = np.array([span for span in (3.0, 10.0, 30.0) if span < memory_s] + [memory_s])
         self.disagreement = Latch(DISAGREE, (self.fix, self.velocity), "m", begin_s=1.0)
-        self.frozen = Latch(FROZEN, (self.fix, self.velocity), "s", begin_s=0.0, end_s=0.0)
+        parties = ((GpsPosition, self.fix), (GpsVelocity, self.velocity))
+        self.frozen = {kind: Latch(FROZEN, (name, "motion"), "s", begin_s=0.0, end_s=0.0) for kind, name in parties}
         self.scatter = Latch(UNDERSTATED, (self.fix, "its stated sigma"), "sigma", begin_s=10.0, end_s=30.0)
         self.clear()
 
     def clear(self) -> None:
         """Forget all."""
-        for latch in (self.disagreement, self.frozen, self.scatter):
+        for latch in (self.disagreement, self.scatter, *self.frozen.values()):
             latch.clear()
         self._repeats: dict[type, Repetition] = {GpsPosition: Repetition(), GpsVelocity: Repetition()}
         self._newest_ns = 0
@@ -109,21 +110,27 @@ class ReceiverCheck:
         elif isinstance(item, GpsVelocity):
             self._repeats[GpsVelocity].take(item.stamp_ns, tuple(item.vel_n.tolist()))
             self._integrate(item, trusted)
-        self._look_for_repetition(item.stamp_ns, moving=self.speed_mps > MOVING_MPS)
+        self._newest_ns = item.stamp_ns
+        for kind in self.frozen:
+            self._look_for_repetition(kind, moving=kind is GpsPosition and self.speed_mps > MOVING_MPS)
 
     def stuck(self, kind: type) -> bool:
         """Whether a kind of measurement repeats itself exactly, which is no fault of a receiver at rest."""
         return self._repeats[kind].lasts(self._newest_ns)
 
     def contradicted(self, kind: type) -> bool:
-        """Note that something else moves; return whether this kind of measurement is frozen then."""
+        """Note that the navigator's prediction moves otherwise; return whether this kind of measurement is frozen then."""
         if self.stuck(kind):
-            self._look_for_repetition(self._newest_ns, moving=True)
-        return self.excluded(kind) == FROZEN
+            self._look_for_repetition(kind, moving=True)
+        return self.is_frozen(kind)
+
+    def is_frozen(self, kind: type) -> bool:
+        """Whether a kind of measurement repeats itself although the vehicle moves."""
+        return self.frozen[kind].held is not None
 
     def excluded(self, kind: type) -> str:
         """Why a kind of measurement is not to be used; empty for nothing."""
-        if self.frozen.held is not None and (kind is GpsPosition or self.stuck(kind)):
+        if self.is_frozen(kind) or (self.is_frozen(GpsPosition) and self.stuck(kind)):
             return FROZEN
         held = self.disagreement.held
         return DISAGREE if held is not None and held.suspect == (self.fix if kind is GpsPosition else self.velocity) else ""
@@ -135,17 +142,15 @@ class ReceiverCheck:
 
     def held(self) -> list[Contradiction]:
         """Contradictions that last."""
-        return [latch.held for latch in (self.frozen, self.disagreement, self.scatter) if latch.held is not None]
+        return [latch.held for latch in (*self.frozen.values(), self.disagreement, self.scatter) if latch.held is not None]
 
     # repetition --------------------------------------------------------------------------------------------------------------
 
-    def _look_for_repetition(self, stamp_ns: int, *, moving: bool) -> None:
-        self._newest_ns = stamp_ns
-        fix = self._repeats[GpsPosition]
-        is_stuck = fix.lasts(stamp_ns) and (moving or self.frozen.held is not None)
-        suspect = f"{self.fix} and {self.velocity}" if self.stuck(GpsVelocity) else self.fix
-        advice = "the receiver or its driver repeats old values"
-        self.frozen.judge(stamp_ns, is_stuck, 1e-9 * (stamp_ns - fix.first_ns), suspect, advice)
+    def _look_for_repetition(self, kind: type, *, moving: bool) -> None:
+        latch, repeated = self.frozen[kind], self._repeats[kind]
+        is_stuck = repeated.lasts(self._newest_ns) and (moving or latch.held is not None)
+        size = 1e-9 * (self._newest_ns - repeated.first_ns)
+        latch.judge(self._newest_ns, is_stuck, size, latch.parties[0], "the receiver or its driver repeats old values")
         if is_stuck:
             self.forget()
 
@@ -212,7 +217,7 @@ class ReceiverCheck:
 
     def _suspect(self, trusted: Trusted) -> str:
         """Velocity where it never agreed with the fixes, whose displacement needs no frame; else what the navigator contradicts."""
-        if self._agreed_s < AGREED_S:
+        if self._agreed_s < AGREED_S or self.stuck(GpsVelocity):
             return self.velocity
         return self.velocity if trusted.get(GpsPosition, False) and not trusted.get(GpsVelocity, True) else self.fix
 
