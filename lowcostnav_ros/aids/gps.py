@@ -9,7 +9,19 @@ from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.cores.inertial import POS
 from lowcostnav_ros.cores.views import Attitude, Place, Velocity
-from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings, each, floored, reset_to
+from lowcostnav_ros.estimation.aiding import (
+    BACK,
+    Aid,
+    Decision,
+    GateSettings,
+    Host,
+    Innovation,
+    Sensor,
+    SensorSettings,
+    each,
+    floored,
+    reset_to,
+)
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import skew
@@ -93,10 +105,14 @@ class PositionAid(Aid):
         factor = correlation_factor(self.since_s(measurement), self.settings.correlation_s)
         return Innovation(y, H, factor * host.noise_factor(self) * self.noise(measurement), observation)
 
-    def doubt(self, stamp_ns: int, host: Host) -> str:
-        """As of the velocity of the same receiver."""
+    def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
+        """As every aid; not used while the velocity of the same receiver is off by a step: it would pull the velocity after it."""
         velocity = next((aid for aid in host.aids_of(VelocityAid) if aid.key == self.key), None)
-        return "" if velocity is None or velocity.rejecting_since_ns is None else velocity.doubt(stamp_ns, host)
+        stepped = "" if velocity is None or velocity.rejecting_since_ns is None else velocity.doubt(stamp_ns, host)
+        if stepped and not host.excluded(self):
+            self.rejecting_since_ns = self.rejecting_since_ns or stamp_ns
+            return Decision.REJECT, stepped
+        return super().control(stamp_ns, test_ratio, host)
 
     def recover(self, measurement: GpsPosition, innovation: Innovation, host: Host) -> None:
         """Reset the position to that of GPS: after a long disagreement it is the position that is wrong, not attitude or wind."""
@@ -120,12 +136,15 @@ class VelocityAid(Aid):
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; keeps the first innovation that was rejected while GPS was good."""
-        held = self.is_fresh(stamp_ns)
+        held, y = self.is_fresh(stamp_ns), self.status.innovation
+        if self._stepped is not None and y is not None and not host.excluded(self) and self.doubt(stamp_ns, host):
+            if y @ y > BACK**2 * self._stepped[1] @ self._stepped[1]:  # that the gate has grown to its size is no agreement
+                return Decision.REJECT, STEPPED
         decision = super().control(stamp_ns, test_ratio, host)
         if decision[0] is not Decision.REJECT:
             self._stepped = None
-        elif self._stepped is None and held and self.status.innovation is not None:
-            self._stepped = stamp_ns, self.status.innovation
+        elif self._stepped is None and held and y is not None:
+            self._stepped = stamp_ns, y
         return decision
 
     def doubt(self, stamp_ns: int, host: Host) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from lowcostnav_ros.aids.gps import VelocityAid
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, Integrity, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, AidStatus, Sensor, unique

@@ -1,8 +1,8 @@
 """Recovery with memory: what an inertial navigator does when GPS contradicts it again and again.
 
-The first time position and velocity are reset to GPS, and the sensors' noise is taken for ten times as large for a minute.  A second time within a minute it is not they that are wrong: attitude and biases
-are aligned anew in motion, first with ten, then with thirty times the errors that the IMU's settings state, noise included, and the
-settings are the suspect.
+The first time position and velocity are reset to GPS, and the sensors' noise is taken for ten times as large for a minute.  A second
+time within a minute it is not they that are wrong: attitude and biases are aligned anew in motion, first with ten, then with thirty
+times the errors that the IMU's settings state, noise included, and the settings are the suspect.
 """
 
 import math

@@ -16,7 +16,7 @@ from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.physics.earth import difference_n
 
 REPEATS, REPEATS_NS = 3, 1_500_000_000
-"""So many exact repetitions over such a time are no measurements, if anything moves; a resting receiver without noise repeats itself, too."""
+"""So many exact repetitions over such a time are no measurements, if anything moves; a receiver at rest may repeat itself."""
 SPACING_NS = 400_000_000
 """Fixes closer than this share their errors: one of them is compared."""
 MEAN_S = 4.0
