@@ -138,7 +138,8 @@ class VelocityAid(Aid):
         """As every aid; keeps the first innovation that was rejected while GPS was good."""
         held, y = self.is_fresh(stamp_ns), self.status.innovation
         if self._stepped is not None and y is not None and not host.excluded(self) and self.doubt(stamp_ns, host):
-            if y @ y > BACK**2 * self._stepped[1] @ self._stepped[1]:  # that the gate has grown to its size is no agreement
+            first = self._stepped[1]
+            if y @ y > BACK**2 * first @ first:  # that the gate has grown to its size is no agreement
                 return Decision.REJECT, STEPPED
         decision = super().control(stamp_ns, test_ratio, host)
         if decision[0] is not Decision.REJECT:
@@ -149,7 +150,7 @@ class VelocityAid(Aid):
 
     def doubt(self, stamp_ns: int, host: Host) -> str:
         """Whether it stepped without a motion, and not so long ago that the prediction has become the less credible."""
-        if self._stepped is None or host.core.velocity_rows is None or self.status.innovation_variance is None:
+        if host.inertial_is_suspect or self._stepped is None or host.core.velocity_rows is None or self.status.innovation_variance is None:
             return ""
         since_ns, first = self._stepped
         change, variance = self.status.innovation - first, self.status.innovation_variance

@@ -127,14 +127,16 @@ class Host(Protocol):
 
     ``layout`` names the states; ``P`` (n, n) is their covariance; ``core`` holds the mean and offers the views of
     :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,); ``gps_good(stamp_ns)``: GPS holds the solution.
-    ``excluded(aid)``: why its source contradicts others and is not to be used; ``is_frozen(aid)``: why a source that contradicts the
-    prediction is no measurement; ``agrees_again(aid)`` tells that it is sound again;
-    ``doubts(aid, stamp_ns)``: why the solution is not to recover to it, though it has been rejected for ``recovery_s(aid, stamp_ns)``.
+    ``inertial_is_suspect``: the IMU is known to be worse than set.  ``excluded(aid)``: why its source contradicts others and is not to be
+    used; ``agrees_again(aid)`` tells that it is sound again; ``is_frozen(aid)``: why a source that contradicts the prediction is no
+    measurement; ``doubts(aid, stamp_ns)``: why the solution is not to recover to it, though it has been rejected for
+    ``recovery_s(aid, stamp_ns)``; ``noise_factor(aid)``: what its stated variance is to be multiplied by.
     """
 
     name: str
     layout: Layout
     core: Any
+    inertial_is_suspect: bool
 
     @property
     def P(self) -> np.ndarray: ...

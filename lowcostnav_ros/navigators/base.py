@@ -25,7 +25,7 @@ from lowcostnav_ros.physics.earth import LocalFrame
 
 AidType = TypeVar("AidType", bound=Aid)
 FIX = "gps/fix"
-AIR, STATIC = "air/velocity", "air/static_pressure"
+AIR, STATIC, EPOCHS = "air/velocity", "air/static_pressure", "gnss/raw"
 COVERED = 0.5
 """Sigma of a solution that GPS contradicts, as a share of what the two are apart: whichever is right is within two sigmas."""
 LAG_S, LONGEST_S = 1.0, 60.0
@@ -133,6 +133,8 @@ class Navigator(ABC):
         Sources without which it does not run.
     inertial : str or None
         The IMU source that carries its state.
+    inertial_is_suspect : bool
+        Whether the IMU has shown errors beyond its settings.
     smooths : bool
         Whether it can keep a history for the smoother: its core reports to one, and its solutions go out by :meth:`publish`.
     not_observable : str
@@ -154,6 +156,7 @@ class Navigator(ABC):
     required: ClassVar[tuple[str, ...]] = ()
     not_observable: ClassVar[str] = ""
     smooths: ClassVar[bool] = False
+    inertial_is_suspect: bool = False
     inertial: str | None = None
     layout: Layout
     core: Any = None
@@ -314,8 +317,8 @@ class Navigator(ABC):
             if source:
                 check = ReceiverCheck(source, velocity.source, velocity.settings.memory_s)
                 self._receivers |= {aid: check for aid in (velocity, fix) if aid is not None}
-        air, static = (topic if topic in self.inputs else "" for topic in (AIR, STATIC))
-        return SourceChecks(list(dict.fromkeys(self._receivers.values())), air, static)
+        topics = (topic if topic in self.inputs else "" for topic in (AIR, STATIC, EPOCHS))
+        return SourceChecks(list(dict.fromkeys(self._receivers.values())), *topics)
 
     def _trusted(self) -> dict[type, bool]:
         """Whether the state agrees with GPS position and velocity, where it has been compared."""
@@ -417,8 +420,11 @@ class Navigator(ABC):
             return []
         record.stamp_ns = measurement.stamp_ns if record.stamp_ns is None else max(record.stamp_ns, measurement.stamp_ns)
         for item in self.horizon.take():
-            self.checks.take(item, self._trusted)
-            self._fuse(item)
+            refusal = self.checks.take(item, self._trusted)
+            if refusal:
+                self.input_status[item.source].reject(refusal)
+            else:
+                self._fuse(item)
         out, self._out = self._out, []
         return out
 

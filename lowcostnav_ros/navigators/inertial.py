@@ -143,15 +143,21 @@ class InertialNavigator(Navigator):
             if type(item) is aid.measurement and item.source == aid.source and aid.decision is not None:
                 by_gate = aid.decision is not Decision.REJECT or not self.excluded(aid)
                 recovery.note(item.stamp_ns, aid.decision if by_gate else None)
-        if not recovery.gathers:
-            return
+                self.inertial_is_suspect = recovery.is_widened
+        start = None if self.checks_exclude(item) else self._gather(item)
+        if recovery.is_lost and start is not None:
+            self._begin_anew(start)
+
+    def _gather(self, item: Measurement) -> Start | None:
+        """Gather for an alignment in motion while GPS is rejected; the state that this measurement gives."""
+        if not self.recovery.gathers:
+            self.start_is_fed = False
+            return None
         if not self.start_is_fed:
             self.start.clear()
             self.start_is_fed = True
-        self.start.widening, self.start.compass = recovery.widening, False
-        start = None if self.checks_exclude(item) else self.start.take(item)
-        if recovery.is_lost and start is not None:
-            self._begin_anew(start)
+        self.start.widening, self.start.compass = self.recovery.widening, False
+        return self.start.take(item)
 
     def _begin_anew(self, start: Start) -> None:
         """Begin at a state from GPS in motion, with biases and noise as wide as the IMU must be by what was seen."""
@@ -160,6 +166,7 @@ class InertialNavigator(Navigator):
             self.history.cut()
         self.core.start(start.stamp_ns, start.nav, start.covariance)
         self.recovery.begin(start.stamp_ns, self.P, moving=self.start.moving)
+        self.inertial_is_suspect = True
         self._fused_fix_ns = start.fix_ns
         for aid in self._receivers:
             aid.rejecting_since_ns = aid.unresolved = None
@@ -173,7 +180,7 @@ class InertialNavigator(Navigator):
         if not self._aligned:
             self.start.add(block)
             return
-        if self.recovery.gathers:
+        if self.start_is_fed:
             self.start.add(block)
         first = 0
         while first < len(block):

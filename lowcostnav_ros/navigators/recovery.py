@@ -65,6 +65,11 @@ class Recovery:
         self._now_ns = 0
 
     @property
+    def is_widened(self) -> bool:
+        """Whether the IMU is taken for worse than its settings."""
+        return self._steps > 0
+
+    @property
     def widening(self) -> float:
         """By how much the IMU may be worse than its settings at the next alignment."""
         return WIDENINGS[min(self._steps, len(WIDENINGS) - 1)]

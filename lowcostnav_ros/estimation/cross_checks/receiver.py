@@ -17,6 +17,7 @@ from lowcostnav_ros.physics.earth import difference_n
 
 REPEATS, REPEATS_NS = 3, 1_500_000_000
 """So many exact repetitions over such a time are no measurements, if anything moves; a receiver at rest may repeat itself."""
+REPEATS_WORDS = "the receiver or its driver repeats old values"
 SPACING_NS = 400_000_000
 """Fixes closer than this share their errors: one of them is compared."""
 MEAN_S = 4.0
@@ -29,6 +30,8 @@ VELOCITY_BIAS_MPS = 0.03
 SMALLEST_M = 0.5
 AGREED_S = 20.0
 """Position and velocity that have agreed for so long were sound, so that the navigator's state can tell which of them no longer is."""
+SETTLED_NS = 5_000_000_000
+"""After so long the suspect stays: what is excluded no longer moves the navigator's state."""
 MOVING_MPS = 1.5
 Trusted = Mapping[type, bool]
 SCATTER_S, SCATTER = 30.0, 2.5
@@ -57,6 +60,11 @@ class Repetition:
         return self.count >= REPEATS and stamp_ns - self.first_ns >= REPEATS_NS
 
 
+def frozen_latch(source: str, against: str) -> Latch:
+    """The contradiction of values that never change with something that moves."""
+    return Latch(FROZEN, (source, against), "s", begin_s=0.0, end_s=0.0)
+
+
 class ReceiverCheck:
     """The checks of one receiver.
 
@@ -74,7 +82,7 @@ class ReceiverCheck:
         self.spans_s = np.array([span for span in (3.0, 10.0, 30.0) if span < memory_s] + [memory_s])
         self.disagreement = Latch(DISAGREE, (self.fix, self.velocity), "m", begin_s=1.0)
         parties = ((GpsPosition, self.fix), (GpsVelocity, self.velocity))
-        self.frozen = {kind: Latch(FROZEN, (name, "motion"), "s", begin_s=0.0, end_s=0.0) for kind, name in parties}
+        self.frozen: dict[type, Latch] = {kind: frozen_latch(name, "motion") for kind, name in parties}
         self.scatter = Latch(UNDERSTATED, (self.fix, "its stated sigma"), "sigma", begin_s=10.0, end_s=30.0)
         self.clear()
 
@@ -150,7 +158,7 @@ class ReceiverCheck:
         latch, repeated = self.frozen[kind], self._repeats[kind]
         is_stuck = repeated.lasts(self._newest_ns) and (moving or latch.held is not None)
         size = 1e-9 * (self._newest_ns - repeated.first_ns)
-        latch.judge(self._newest_ns, is_stuck, size, latch.parties[0], "the receiver or its driver repeats old values")
+        latch.judge(self._newest_ns, is_stuck, size, latch.parties[0], REPEATS_WORDS)
         if is_stuck:
             self.forget()
 
@@ -217,11 +225,16 @@ class ReceiverCheck:
 
     def _suspect(self, trusted: Trusted) -> str:
         """Velocity where it never agreed with the fixes, whose displacement needs no frame; else what the navigator contradicts."""
+        held = self.disagreement.held
+        if held is not None and self._newest_ns - held.since_ns > SETTLED_NS:
+            return held.suspect
         if self._agreed_s < AGREED_S or self.stuck(GpsVelocity):
             return self.velocity
         return self.velocity if trusted.get(GpsPosition, False) and not trusted.get(GpsVelocity, True) else self.fix
 
     def _watch_scatter(self, fix: GpsPosition, last: GpsPosition, step: np.ndarray, variance: np.ndarray, velocity_variance: float) -> None:
+        if self.disagreement.held is not None:
+            return
         span = 1e-9 * (fix.stamp_ns - last.stamp_ns)
         expected = 2.0 * variance + velocity_variance * span**2 + (self._bend_since(last) + 0.1 * span) ** 2
         weight = min(1.0, span / SCATTER_S)

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import AirVelocity, GpsPosition, GpsVelocity, Measurement, Pressure
+from lowcostnav_ros.base.measurements import AirVelocity, GnssEpoch, GpsPosition, GpsVelocity, Measurement, Pressure
 from lowcostnav_ros.estimation.cross_checks.air import AirspeedCheck
 from lowcostnav_ros.estimation.cross_checks.height import ClimbCheck
-from lowcostnav_ros.estimation.cross_checks.receiver import ReceiverCheck, Trusted
+from lowcostnav_ros.estimation.cross_checks.receiver import FROZEN, REPEATS_WORDS, ReceiverCheck, Repetition, Trusted, frozen_latch
 from lowcostnav_ros.physics.atmosphere import pressure_altitude
 from lowcostnav_ros.physics.earth import difference_n
 
@@ -22,12 +22,12 @@ class SourceChecks:
     Parameters
     ----------
     receivers : sequence of ReceiverCheck
-    air, pressure : str
-        Topics of air velocity and static pressure; empty where it takes none.
+    air, pressure, epochs : str
+        Topics of air velocity, static pressure and satellite observations; empty where it takes none.
     """
 
-    def __init__(self, receivers: Sequence[ReceiverCheck], air: str = "", pressure: str = "") -> None:
-        self.receivers = list(receivers)
+    def __init__(self, receivers: Sequence[ReceiverCheck], air: str = "", pressure: str = "", epochs: str = "") -> None:
+        self.receivers, self.sky = list(receivers), frozen_latch(epochs, "satellites that move")
         first = self.receivers[0] if self.receivers else None
         self.airspeed = AirspeedCheck(air, first.velocity) if air and first else None
         self.climb = ClimbCheck(pressure, first.fix) if pressure and first else None
@@ -35,15 +35,16 @@ class SourceChecks:
 
     def clear(self) -> None:
         """Forget all."""
-        for check in (*self.receivers, self.airspeed, self.climb):
+        self._epochs = Repetition()
+        for check in (*self.receivers, self.airspeed, self.climb, self.sky):
             if check is not None:
                 check.clear()
         self.speed_mps, self._speed_ns = 0.0, -FRESH_NS
         self._altitude: tuple[int, float] | None = None
         self._fix: GpsPosition | None = None
 
-    def take(self, item: Measurement, trusted: Callable[[], Trusted]) -> None:
-        """Take a measurement; ``trusted``: whether the navigator's state agrees with each kind of measurement."""
+    def take(self, item: Measurement, trusted: Callable[[], Trusted]) -> str:
+        """Take a measurement; return why it is none.  ``trusted``: whether the state agrees with each kind of measurement."""
         if isinstance(item, GpsPosition | GpsVelocity):
             for receiver in self.receivers:
                 if item.source in receiver.sources:
@@ -54,6 +55,12 @@ class SourceChecks:
                 self.airspeed.compare(item.stamp_ns, float(np.linalg.norm(item.vel_b)), self.speed_mps)
         elif isinstance(item, Pressure) and self.climb is not None and item.source == self.climb.parties[0]:
             self._altitude = item.stamp_ns, float(pressure_altitude(item.pressure_pa))
+        elif isinstance(item, GnssEpoch):
+            self._epochs.take(item.stamp_ns, tuple(item.pseudorange_m.tolist()))
+            frozen = bool(len(item)) and self._epochs.lasts(item.stamp_ns)
+            self.sky.judge(item.stamp_ns, frozen, 1e-9 * (item.stamp_ns - self._epochs.first_ns), item.source, REPEATS_WORDS)
+            return FROZEN if frozen else ""
+        return ""
 
     def ground_speed(self, stamp_ns: int) -> float | None:
         """Speed over ground by GPS, m/s, None where there is none that is fresh and sound."""
@@ -82,4 +89,4 @@ class SourceChecks:
     def held(self) -> list[Contradiction]:
         """Contradictions that last, of GPS first."""
         found = [held for receiver in self.receivers for held in receiver.held()]
-        return found + [check.held for check in (self.airspeed, self.climb) if check is not None and check.held is not None]
+        return found + [check.held for check in (self.sky, self.airspeed, self.climb) if check is not None and check.held is not None]
