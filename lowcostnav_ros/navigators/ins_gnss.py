@@ -28,7 +28,7 @@ from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.error_state import Block
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.navigators.base import COVERED
+from lowcostnav_ros.navigators.base import COVERED, LAG_S, LONGEST_S
 from lowcostnav_ros.navigators.inertial import IMU, InertialNavigator, InertialSettings
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.physics.earth import difference_n
@@ -127,7 +127,7 @@ class InsGnss(InertialNavigator):
             aid.receiver.restart()
         self.receiver = self._ranges[0].receiver if self.tight else None
         self.slope.clear()
-        self._away: np.ndarray | None = None
+        self._away: tuple[int, np.ndarray, np.ndarray] | None = None  # stamp, position and velocity of the satellites less the state
         self._away_since_ns: int | None = None
         self._solved_ns = -(10**18)
 
@@ -219,7 +219,8 @@ class InsGnss(InertialNavigator):
             self._away, self._away_since_ns = None, None
             return
         stamp_ns = epoch.stamp_ns
-        self._away, self._away_since_ns = apart, self._away_since_ns or stamp_ns
+        drift = np.zeros(3) if velocity is None else velocity.vel_n - nav[3:6]
+        self._away, self._away_since_ns = (stamp_ns, apart, drift), self._away_since_ns or stamp_ns
         self.recovery.note(stamp_ns, Decision.REJECT)
         starts = [self._gather(part) for part in (fix, velocity) if part is not None]
         if stamp_ns - self._away_since_ns >= 1e9 * self.recovery.patience_s(stamp_ns, first.gate.recovery_s) and starts[-1] is not None:
@@ -247,7 +248,10 @@ class InsGnss(InertialNavigator):
         """As every navigator; also covers satellites that agree among themselves and not with the state."""
         position, velocity = super().doubt(stamp_ns)
         if self._away is not None:
-            position = position + COVERED**2 * np.outer(self._away, self._away)
+            seen_ns, apart, drift = self._away
+            offset = apart + drift * min(1e-9 * max(stamp_ns - seen_ns, 0) + LAG_S, LONGEST_S)
+            position = position + COVERED**2 * np.outer(offset, offset)
+            velocity = velocity + COVERED**2 * np.outer(drift, drift)
         return position, velocity
 
     def _judge(self) -> None:
