@@ -12,7 +12,7 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.views import Attitude
 from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Reason, Sensor, SensorSettings, each, reset_to
-from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, HeadingCheck
+from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, HeadingCheck, crabs
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference, magnetic_innovation
@@ -72,7 +72,8 @@ class MagneticAid(Aid):
         if moving and self.status.observation is not None:
             C, (north, east) = core.C_nb(), core.nav[3:5]
             heading = math.atan2(C[1, 0], C[0, 0])
-            if abs(C[2, 0]) < STEEPEST and self.turned.compare(stamp_ns, heading + self.status.observation[0], north, east):
+            began = abs(C[2, 0]) < STEEPEST and self.turned.compare(stamp_ns, heading + self.status.observation[0], north, east)
+            if began and crabs(heading, north, east) is not None:  # the estimate has followed it
                 down = slice(core.attitude_rows.stop - 1, core.attitude_rows.stop)
                 reset_to(host, down, np.array([wrap(math.atan2(east, north) - heading)]), np.array([[(TRACK_SIGMA_DEG * DEGREE) ** 2]]))
         if self.turned.held is not None:

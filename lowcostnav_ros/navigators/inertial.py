@@ -8,7 +8,7 @@ import numpy as np
 
 from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
@@ -141,8 +141,12 @@ class InertialNavigator(Navigator):
         recovery = self.recovery
         for aid in self._receivers:
             if type(item) is aid.measurement and item.source == aid.source and aid.decision is not None:
-                by_gate = aid.decision is not Decision.REJECT or not self.excluded(aid)
-                recovery.note(item.stamp_ns, aid.decision if by_gate else None)
+                decision = aid.decision
+                if decision is Decision.REJECT and self.excluded(aid):
+                    decision = None
+                elif decision is Decision.RECOVER and aid.measurement is GpsPosition and self._trusted().get(GpsVelocity, False):
+                    decision = Decision.REJECT  # where the velocity agrees it is not the IMU
+                recovery.note(item.stamp_ns, decision)
                 self.inertial_is_suspect = recovery.is_widened
         start = None if self.checks_exclude(item) else self._gather(item)
         if recovery.is_lost and start is not None:

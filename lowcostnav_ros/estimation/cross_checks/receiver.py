@@ -24,12 +24,14 @@ MEAN_S = 4.0
 HOLE_NS = 3_000_000_000
 """Velocities this far apart are not integrated across."""
 SIGMAS = 5.0
-SHARED = 0.5
+SHARED = 0.35
 """Share of a fix's sigma that wanders within a minute and does not average out."""
 VELOCITY_BIAS_MPS = 0.03
 SMALLEST_M = 0.5
 AGREED_S = 20.0
 """Position and velocity that have agreed for so long were sound, so that the navigator's state can tell which of them no longer is."""
+FRAME = 0.3
+"""Share of the way flown by which a velocity in a wrong frame or unit is off, at least."""
 SETTLED_NS = 5_000_000_000
 """After so long the suspect stays: what is excluded no longer moves the navigator's state."""
 MOVING_MPS = 1.5
@@ -37,7 +39,7 @@ Trusted = Mapping[type, bool]
 SCATTER_S, SCATTER = 30.0, 2.5
 """Scatter of the fixes beyond so many stated sigmas, over such a time, is a contradiction."""
 LARGEST = 30.0
-"""Most that one fix counts for: a jump is no scatter."""
+"""Most that one fix counts for at first: a jump is no scatter."""
 DISAGREE, FROZEN, UNDERSTATED = "position and velocity disagree", "values never change", "scatter exceeds the stated sigma"
 
 
@@ -178,7 +180,8 @@ class ReceiverCheck:
                 there = last.vel_n + (item.vel_n - last.vel_n) * (t / span)
                 self._compare(fix, self._moved + 0.5 * t * (last.vel_n + there), item, trusted)
         self._moved += 0.5 * span * (last.vel_n + item.vel_n)
-        self._bend += float(np.linalg.norm(item.vel_n - last.vel_n)) * span / 12.0  # a chord for an arc
+        # of a chord for an arc, -dt^2/12 times the change of acceleration is left (Euler-Maclaurin)
+        self._bend = float(np.linalg.norm(item.vel_n - last.vel_n)) * span / 6.0
 
     def _compare(self, fix: GpsPosition, moved: np.ndarray, velocity: GpsVelocity, trusted: Trusted) -> None:
         last = self._fix
@@ -193,10 +196,13 @@ class ReceiverCheck:
         self._residual = self._residual + step
         variance = np.maximum(fix.cov_n.diagonal(), SMALLEST_M**2)
         self._watch_scatter(fix, last, step, variance, float(velocity.cov_n.diagonal().max()))
-        row = np.concatenate(([1e-9 * (fix.stamp_ns - self._zero_ns)], self._residual, variance, [self._bend]))
+        tolerated = min(max(self._scatter2, 1.0), SCATTER**2)
+        row = np.concatenate(([1e-9 * (fix.stamp_ns - self._zero_ns)], self._residual, tolerated * variance, [self._bend]))
         rows = self._rows[self._rows[:, 0] > row[0] - self.memory_s - MEAN_S] if len(self._rows) else self._rows
         self._rows = np.vstack((rows, row))
         size, ratio = self._largest(float(velocity.cov_n.diagonal().max()))
+        if self._agreed_s < AGREED_S and size < FRAME * float(np.linalg.norm(velocity.vel_n)) * self.spans_s[0]:
+            ratio = 0.0  # fixes that wander from the start state too small a sigma; a velocity in a wrong frame is off by far more
         self._agreed_s += 1e-9 * (fix.stamp_ns - last.stamp_ns) if ratio <= 1.0 and self.disagreement.held is None else 0.0
         suspect = self._suspect(trusted)
         advice = "" if suspect == self.fix else "check frame, unit and sign of the velocity"
@@ -217,7 +223,7 @@ class ReceiverCheck:
             variance = np.maximum(new[:, 4:7].mean(axis=0), old[:, 4:7].mean(axis=0))
             white = variance * (1.0 / len(new) + 1.0 / len(old)) + velocity_variance * step * span
             sigma = np.sqrt(white + 2.0 * SHARED**2 * variance + (VELOCITY_BIAS_MPS * span) ** 2)
-            free = rows[-1, 7] - old[0, 7]  # the arcs flown since
+            free = new[:, 7].max() + old[:, 7].max()
             found = np.maximum(np.abs(change) - free, 0.0) / (SIGMAS * sigma)
             if found.max() > ratio:
                 ratio, size = float(found.max()), float(np.linalg.norm(change))
@@ -233,16 +239,14 @@ class ReceiverCheck:
         return self.velocity if trusted.get(GpsPosition, False) and not trusted.get(GpsVelocity, True) else self.fix
 
     def _watch_scatter(self, fix: GpsPosition, last: GpsPosition, step: np.ndarray, variance: np.ndarray, velocity_variance: float) -> None:
-        if self.disagreement.held is not None:
+        if self.disagreement.held is not None and self.disagreement.held.suspect == self.velocity:
             return
         span = 1e-9 * (fix.stamp_ns - last.stamp_ns)
-        expected = 2.0 * variance + velocity_variance * span**2 + (self._bend_since(last) + 0.1 * span) ** 2
+        expected = 2.0 * variance + velocity_variance * span**2 + (self._bend + 0.1 * span) ** 2
         weight = min(1.0, span / SCATTER_S)
-        self._scatter2 += weight * (min(float(np.mean(step**2 / expected)), LARGEST) - self._scatter2)
+        largest = max(LARGEST, 4.0 * self._scatter2)
+        self._scatter2 += weight * (min(float(np.mean(step**2 / expected)), largest) - self._scatter2)
         size = math.sqrt(self._scatter2)
         advice = f"set gps.sigma_scale to {size:.1f} or more"
         limit = SCATTER if self.scatter.held is None else 0.7 * SCATTER
         self.scatter.judge(fix.stamp_ns, size > limit, size, self.fix, advice)
-
-    def _bend_since(self, last: GpsPosition) -> float:
-        return self._bend - float(self._rows[-1, 7]) if len(self._rows) else 0.0
