@@ -36,7 +36,7 @@ SETTLED_NS = 5_000_000_000
 """After so long the suspect stays: what is excluded no longer moves the navigator's state."""
 MOVING_MPS = 1.5
 Trusted = Mapping[type, bool]
-SCATTER_S, SCATTER = 30.0, 2.5
+SCATTER_S, SCATTER = 10.0, 2.5
 """Scatter of the fixes beyond so many stated sigmas, over such a time, is a contradiction."""
 LARGEST = 30.0
 """Most that one fix counts for at first: a jump is no scatter."""
@@ -85,7 +85,7 @@ class ReceiverCheck:
         self.disagreement = Latch(DISAGREE, (self.fix, self.velocity), "m", begin_s=1.0)
         parties = ((GpsPosition, self.fix), (GpsVelocity, self.velocity))
         self.frozen: dict[type, Latch] = {kind: frozen_latch(name, "motion") for kind, name in parties}
-        self.scatter = Latch(UNDERSTATED, (self.fix, "its stated sigma"), "sigma", begin_s=10.0, end_s=30.0)
+        self.scatter = Latch(UNDERSTATED, (self.fix, "its stated sigma"), "sigma", begin_s=5.0, end_s=30.0)
         self.clear()
 
     def clear(self) -> None:
@@ -196,8 +196,7 @@ class ReceiverCheck:
         self._residual = self._residual + step
         variance = np.maximum(fix.cov_n.diagonal(), SMALLEST_M**2)
         self._watch_scatter(fix, last, step, variance, float(velocity.cov_n.diagonal().max()))
-        tolerated = min(max(self._scatter2, 1.0), SCATTER**2)
-        row = np.concatenate(([1e-9 * (fix.stamp_ns - self._zero_ns)], self._residual, tolerated * variance, [self._bend]))
+        row = np.concatenate(([1e-9 * (fix.stamp_ns - self._zero_ns)], self._residual, self.noise_factor * variance, [self._bend]))
         rows = self._rows[self._rows[:, 0] > row[0] - self.memory_s - MEAN_S] if len(self._rows) else self._rows
         self._rows = np.vstack((rows, row))
         size, ratio = self._largest(float(velocity.cov_n.diagonal().max()))
