@@ -328,7 +328,7 @@ def test_a_value_that_is_no_number_is_refused_by_name_and_harms_nothing(truth, b
 
 def test_a_spike_is_refused_by_name_and_a_lasting_step_is_followed(truth):
     quick = GateSettings(recovery_s=5.0)
-    settings = dataclasses.replace(GPS_ONLY, gps=dataclasses.replace(GPS_ONLY.gps, gate=quick))
+    settings = dataclasses.replace(GPS_ONLY, gps=dataclasses.replace(GPS_ONLY.gps, gate=quick, memory_s=25.0))
     start = truth.stamps_ns[0]
     stream = []
     for m in measurements(truth, 8):

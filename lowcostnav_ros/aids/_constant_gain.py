@@ -163,6 +163,10 @@ class ConstantHeadingAid(ConstantGainAid, MagneticAid):
         super().__init__(settings, key)
         self.on_angle, self.on_rate = axis_gains(tuning, tuning.angle_sigma_deg[2])
 
+    def shows_heading(self, stamp_ns: int, host: Host) -> bool:
+        """No velocity is estimated beside it."""
+        return False
+
     def gain(self, host: Host) -> np.ndarray:
         """Gain (n, 1) on the heading."""
         K = np.zeros((host.layout.size, 1))

@@ -9,11 +9,29 @@ from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.cores.inertial import POS
 from lowcostnav_ros.cores.views import Attitude, Place, Velocity
-from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Host, Innovation, Sensor, SensorSettings, each, floored, reset_to
+from lowcostnav_ros.estimation.aiding import (
+    BACK,
+    Aid,
+    Decision,
+    GateSettings,
+    Host,
+    Innovation,
+    Sensor,
+    SensorSettings,
+    each,
+    floored,
+    reset_to,
+)
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import skew
 from lowcostnav_ros.physics.stochastic import correlation_factor
+
+STEADY = 3.0
+"""Sigmas by which the innovation of a velocity that stepped may change while the prediction is sound."""
+LONGER = 1.2
+"""Times the memory of its receiver, after which the prediction is the less credible."""
+STEPPED = "velocity stepped without a motion"
 
 
 @dataclass(frozen=True)
@@ -26,6 +44,9 @@ class GpsVelocitySettings(SensorSettings):
     velocity_floor_mps: float = setting(0.05, "Smallest velocity sigma used.", unit="m/s", minimum=0.0, maximum=1e2)
     correlation_s: float = setting(0.0, "Correlation time of receiver errors: fast fixes add little.", unit="s", minimum=0.0, maximum=600.0)
     period_s: float = setting(0.0, "Use at most one fix in this time; 0 uses all.", unit="s", minimum=0.0, maximum=60.0)
+    memory_s: float = setting(
+        60.0, "A receiver that contradicted itself is believed after agreeing this long.", unit="s", minimum=10.0, maximum=3600.0
+    )
     timeout_s: float = setting(2.5, "No accepted fix for this long is an outage.", unit="s", minimum=0.1, maximum=600.0)
     gate: GateSettings = group(GateSettings)
 
@@ -84,7 +105,16 @@ class PositionAid(Aid):
         if not measurement.has_height:
             y[2], H[2] = 0.0, 0.0
         factor = correlation_factor(self.since_s(measurement), self.settings.correlation_s)
-        return Innovation(y, H, factor * self.noise(measurement), observation)
+        return Innovation(y, H, factor * host.noise_factor(self) * self.noise(measurement), observation)
+
+    def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
+        """As every aid; not used while the velocity of the same receiver is off by a step: it would pull the velocity after it."""
+        velocity = next((aid for aid in host.aids_of(VelocityAid) if aid.key == self.key), None)
+        stepped = "" if velocity is None or velocity.rejecting_since_ns is None else velocity.doubt(stamp_ns, host)
+        if stepped and not host.excluded(self):
+            self.rejecting_since_ns = self.rejecting_since_ns or stamp_ns
+            return Decision.REJECT, stepped
+        return super().control(stamp_ns, test_ratio, host)
 
     def recover(self, measurement: GpsPosition, innovation: Innovation, host: Host) -> None:
         """Reset the position to that of GPS: after a long disagreement it is the position that is wrong, not attitude or wind."""
@@ -93,7 +123,10 @@ class PositionAid(Aid):
 
 
 class VelocityAid(Aid):
-    """GPS velocity of the antenna against the estimated velocity plus rotation of the lever arm, m/s NED."""
+    """GPS velocity of the antenna against the estimated velocity plus rotation of the lever arm, m/s NED.
+
+    A velocity that steps while GPS is good, and from then on is off by the same, is no motion: the inertial sensors would have felt it.
+    """
 
     name, labels = "gps_velocity", ("north_mps", "east_mps", "down_mps")
     measurement, topic, views, needs_rate = GpsVelocity, "gps/vel", (Velocity,), True
@@ -102,6 +135,31 @@ class VelocityAid(Aid):
         """Take the lever arm."""
         super().attach(host)
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
+        self._stepped: tuple[int, np.ndarray] | None = None
+
+    def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
+        """As every aid; keeps the first innovation that was rejected while GPS was good."""
+        held, y = self.is_fresh(stamp_ns), self.status.innovation
+        if self._stepped is not None and y is not None and not host.excluded(self) and self.doubt(stamp_ns, host):
+            first = self._stepped[1]
+            if y @ y > BACK**2 * first @ first:  # that the gate has grown to its size is no agreement
+                return Decision.REJECT, STEPPED
+        decision = super().control(stamp_ns, test_ratio, host)
+        if decision[0] is not Decision.REJECT:
+            self._stepped = None
+        elif self._stepped is None and held and y is not None:
+            self._stepped = stamp_ns, y
+        return decision
+
+    def doubt(self, stamp_ns: int, host: Host) -> str:
+        """Whether it stepped without a motion, and not so long ago that the prediction has become the less credible."""
+        if host.inertial_is_suspect or self._stepped is None or host.core.velocity_rows is None or self.status.innovation_variance is None:
+            return ""
+        since_ns, first = self._stepped
+        change, variance = self.status.innovation - first, self.status.innovation_variance
+        drifted = float(np.mean(change**2 / variance)) > STEADY**2  # by more than a sound prediction may have drifted since
+        lasting = not drifted and stamp_ns - since_ns < 1e9 * LONGER * self.settings.memory_s
+        return STEPPED if lasting else ""
 
     def innovation(self, measurement: GpsVelocity, host: Host) -> Innovation | str:
         """y = v_gps - (v + C (w x l)); where no state is the velocity, H is that of what makes it up."""

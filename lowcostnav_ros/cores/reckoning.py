@@ -322,6 +322,8 @@ class ReckoningCore:
         swing = held.attitude(self.t_ns)[1]
         if swing > 0.0:
             noise = noise + swing**2 * (float(air_n @ air_n) * np.eye(3) - np.outer(air_n, air_n))
+        if self.timed_out() or not held.airborne:
+            noise[0:2, 0:2] += held.fastest**2 * np.eye(2)
         return out, model.coupling(air[0], air[1], float(held.airborne), layout.kind, layout.axis), noise
 
     def dynamics(self) -> np.ndarray:

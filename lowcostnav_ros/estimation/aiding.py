@@ -24,6 +24,7 @@ from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.small_matrices import at_least
 from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Layout
 
 
@@ -132,20 +133,36 @@ class Host(Protocol):
     """What an aid asks of the navigator it serves.
 
     ``layout`` names the states; ``P`` (n, n) is their covariance; ``core`` holds the mean and offers the views of
-    :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,), or
-    raises :class:`CorrectionNotFinite`; ``gps_good(stamp_ns)``: GPS holds the solution.
+    :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,), or raises
+    :class:`CorrectionNotFinite`; ``gps_good(stamp_ns)``: GPS holds the solution.
+    ``inertial_is_suspect``: the IMU is known to be worse than set.  ``excluded(aid)``: why its source contradicts others and is not to be
+    used; ``agrees_again(aid)`` tells that it is sound again; ``is_frozen(aid)``: why a source that contradicts the prediction is no
+    measurement; ``doubts(aid, stamp_ns)``: why the solution is not to recover to it, though it has been rejected for
+    ``recovery_s(aid, stamp_ns)``; ``noise_factor(aid)``: what its stated variance is to be multiplied by.
     """
 
     name: str
     layout: Layout
     core: Any
+    inertial_is_suspect: bool
 
     @property
     def P(self) -> np.ndarray: ...
     def correct(self, dx: np.ndarray) -> None: ...
     def gps_good(self, stamp_ns: int) -> bool: ...
+    def excluded(self, aid: "Aid") -> str: ...
+    def agrees_again(self, aid: "Aid") -> None: ...
+    def is_frozen(self, aid: "Aid") -> str: ...
+    def doubts(self, aid: "Aid", stamp_ns: int) -> str: ...
+    def noise_factor(self, aid: "Aid") -> float: ...
+    def aids_of(self, kind: type) -> list: ...
+    def recovery_s(self, aid: "Aid", stamp_ns: int) -> float: ...
 
 
+AGREE_NS = 5_000_000_000
+"""An excluded source that has strayed and agrees with the prediction again for so long is believed again."""
+BACK = 0.3
+"""Share of the largest innovation, while it strayed, within which it agrees: a covariance that grew is no agreement."""
 SHARED = ("wind", "updraught")
 """Blocks of the air mass: one for all sensors."""
 NAMED_S = 120.0
@@ -185,6 +202,12 @@ class Aid(ABC):
         What was fused last.
     decision : Decision or None
         What was made of the last measurement; None when there was no innovation.
+    unresolved : (int, ndarray (m,)) or None
+        Stamp and innovation of the last rejection while rejecting lasts.
+    size : float
+        Innovation in sigmas of the measurement's own noise, root mean square over its components.
+    latches : list of Latch
+        Contradictions that it finds itself.
     """
 
     name: ClassVar[str]
@@ -206,8 +229,13 @@ class Aid(ABC):
         self.source, self.period_s = self.topic, getattr(settings, "period_s", 0.0)
         self.applied: Innovation | None = None
         self.decision: Decision | None = None
+        self.unresolved: tuple[int, np.ndarray] | None = None
+        self.latches: list[Latch] = []
+        self.size = 0.0
         self._teaching: np.ndarray | None = None
-        self._rejecting_since_ns: int | None = None
+        self.rejecting_since_ns: int | None = None
+        self._agreeing_since_ns: int | None = None
+        self._strayed = 0.0
 
     # what it is made of ------------------------------------------------------------------------------------------------------
 
@@ -244,7 +272,10 @@ class Aid(ABC):
 
     def restart(self) -> None:
         """Forget what was received; the counters stay."""
-        self.status.accepted_ns = self._rejecting_since_ns = None
+        self.status.accepted_ns = self.rejecting_since_ns = self._agreeing_since_ns = self.unresolved = None
+        self._strayed = 0.0
+        for latch in self.latches:
+            latch.clear()
 
     def is_fresh(self, now_ns: int) -> bool:
         """Whether it used a measurement within the time-out of its sensor."""
@@ -288,17 +319,46 @@ class Aid(ABC):
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """Decide what to do with an innovation of this test ratio, and why when it is not fused."""
+        excluded = host.excluded(self)
+        if excluded:
+            self._watch_excluded(stamp_ns, test_ratio, host)
+            return Decision.REJECT, excluded
         if test_ratio <= 1.0:
-            self._rejecting_since_ns = None
+            self.rejecting_since_ns, self._strayed = None, 0.0
             return Decision.FUSE, ""
         if self.last_resort and self.is_last(stamp_ns, test_ratio, host):
             return Decision.LIMIT, LIMITED
-        if self._rejecting_since_ns is None:
-            self._rejecting_since_ns = stamp_ns
-        if stamp_ns - self._rejecting_since_ns >= 1e9 * self.gate.recovery_s:
-            self._rejecting_since_ns = None
-            return Decision.RECOVER, RECOVERED
-        return Decision.REJECT, BEYOND_GATE
+        if self.rejecting_since_ns is None:
+            self.rejecting_since_ns = stamp_ns
+        frozen = host.is_frozen(self)
+        if frozen:
+            return Decision.REJECT, frozen
+        if stamp_ns - self.rejecting_since_ns < 1e9 * host.recovery_s(self, stamp_ns):
+            return Decision.REJECT, BEYOND_GATE
+        doubt = host.doubts(self, stamp_ns)
+        if doubt:
+            return Decision.REJECT, doubt
+        self.rejecting_since_ns = None
+        return Decision.RECOVER, RECOVERED
+
+    def _watch_excluded(self, stamp_ns: int, test_ratio: float, host: Host) -> None:
+        """Tell the host when an excluded source has strayed from the prediction and come back to it for good."""
+        size = self.size
+        if self.rejecting_since_ns is None:
+            self.rejecting_since_ns = stamp_ns
+        if test_ratio > 1.0:
+            self._strayed = max(self._strayed, size)
+        if test_ratio > 1.0 or size >= BACK * self._strayed:
+            self._agreeing_since_ns = None
+        elif self._agreeing_since_ns is None:
+            self._agreeing_since_ns = stamp_ns
+        elif stamp_ns - self._agreeing_since_ns >= AGREE_NS:
+            self._strayed, self._agreeing_since_ns = 0.0, None
+            host.agrees_again(self)
+
+    def doubt(self, stamp_ns: int, host: Host) -> str:
+        """Why its host is not to recover to it, though it has been rejected for long; empty: it may."""
+        return ""
 
     def prepare(self, measurement: Any, innovation: Innovation, host: Host) -> Innovation:
         """Called once a measurement is to be used: may assign a state to its station; returns the innovation to fuse."""
@@ -327,10 +387,14 @@ class Aid(ABC):
         nis = kalman.normalised_innovation_squared(innovation.y, S)
         status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
         status.nis, status.test_ratio = nis, nis / self.threshold
+        self.size = math.sqrt(float(np.mean(innovation.y**2 / np.maximum(innovation.R.diagonal(), 1e-300))))
         decision, reason = self.control(measurement.stamp_ns, status.test_ratio, host)
         self.decision = decision
         if decision is Decision.REJECT:
+            if self.rejecting_since_ns is not None:
+                self.unresolved = measurement.stamp_ns, innovation.y
             return self.refuse(reason)
+        self.unresolved = None
         innovation = self.applied = self.prepare(measurement, innovation, host)
         if decision is Decision.RECOVER:
             status.rejected[reason] += 1

@@ -7,18 +7,21 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.aids.magnetic import MagneticAid
-from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.contradiction import Contradiction
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
-from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
+from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, POS, VEL, InertialCore
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import Aid
+from lowcostnav_ros.estimation.aiding import Aid, Decision
+from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator, position_sigmas
+from lowcostnav_ros.navigators.recovery import Recovery
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
@@ -51,7 +54,8 @@ class InertialSettings:
 class InertialNavigator(Navigator):
     """An inertial navigator: its subclass is a list of sensors.
 
-    Modes: ``initialising`` (no data), ``aligning``, ``gps``, ``coasting`` (no accepted fix within the time-out), ``failed``.
+    Modes: ``initialising`` (no data), ``aligning``, ``gps``, ``coasting`` (no accepted fix within the time-out), ``suspect`` (GPS
+    contradicts itself or the inertial sensors), ``failed``.
 
     Attributes
     ----------
@@ -73,6 +77,7 @@ class InertialNavigator(Navigator):
         self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float)
         self._attach(layout, InertialCore(layout))
         self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
+        self.axes, self.recovery = AxesCheck(IMU), Recovery(settings.imu, layout)
         self._wind_aids = [aid for aid in self.aids if "wind" in aid.teaches]
         self._restart()
 
@@ -91,13 +96,31 @@ class InertialNavigator(Navigator):
         """Whether GPS holds the solution."""
         return self.mode == Mode.GPS
 
+    def excluded(self, aid: Aid) -> str:
+        """As every navigator; after an alignment without it the magnetometer waits until GPS has shown the heading."""
+        if isinstance(aid, MagneticAid) and self.recovery.compass_waits(self.core.t_ns, self.P):
+            return "heading comes from GPS"
+        return super().excluded(aid)
+
+    def recovery_s(self, aid: Aid, stamp_ns: int) -> float:
+        """A second recovery to GPS within a minute comes sooner, and is another one."""
+        return self.recovery.patience_s(stamp_ns, aid.gate.recovery_s) if aid in self._receivers else aid.gate.recovery_s
+
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """As every navigator; and of the IMU with gravity and with its settings."""
+        own = (self.axes.held, self.recovery.contradiction(self.core.estimate) if self._aligned else None)
+        return (*super().contradictions(), *(held for held in own if held is not None))
+
     # measurements ------------------------------------------------------------------------------------------------------------
 
     def _restart(self) -> None:
         self._aligned = False
+        self.axes.clear()
+        self.recovery.restart()
         self._emitted = -1
         self._sampled_ns = self._levelling_until_ns = 0
         self._fused_fix_ns: int | None = None
+        self.start_is_fed = False
         self.restart_channels()
         self.core.rest()
         self.start.clear()
@@ -108,13 +131,60 @@ class InertialNavigator(Navigator):
         elif item.source == self.settings.alignment.master and isinstance(item, NavSolution):
             self._transfer(item)
         elif not self._aligned or (self.core.t_ns != item.stamp_ns and not self._coast(item.stamp_ns)):
-            self._prepare(item)
+            if not self.checks_exclude(item):
+                self._prepare(item)
         else:
             self.core.settle()
             self._aid(item)
             if self._levelling_until_ns:
                 self._level_again(item)
+            else:
+                self._recover(item)
             self._judge()
+
+    def checks_exclude(self, item: Measurement) -> str:
+        """Why a measurement of GPS is not to be aligned with."""
+        reasons = (check.excluded(type(item)) for check in self.checks.receivers if item.source in check.sources)
+        return next(filter(None, reasons), "")
+
+    def _recover(self, item: Measurement) -> None:
+        """Follow what became of GPS; begin anew in motion when it has been recovered to again and again."""
+        recovery = self.recovery
+        for aid in self._receivers:
+            if type(item) is aid.measurement and item.source == aid.source and aid.decision is not None:
+                decision: Decision | None = aid.decision
+                if decision is Decision.REJECT and self.excluded(aid):
+                    decision = None
+                elif decision is Decision.RECOVER and aid.measurement is GpsPosition and self._trusted().get(GpsVelocity, False):
+                    decision = Decision.REJECT  # where the velocity agrees it is not the IMU
+                recovery.note(item.stamp_ns, decision)
+                self.inertial_is_suspect = recovery.is_widened
+        start = None if self.checks_exclude(item) else self._gather(item)
+        if recovery.is_lost and start is not None:
+            self._begin_anew(start)
+
+    def _gather(self, item: Measurement) -> Start | None:
+        """Gather for an alignment in motion while GPS is rejected; the state that this measurement gives."""
+        if not self.recovery.gathers:
+            self.start_is_fed = False
+            return None
+        if not self.start_is_fed:
+            self.start.clear()
+            self.start_is_fed = True
+        self.start.widening, self.start.compass = self.recovery.widening, False
+        return self.start.take(item)
+
+    def _begin_anew(self, start: Start) -> None:
+        """Begin at a state from GPS in motion, with biases and noise as wide as the IMU must be by what was seen."""
+        self.restarts["re-aligned in motion"] += 1
+        if self.history is not None:
+            self.history.cut()
+        self.core.start(start.stamp_ns, start.nav, start.covariance)
+        self.recovery.begin(start.stamp_ns, self.P, moving=self.start.moving)
+        self.inertial_is_suspect = True
+        self._fused_fix_ns, self._sampled_ns = start.fix_ns, start.stamp_ns
+        for aid in self._receivers:
+            aid.rejecting_since_ns = aid.unresolved = None
 
     def _run(self, block: ImuBlock) -> None:
         first = 0
@@ -122,7 +192,7 @@ class InertialNavigator(Navigator):
         if in_hole and self._coast(int(block.stamps_ns[0])):
             first = 1  # the sample says nothing about all of the hole before it
             self._end_hole()
-        if not self._aligned or self._levelling_until_ns:
+        if not self._aligned or self._levelling_until_ns or self.start_is_fed:
             self.start.add(block)
         if self._aligned and self._levelling_until_ns:
             first = self._coast_levelling(block)
@@ -133,6 +203,7 @@ class InertialNavigator(Navigator):
             self._sampled_ns = self.core.t_ns
             if self.core.t_ns // self.output_period_ns != self._emitted:
                 self.core.note(block, first - 1)
+                self.axes.take(self.core.t_ns, self.core.force_b[2])
                 self._put_out()
         self.core.passed(block)
 
@@ -209,6 +280,9 @@ class InertialNavigator(Navigator):
         else:
             since = 0.0 if last is None else 1e-9 * (now - last)
             self.mode, self.reason = Mode.COASTING, f"{self._why_no_fix(now)} for {since:.0f} s{self.outage_words(now)}"
+            found = self.suspicion()
+            if found:
+                self.mode, self.reason = Mode.SUSPECT, found
 
     def _why_no_fix(self, now_ns: int) -> str:
         recent = (aid.status.reason for aid in self.aids if aid.is_fix and aid.status.stamp_ns > now_ns - RECENT_NS)
@@ -232,6 +306,10 @@ class InertialNavigator(Navigator):
 
     def _begin(self, start: Start) -> None:
         self.begin(start.stamp_ns, start.nav, start.covariance)
+        if self.start.force_b is not None:
+            self.axes.begin(start.stamp_ns, self.start.force_b[2])
+        if self.start.turned is not None:
+            self.recovery.distrust_compass(start.stamp_ns)
         self._fused_fix_ns = start.fix_ns
         self._judge()
 
@@ -285,4 +363,8 @@ class InertialNavigator(Navigator):
         if not self._aligned:
             return {}
         north, east, down = np.sqrt(np.maximum(np.diag(self.P)[ATT], 0.0)) / DEGREE
-        return position_sigmas(self.P) | {"tilt_deg": float(np.hypot(north, east)), "heading_deg": float(down)}
+        P = self.P.copy()
+        in_position, in_velocity = self.doubt(self.core.t_ns)
+        P[POS, POS] += in_position
+        P[VEL, VEL] += in_velocity
+        return position_sigmas(P) | {"tilt_deg": float(np.hypot(north, east)), "heading_deg": float(down)}

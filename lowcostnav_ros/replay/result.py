@@ -205,6 +205,20 @@ class IntegritySummary:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class ContradictionSummary:
+    """One contradiction over a flight: when it was first seen, for how many seconds it held, how large it was, its last advice."""
+
+    name: str
+    parties: tuple[str, ...]
+    suspect: str
+    first_s: float
+    seconds: float
+    largest: float
+    unit: str
+    advice: str
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class AidSummary:
     """Use of one aid; the statistics of its innovations are None when none was formed."""
 
@@ -241,6 +255,7 @@ class NavigatorResult:
     inputs: dict[str, InputSummary] = _empty()
     feed_seconds: float = 0.0
     smoothed: NavigatorErrors | None = _omitted()
+    contradictions: tuple[ContradictionSummary, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
+from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.estimation.aiding import AidStatus, Reason
@@ -19,7 +20,7 @@ from lowcostnav_ros.replay.evaluation import Evaluation, solution_columns
 from lowcostnav_ros.replay.integrity import IntegrityRecord
 from lowcostnav_ros.replay.links import Link, recorder_of
 from lowcostnav_ros.replay.metrics import Errors
-from lowcostnav_ros.replay.result import AidSummary, InputSummary, NavigatorResult
+from lowcostnav_ros.replay.result import AidSummary, ContradictionSummary, InputSummary, NavigatorResult
 
 
 @dataclasses.dataclass(slots=True)
@@ -54,6 +55,26 @@ class AidStatistics:
         moments = self.innovation_sum / self.tested, np.sqrt(self.innovation_squares / self.tested)
         named = (dict(zip(labels, np.asarray(values).tolist(), strict=True)) for values in moments)
         return AidSummary(*counts, self.nis_sum / self.tested / self.components, *named)
+
+
+class ContradictionRecord:
+    """What contradicted what over a flight, by name, parties and suspect."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, tuple[str, str], str], ContradictionSummary] = {}
+
+    def add(self, stamp_ns: int, seconds: float, contradictions: Collection[Contradiction]) -> None:
+        """Count the contradictions that hold at a stamp for so long."""
+        for new in contradictions:
+            key = new.name, new.parties, new.suspect
+            old = self._found.get(key)
+            held, largest = (old.seconds, old.largest) if old else (0.0, 0.0)
+            first_s = old.first_s if old else 1e-9 * stamp_ns
+            self._found[key] = ContradictionSummary(*key, first_s, held + seconds, max(largest, new.size), new.unit, new.advice)
+
+    def result(self) -> tuple[ContradictionSummary, ...]:
+        """All of them, in order of their beginning."""
+        return tuple(self._found.values())
 
 
 class NavigatorFiles:
@@ -122,7 +143,7 @@ class NavigatorRun:
         self.smoothed = smoothed
         self.out = out
         self.comparison = Comparison(expected=compare)
-        self.integrity = IntegrityRecord()
+        self.integrity, self.contradictions = IntegrityRecord(), ContradictionRecord()
         evaluation.listeners += [self.integrity.add_errors, *([out.add_errors] if out is not None else [])]
         if smoothed is not None:
             self.navigator.keep_history()
@@ -154,6 +175,7 @@ class NavigatorRun:
 
     def _take(self, solution: NavSolution, wanted: Collection[str]) -> list[Measurement]:
         self.solutions += 1
+        self.contradictions.add(solution.stamp_ns, 1e-9 * self.navigator.output_period_ns, self.navigator.contradictions())
         if self._last is not None:
             since_s = max(0.0, (solution.stamp_ns - self._last[0]) / 1e9)
             longest_s = max(TIMEOUT_S, 3e-9 * self.navigator.output_period_ns)
@@ -210,4 +232,5 @@ class NavigatorRun:
             {i.source: InputSummary(i.required, i.received, dict(sorted(i.rejected.items()))) for i in status.inputs},
             self.seconds,
             None if self.smoothed is None else self.smoothed.result(end_ns),
+            self.contradictions.result(),
         )

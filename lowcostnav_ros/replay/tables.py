@@ -41,8 +41,8 @@ _AXES = {"north": "N", "east": "E", "up": "U"}
 
 def tables(result: ReplayResult) -> tuple[Table, ...]:
     """Every table that a terminal shows, in order."""
-    makers = (error_table, accuracy_table, approach_table, alarm_table, interval_table, aid_table, integrity_table, run_table)
-    return tuple(make(result) for make in makers)
+    errors = error_table(result), accuracy_table(result), approach_table(result), alarm_table(result), interval_table(result)
+    return (*errors, aid_table(result), contradiction_table(result), integrity_table(result), run_table(result))
 
 
 def _parts(result: ReplayResult) -> Iterator[tuple[str, str, ErrorSummary]]:
@@ -242,6 +242,22 @@ def aid_table(result: ReplayResult) -> Table:
     )
     rows = [(name, aid, found) for name, navigator in result.navigators.items() for aid, found in navigator.aids.items()]
     return Table.of("Aids", columns, rows)
+
+
+def contradiction_table(result: ReplayResult) -> Table:
+    """What contradicted what, since when, for how long, how far apart, whom the others speak against."""
+    columns = (
+        _NAVIGATOR,
+        Column("contradiction", lambda row: row[1].name, left=True),
+        Column("between", lambda row: " and ".join(row[1].parties), left=True),
+        Column("suspect", lambda row: row[1].suspect or "-", left=True),
+        Column("from", lambda row: number(row[1].first_s - result.first_stamp_s), "s"),
+        Column("held", lambda row: number(row[1].seconds), "s"),
+        Column("largest", lambda row: f"{number(row[1].largest)} {row[1].unit}"),
+    )
+    rows = [(name, found) for name, navigator in result.navigators.items() for found in navigator.contradictions]
+    notes = dict.fromkeys(f"{name}: {found.name}: {found.advice}" for name, found in rows if found.advice)
+    return Table.of("Contradictions", columns, rows, notes=tuple(notes))
 
 
 def integrity_table(result: ReplayResult) -> Table:

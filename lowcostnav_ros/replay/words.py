@@ -40,7 +40,7 @@ def sentence(name: str, navigator: NavigatorResult, without_gps_s: float) -> str
         when = f"no solution through {without_gps_s:.0f} s without GPS"
     else:
         when = _availability(navigator) if errors.against_truth else "against withheld fixes"
-    return f"{name}: {when}, {_sizes(part)}, {_honesty(part.error_over_sigma)}{_refused(navigator)}."
+    return f"{name}: {when}, {_sizes(part)}, {_honesty(part.error_over_sigma)}{_refused(navigator)}{_contradicted(navigator)}."
 
 
 def _availability(navigator: NavigatorResult) -> str:
@@ -73,6 +73,15 @@ def _honesty(ratios: Mapping[str, float]) -> str:
     low, high = HONEST
     word = "honest" if low <= ratio <= high else ("too small" if ratio > high else "cautious")
     return f"sigma {word} (error/sigma {ratio:.1f})"
+
+
+def _contradicted(navigator: NavigatorResult) -> str:
+    """The contradiction that held longest."""
+    worst = max(navigator.contradictions, key=lambda found: found.seconds, default=None)
+    if worst is None:
+        return ""
+    suspect = f", suspect {worst.suspect}" if worst.suspect else ""
+    return f"; {worst.name} for {worst.seconds:.0f} s{suspect}"
 
 
 def _refused(navigator: NavigatorResult) -> str:

@@ -96,7 +96,7 @@ def navigator_rows(prefix: str, status: NavigatorStatus) -> list[Status]:
 
     Sigma names and aid labels carry their units; the age of an aid is judged at the navigator's own time.  ``approach_category`` is the
     strictest precision approach that two of its own sigmas (95 % or more, both ways) allow.  The ``details`` of a status, such as
-    ``flying_on`` of the supervisor, are values too.
+    ``flying_on`` of the supervisor, are values too, and so is every contradiction that holds.
     """
     values = {"mode": status.mode, "reason": status.reason, **status.details}
     values |= {k: f"{v:.4g}" for k, v in status.sigmas.items()}
@@ -106,6 +106,10 @@ def navigator_rows(prefix: str, status: NavigatorStatus) -> list[Status]:
     for record in status.inputs:
         values |= {f"rejected[{record.source}: {reason}]": str(n) for reason, n in record.rejected.items()}
     message = f"{status.mode}: {status.reason}" if status.reason else status.mode
+    for found in status.contradictions:
+        words = found.words(status.stamp_ns or found.since_ns)
+        values[f"contradiction[{found.name}: {found.suspect or ', '.join(found.parties)}]"] = words
+        message += f"; {words}" if words not in message else ""
     rows = [Status(f"{prefix}: navigator", status.level, message, values)]
     if status.integrity is not None:
         rows.append(_integrity_row(prefix, status.integrity))

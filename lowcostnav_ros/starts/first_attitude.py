@@ -5,6 +5,7 @@ beginning with the gyros alone; the change of velocity comes from GPS (in n), fr
 when the window looks unaccelerated.  One vector gives roll and pitch; the magnetometer, or else the GPS track, gives heading.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsVelocity,
 from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.imu_errors import ImuSettings, typical
+from lowcostnav_ros.estimation.cross_checks.heading import crabs
 from lowcostnav_ros.estimation.inertial_window import InertialWindow
 from lowcostnav_ros.estimation.manoeuvre import SteadyLimits
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
@@ -216,6 +218,9 @@ class Alignment:
             roll, pitch = tilt_from_specific_force(force_b, force_n, heading)
             if field_b is not None and local is not None:
                 heading = magnetic_heading(roll, pitch, field_b, local.declination)
+        if field_b is not None and isinstance(end, GpsVelocity) and crabs(heading, *end.vel_n[:2]) is not None:
+            heading, field_b = math.atan2(end.vel_n[1], end.vel_n[0]), None  # no wind explains it: the magnetometer is turned
+            roll, pitch = tilt_from_specific_force(force_b, force_n, heading)
         magnetic_deg, track_deg = self._magnetic_deg, self.settings.track_sigma_deg
         sigma = track_deg if field_b is None or magnetic_deg is None else magnetic_deg
         gps = end if isinstance(end, GpsVelocity) else None

@@ -9,6 +9,7 @@ from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock,
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.imu_errors import ImuSettings, typical
 from lowcostnav_ros.cores.inertial import ATT, CORE, POS, VEL
+from lowcostnav_ros.estimation.cross_checks.heading import crabs
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.magnetic_heading import magnetic_heading
@@ -59,6 +60,16 @@ class GpsStart:
     ----------
     reason : str
         What it waits for.
+    widening : float
+        By how much the IMU may be worse than its settings.
+    compass : bool
+        Whether a moving vehicle's first heading may come from the magnetometer.
+    moving : bool
+        Whether the vehicle moves.
+    force_b : ndarray (3,) or None
+        Mean specific force, m/s^2, that the last state was levelled with.
+    turned : float or None
+        By how much, rad, the magnetic heading was off the track, where it was not believed.
     """
 
     def __init__(self, settings: AlignmentSettings, imu: ImuSettings, layout: Layout, magnetic: MagneticAid | None) -> None:
@@ -69,8 +80,11 @@ class GpsStart:
     def clear(self) -> None:
         """Forget everything."""
         self.reason = ""
+        self.widening, self.compass, self.moving = 1.0, True, False
         self._no_compass = ""
         self._fix: GpsPosition | None = None
+        self.force_b: np.ndarray | None = None
+        self.turned: float | None = None
         self._velocities: list[GpsVelocity] = []
         self._field_b: np.ndarray | None = None
         self.levelling.clear()
@@ -103,6 +117,7 @@ class GpsStart:
             return "waiting for a GPS position"
         speed = float(np.hypot(velocity.vel_n[0], velocity.vel_n[1]))
         still = speed < choice.still_speed_mps
+        self.moving = not still
         span_s = choice.still_s if still else 1e-9 * (velocity.stamp_ns - earlier.stamp_ns)
         means = self.levelling.mean(max(span_s, 0.2))
         if means is None:
@@ -123,6 +138,7 @@ class GpsStart:
         heading, sigma = self._first_heading(*means, force_n, fix, velocity, still)
         if heading is None:
             return f"levelled; waiting for a heading ({self._no_compass}magnetometer, motion or alignment.heading_deg)"
+        self.force_b = means[0]
         roll, pitch = tilt_from_specific_force(means[0], force_n, heading)
         nav = np.array([fix.lat, fix.lon, fix.height, *velocity.vel_n, *euler_to_quat(roll, pitch, heading)])
         return Start(velocity.stamp_ns, nav, self._first_covariance(sigma, fix, velocity, still), fix.stamp_ns)
@@ -137,14 +153,17 @@ class GpsStart:
                 return gyrocompass(f_b, w_b), sigma
             size = f"{sigma / DEGREE:.1f} deg" if sigma < np.pi / 2.0 else "above 90 deg"
             self._no_compass = f"gyrocompassing not possible: predicted heading sigma {size}, {limits}; "
-        if self._magnetic is not None and self._field_b is not None:
+        self.turned = None
+        if self._magnetic is not None and self._field_b is not None and (still or self.compass):
             reference = self._magnetic.reference.at(fix.lat, fix.lon, fix.height)
             if reference is not None and not reference.refusal(self._field_b):
                 heading = 0.0
                 for _ in range(5):  # tilt on the move depends on heading, and heading on tilt
                     roll, pitch = tilt_from_specific_force(f_b, force_n, heading)
                     heading = magnetic_heading(roll, pitch, self._field_b, reference.declination)
-                return heading, choice.magnetic_sigma_deg * DEGREE
+                self.turned = None if still else crabs(heading, *velocity.vel_n[:2])
+                if self.turned is None:
+                    return heading, choice.magnetic_sigma_deg * DEGREE
         track = float(np.arctan2(velocity.vel_n[1], velocity.vel_n[0]))
         if choice.heading_deg and (still or agrees_with_track(choice.heading_deg[0] * DEGREE, track, choice)):
             return choice.heading_deg[0] * DEGREE, choice.heading_sigma_deg * DEGREE
@@ -152,7 +171,7 @@ class GpsStart:
 
     def _first_covariance(self, sigma: float, fix: GpsPosition, velocity: GpsVelocity, still: bool) -> np.ndarray:
         lag_s = 1e-9 * (velocity.stamp_ns - fix.stamp_ns)
-        accel_sigma = np.hypot(typical(self._imu.accel_turn_on_mg), typical(self._imu.accel_bias_mg)) * 1e-3
+        accel_sigma = self.widening * np.hypot(typical(self._imu.accel_turn_on_mg), typical(self._imu.accel_bias_mg)) * 1e-3
         tilt = np.hypot(accel_sigma, (STILL_TILT_DEG if still else self.settings.tilt_sigma_deg) * DEGREE)
         cov = np.zeros((CORE, CORE))
         cov[POS, POS] = fix.cov_n + np.eye(3) * (POSITION_VARIANCE + (lag_s * np.linalg.norm(velocity.vel_n)) ** 2)

@@ -19,6 +19,7 @@ from lowcostnav_ros.aids.gps import GPS_VELOCITY
 from lowcostnav_ros.aids.gps_attitude import GPS_ATTITUDE
 from lowcostnav_ros.aids.level import LEVEL
 from lowcostnav_ros.aids.magnetic import MAGNETIC, MagneticSettings
+from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import (
     AirVelocity,
     Attitude,
@@ -34,6 +35,7 @@ from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.imu_errors import bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
 from lowcostnav_ros.estimation.aiding import Aid
+from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.navigators.ahrs.filter import IMU
@@ -94,7 +96,7 @@ class Ahrs(Navigator):
         heading_deg = None if heading is None else heading.settings.noise_deg
         slowest_mps = None if airflow is None else airflow.settings.minimum_mps
         self.alignment = Alignment(settings.alignment, settings.imu, settings.level, heading_deg, slowest_mps)
-        self.filter = self._kind(self)
+        self.filter, self.axes = self._kind(self), AxesCheck(IMU)
         self._restart()
 
     # its list ----------------------------------------------------------------------------------------------------------------
@@ -132,8 +134,13 @@ class Ahrs(Navigator):
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """As every navigator; and of the IMU with gravity."""
+        return (*super().contradictions(), *([] if self.axes.held is None else [self.axes.held]))
+
     def _restart(self) -> None:
         self._aligned = False
+        self.axes.clear()
         self._imu_ns: int | None = None
         self.filter.used_ns = {}
         self._position_held_ns = -(10**18)
@@ -245,6 +252,7 @@ class Ahrs(Navigator):
     def _tick(self) -> None:
         """At every output: what the filter does in steady flight, and the mode."""
         now, nav = self.core.t_ns, self.core.nav
+        self.axes.take(now, float(self.core.force_b[2]))
         if not (np.isfinite(nav).all() and np.isfinite(self.P[ATT, ATT]).all()):
             self._realign("state not finite", "state not finite")
             self._kept = None

@@ -40,7 +40,7 @@ class DeadReckoning(Navigator):
     """DME-aided dead reckoning with full attitude and air data.
 
     Modes: initialising (an input is missing), aligning (no position yet), calibrating (GPS good), dme_aided, vor_aided (radials
-    alone), coasting, failed (attitude or airspeed timed out).
+    alone), coasting, suspect (GPS contradicts itself or the reckoning), failed (attitude or airspeed timed out).
 
     Attributes
     ----------
@@ -148,10 +148,15 @@ class DeadReckoning(Navigator):
     def _aid(self, item: Measurement) -> None:
         self.core.settle()
         used = self.use(item)
-        if any(aid.is_fix for aid in used) and not self.core.held.airborne:
+        if any(aid.is_fix for aid in used) and self._stands(item.stamp_ns):
             self.core.held.fastest = 0.0
         if used and isinstance(item, SlantRange):
             self._received.received(item.station, item.stamp_ns)
+
+    def _stands(self, stamp_ns: int) -> bool:
+        """Whether airspeed and GPS both say so: airspeed alone may be a blocked pitot tube."""
+        ground = self.checks.ground_speed(stamp_ns)
+        return not self.core.held.airborne and (ground is None or ground < self.settings.airspeed.minimum_mps)
 
     def _advance(self, stamp_ns: int) -> None:
         """Move to ``stamp_ns``; the solution at a multiple of the output period goes out once all that bears its stamp is fused."""
@@ -174,15 +179,18 @@ class DeadReckoning(Navigator):
     def _judge(self) -> None:
         """Find the mode and its reason."""
         core = self.core
-        outdated = core.timed_out()
+        outdated, found = core.timed_out(), self.suspicion()
         if outdated:
             self.mode, self.reason = Mode.FAILED, f"{outdated}: last value held, error unbounded"
         elif self.gps_good(core.t_ns):
             self.geometry = ""
             self.mode = Mode.CALIBRATING
-            self.reason = "GPS good" if core.held.airborne else "GPS good, on the ground: wind is not observable"
+            failed = "airspeed failed" if core.held.fastest > 0.0 else "on the ground"
+            self.reason = "GPS good" if core.held.airborne else f"GPS good, {failed}: wind is not observable"
         else:
             self._judge_outage(core.t_ns)
+            if found:
+                self.mode, self.reason = Mode.SUSPECT, f"{found}; {self.reason}"
             words = (aid.words(core.t_ns) for aid in self._others)
             self.reason += "".join(f"; {each}" for each in words if each)
         if self._alert():
@@ -244,13 +252,14 @@ class DeadReckoning(Navigator):
         velocity, G, noise = core.velocity()
         total, held = core.totals(), core.held
         q_nb, swing = held.attitude(core.t_ns)
+        in_position, in_velocity = self.doubt(core.t_ns)
         return NavSolution(
             *(core.t_ns, self.name, float(core.nav[0]), float(core.nav[1]), float(core.nav[2]), velocity),
             q_nb=q_nb,
             angular_rate_b=held.rate_b,
             specific_force_b=held.force_b,
-            cov_pos=core.P[POS, POS].copy(),
-            cov_vel=G @ core.P @ G.T + noise,
+            cov_pos=core.P[POS, POS] + in_position,
+            cov_vel=G @ core.P @ G.T + noise + in_velocity,
             cov_att=held.cov_att + swing**2 * np.eye(3),
             wind_n=total[0:2],
             cov_wind=core.wind_covariance(),
@@ -262,10 +271,10 @@ class DeadReckoning(Navigator):
         core = self.core
         if not core.started:
             return {}
-        north, east, down = (math.sqrt(core.P[i, i]) for i in range(3))
+        north, east, down = np.sqrt(core.P.diagonal()[POS] + self.doubt(core.t_ns)[0].diagonal()).tolist()
         wind = core.wind_covariance()
         return {
-            "position_horizontal_m": core.horizontal_sigma(),
+            "position_horizontal_m": math.hypot(north, east),
             "position_north_m": north,
             "position_east_m": east,
             "position_down_m": down,

@@ -399,9 +399,9 @@ class Supervisor(Navigator):
         return "; ".join(words for words in (own, apart, receiver, alone) if words)
 
     def contradictions(self) -> tuple[Contradiction, ...]:
-        """Of each solution with itself, and of the solutions with each other."""
+        """Of each solution with itself, of the solutions with each other, and of clocks."""
         held = (candidate.contradiction for candidate in self._candidates.values())
-        return tuple(each for each in (*held, self._apart) if each is not None)
+        return (*super().contradictions(), *(each for each in (*held, self._apart) if each is not None))
 
     def _level(self) -> Level:
         if self._alert():

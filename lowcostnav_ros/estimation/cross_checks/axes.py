@@ -1,0 +1,38 @@
+"""Gravity against the axes of the IMU: no aircraft flies on its back for long."""
+
+from lowcostnav_ros.estimation.cross_checks.latch import Latch
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
+
+SMOOTHING_S = 10.0
+OVER = 0.5
+"""Share of gravity by which the mean specific force must point down through the floor."""
+
+
+class AxesCheck(Latch):
+    """Mean specific force along the vertical axis, m/s^2."""
+
+    def __init__(self, imu: str) -> None:
+        super().__init__("gravity and IMU axes disagree", (imu, "gravity"), "m/s^2", begin_s=10.0, end_s=10.0)
+
+    def clear(self) -> None:
+        """Forget all."""
+        super().clear()
+        self._mean, self._last_ns = -STANDARD_GRAVITY, 0
+
+    def begin(self, stamp_ns: int, force_z: float) -> None:
+        """Take the mean of an alignment, which lasts: nobody aligns on his back."""
+        self._mean, self._last_ns = force_z, stamp_ns - self.begin_ns
+        self._judge(self._last_ns)
+        self._judge(stamp_ns)
+        self._last_ns = stamp_ns
+
+    def take(self, stamp_ns: int, force_z: float) -> None:
+        """Take a specific force along the downward axis, m/s^2."""
+        span = min(1e-9 * max(stamp_ns - self._last_ns, 0), SMOOTHING_S)
+        self._mean += span / SMOOTHING_S * (force_z - self._mean)
+        self._last_ns = stamp_ns
+        self._judge(stamp_ns)
+
+    def _judge(self, stamp_ns: int) -> None:
+        advice = f"z reads {-self._mean:.1f} m/s^2: upside down, or forward-right-down axes where forward-left-up is wanted?"
+        self.judge(stamp_ns, self._mean > OVER * STANDARD_GRAVITY, self._mean, self.parties[0], advice)

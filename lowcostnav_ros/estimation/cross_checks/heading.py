@@ -1,0 +1,32 @@
+"""Magnetic heading against the track over ground: apart by more than any wind makes an aircraft crab, the magnetometer is turned."""
+
+import math
+
+from lowcostnav_ros.estimation.cross_checks.latch import Latch
+from lowcostnav_ros.physics.rotation import wrap
+
+SLOWEST_MPS = 12.0
+STRONGEST_WIND_MPS = 20.0
+MARGIN_RAD = math.radians(20.0)
+
+
+def crabs(heading: float, north_mps: float, east_mps: float) -> float | None:
+    """Heading minus track, rad, where it is more than wind and margin explain; else None."""
+    speed = math.hypot(north_mps, east_mps)
+    if speed < SLOWEST_MPS:
+        return None
+    apart = wrap(heading - math.atan2(east_mps, north_mps))
+    return apart if abs(apart) > math.asin(min(1.0, STRONGEST_WIND_MPS / speed)) + MARGIN_RAD else None
+
+
+class HeadingCheck(Latch):
+    """Magnetic heading and track, deg."""
+
+    def __init__(self, field: str) -> None:
+        super().__init__("magnetic heading and track disagree", (field, "the GPS track"), "deg", begin_s=2.0)
+
+    def compare(self, stamp_ns: int, heading: float, north_mps: float, east_mps: float) -> bool:
+        """Compare a magnetic heading, rad, with the velocity over ground; return whether a contradiction begins."""
+        apart = crabs(heading, north_mps, east_mps)
+        advice = "magnetometer mounted turned, its axes half converted, or not calibrated"
+        return self.judge(stamp_ns, apart is not None, math.degrees(abs(apart or 0.0)), self.parties[0], advice)

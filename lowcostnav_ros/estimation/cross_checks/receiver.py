@@ -1,0 +1,251 @@
+"""A GPS receiver against itself: displacement of its fixes and its velocity, values that never change, scatter and stated sigma.
+
+With p the fixes and v the velocities, r(t) = p(t) - integral of v dt is constant but for noise.  Means of r over a few seconds, some time
+apart, are compared: a jump shows at once, a ramp of the position alone as soon as it has outgrown the noise, and for as long as
+``memory_s`` afterwards; a receiver that has agreed with itself for so long is believed, wherever it is.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from lowcostnav_ros.base.contradiction import Contradiction
+from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, Measurement
+from lowcostnav_ros.estimation.cross_checks.latch import Latch
+from lowcostnav_ros.physics.earth import difference_n
+
+REPEATS, REPEATS_NS = 3, 1_500_000_000
+"""So many exact repetitions over such a time are no measurements, if anything moves; a receiver at rest may repeat itself."""
+REPEATS_WORDS = "the receiver or its driver repeats old values"
+SPACING_NS = 400_000_000
+"""Fixes closer than this share their errors: one of them is compared."""
+MEAN_S = 4.0
+HOLE_NS = 3_000_000_000
+"""Velocities this far apart are not integrated across."""
+SIGMAS = 5.0
+SHARED = 0.35
+"""Share of a fix's sigma that wanders within a minute and does not average out."""
+VELOCITY_BIAS_MPS = 0.03
+SMALLEST_M = 0.5
+AGREED_S = 20.0
+"""Position and velocity that have agreed for so long were sound, so that the navigator's state can tell which of them no longer is."""
+FRAME = 0.3
+"""Share of the way flown by which a velocity in a wrong frame or unit is off, at least."""
+SETTLED_NS = 5_000_000_000
+"""After so long the suspect stays: what is excluded no longer moves the navigator's state."""
+MOVING_MPS = 1.5
+Trusted = Mapping[type, bool]
+SCATTER_S, SCATTER = 10.0, 2.5
+"""Scatter of the fixes beyond so many stated sigmas, over such a time, is a contradiction."""
+LARGEST = 30.0
+"""Most that one fix counts for at first: a jump is no scatter."""
+DISAGREE, FROZEN, UNDERSTATED = "position and velocity disagree", "values never change", "scatter exceeds the stated sigma"
+
+
+class Repetition:
+    """How long a source has given exactly the same values."""
+
+    def __init__(self) -> None:
+        self.values: tuple[float, ...] = ()
+        self.first_ns, self.count = 0, 0
+
+    def take(self, stamp_ns: int, values: tuple[float, ...]) -> None:
+        """Take the values of a measurement."""
+        if values == self.values:
+            self.count += 1
+        else:
+            self.values, self.first_ns, self.count = values, stamp_ns, 0
+
+    def lasts(self, stamp_ns: int) -> bool:
+        """Whether it has lasted so long that only a vehicle at rest explains it."""
+        return self.count >= REPEATS and stamp_ns - self.first_ns >= REPEATS_NS
+
+
+def frozen_latch(source: str, against: str) -> Latch:
+    """The contradiction of values that never change with something that moves."""
+    return Latch(FROZEN, (source, against), "s", begin_s=0.0, end_s=0.0)
+
+
+class ReceiverCheck:
+    """The checks of one receiver.
+
+    Parameters
+    ----------
+    fix, velocity : str
+        Its two sources; what concerns one of them is asked for by the type of its measurement.
+    memory_s : float
+        How long it must agree with itself to be believed again, s.
+    """
+
+    def __init__(self, fix: str, velocity: str, memory_s: float) -> None:
+        self.sources, self.memory_s = (fix, velocity), memory_s
+        self.fix, self.velocity = (fix, velocity) if fix != velocity else (f"{fix} position", f"{velocity} velocity")
+        self.spans_s = np.array([span for span in (3.0, 10.0, 30.0) if span < memory_s] + [memory_s])
+        self.disagreement = Latch(DISAGREE, (self.fix, self.velocity), "m", begin_s=1.0)
+        parties = ((GpsPosition, self.fix), (GpsVelocity, self.velocity))
+        self.frozen: dict[type, Latch] = {kind: frozen_latch(name, "motion") for kind, name in parties}
+        self.scatter = Latch(UNDERSTATED, (self.fix, "its stated sigma"), "sigma", begin_s=5.0, end_s=30.0)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all."""
+        for latch in (self.disagreement, self.scatter, *self.frozen.values()):
+            latch.clear()
+        self._repeats: dict[type, Repetition] = {GpsPosition: Repetition(), GpsVelocity: Repetition()}
+        self._newest_ns = 0
+        self._last_velocity: GpsVelocity | None = None
+        self._scatter2, self._agreed_s = 1.0, 0.0
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin the comparison anew with the next fix."""
+        self.disagreement.clear()
+        self._waiting: list[GpsPosition] = []
+        self._fix: GpsPosition | None = None
+        self._zero_ns = 0
+        self._moved, self._moved_at_fix, self._bend, self._residual = np.zeros(3), np.zeros(3), 0.0, np.zeros(3)
+        self._rows = np.zeros((0, 8))  # seconds, residual (3), variances (3), bend
+
+    @property
+    def speed_mps(self) -> float:
+        """Speed over ground it states."""
+        return 0.0 if self._last_velocity is None else float(np.hypot(*self._last_velocity.vel_n[:2]))
+
+    def take(self, item: Measurement, trusted: Trusted) -> None:
+        """Take a fix or a velocity; ``trusted``: whether the navigator's state agrees with each source."""
+        if isinstance(item, GpsPosition):
+            self._repeats[GpsPosition].take(item.stamp_ns, (item.lat, item.lon, item.height))
+            self._waiting.append(item)
+        elif isinstance(item, GpsVelocity):
+            self._repeats[GpsVelocity].take(item.stamp_ns, tuple(item.vel_n.tolist()))
+            self._integrate(item, trusted)
+        self._newest_ns = item.stamp_ns
+        for kind in self.frozen:
+            self._look_for_repetition(kind, moving=kind is GpsPosition and self.speed_mps > MOVING_MPS)
+
+    def stuck(self, kind: type) -> bool:
+        """Whether a kind of measurement repeats itself exactly, which is no fault of a receiver at rest."""
+        return self._repeats[kind].lasts(self._newest_ns)
+
+    def contradicted(self, kind: type) -> bool:
+        """Note that the navigator's prediction moves otherwise; return whether this kind of measurement is frozen then."""
+        if self.stuck(kind):
+            self._look_for_repetition(kind, moving=True)
+        return self.is_frozen(kind)
+
+    def is_frozen(self, kind: type) -> bool:
+        """Whether a kind of measurement repeats itself although the vehicle moves."""
+        return self.frozen[kind].held is not None
+
+    def excluded(self, kind: type) -> str:
+        """Why a kind of measurement is not to be used; empty for nothing."""
+        if self.is_frozen(kind) or (self.is_frozen(GpsPosition) and self.stuck(kind)):
+            return FROZEN
+        held = self.disagreement.held
+        return DISAGREE if held is not None and held.suspect == (self.fix if kind is GpsPosition else self.velocity) else ""
+
+    @property
+    def noise_factor(self) -> float:
+        """By what the stated variance of a fix is to be multiplied."""
+        return self.scatter.held.size ** 2 if self.scatter.held is not None else 1.0
+
+    def held(self) -> list[Contradiction]:
+        """Contradictions that last."""
+        return [latch.held for latch in (*self.frozen.values(), self.disagreement, self.scatter) if latch.held is not None]
+
+    # repetition --------------------------------------------------------------------------------------------------------------
+
+    def _look_for_repetition(self, kind: type, *, moving: bool) -> None:
+        latch, repeated = self.frozen[kind], self._repeats[kind]
+        is_stuck = repeated.lasts(self._newest_ns) and (moving or latch.held is not None)
+        size = 1e-9 * (self._newest_ns - repeated.first_ns)
+        latch.judge(self._newest_ns, is_stuck, size, latch.parties[0], REPEATS_WORDS)
+        if is_stuck:
+            self.forget()
+
+    # displacement ------------------------------------------------------------------------------------------------------------
+
+    def _integrate(self, item: GpsVelocity, trusted: Trusted) -> None:
+        """Move on to a velocity; compare the fixes it has waited for."""
+        last, self._last_velocity = self._last_velocity, item
+        if last is None or not 0 < item.stamp_ns - last.stamp_ns <= HOLE_NS:
+            self.forget()
+            return
+        span = 1e-9 * (item.stamp_ns - last.stamp_ns)
+        waiting, self._waiting = self._waiting, []
+        for fix in waiting:
+            if fix.stamp_ns >= last.stamp_ns:
+                t = 1e-9 * (fix.stamp_ns - last.stamp_ns)
+                there = last.vel_n + (item.vel_n - last.vel_n) * (t / span)
+                self._compare(fix, self._moved + 0.5 * t * (last.vel_n + there), item, trusted)
+        self._moved += 0.5 * span * (last.vel_n + item.vel_n)
+        # of a chord for an arc, -dt^2/12 times the change of acceleration is left (Euler-Maclaurin)
+        self._bend = float(np.linalg.norm(item.vel_n - last.vel_n)) * span / 6.0
+
+    def _compare(self, fix: GpsPosition, moved: np.ndarray, velocity: GpsVelocity, trusted: Trusted) -> None:
+        last = self._fix
+        if last is None or fix.stamp_ns - last.stamp_ns > HOLE_NS:
+            self.forget()
+            self._fix, self._zero_ns = fix, fix.stamp_ns
+            return
+        if fix.stamp_ns - last.stamp_ns < SPACING_NS:
+            return
+        step = difference_n(fix.lat, fix.lon, fix.height, last.lat, last.lon, last.height) - (moved - self._moved_at_fix)
+        self._fix, self._moved_at_fix = fix, moved
+        self._residual = self._residual + step
+        variance = np.maximum(fix.cov_n.diagonal(), SMALLEST_M**2)
+        self._watch_scatter(fix, last, step, variance, float(velocity.cov_n.diagonal().max()))
+        row = np.concatenate(([1e-9 * (fix.stamp_ns - self._zero_ns)], self._residual, self.noise_factor * variance, [self._bend]))
+        rows = self._rows[self._rows[:, 0] > row[0] - self.memory_s - MEAN_S] if len(self._rows) else self._rows
+        self._rows = np.vstack((rows, row))
+        size, ratio = self._largest(float(velocity.cov_n.diagonal().max()))
+        if self._agreed_s < AGREED_S and size < FRAME * float(np.linalg.norm(velocity.vel_n)) * self.spans_s[0]:
+            ratio = 0.0  # fixes that wander from the start state too small a sigma; a velocity in a wrong frame is off by far more
+        self._agreed_s += 1e-9 * (fix.stamp_ns - last.stamp_ns) if ratio <= 1.0 and self.disagreement.held is None else 0.0
+        suspect = self._suspect(trusted)
+        advice = "" if suspect == self.fix else "check frame, unit and sign of the velocity"
+        began = self.disagreement.judge(fix.stamp_ns, ratio > 1.0, size, suspect, advice)
+        if began:
+            self._agreed_s = min(self._agreed_s, 2.0 * AGREED_S)
+
+    def _largest(self, velocity_variance: float) -> tuple[float, float]:
+        """Largest change of the residual over its limit: its size, m, and the ratio of the two."""
+        rows, now = self._rows, self._rows[-1, 0]
+        size, ratio, step = 0.0, 0.0, max(1e-9 * SPACING_NS, (now - rows[0, 0]) / max(len(rows) - 1, 1))
+        for span in self.spans_s:
+            mean_s = min(MEAN_S, 0.4 * span)
+            new, old = rows[rows[:, 0] > now - mean_s], rows[(rows[:, 0] <= now - span) & (rows[:, 0] > now - span - mean_s)]
+            if not len(old):
+                continue
+            change = new[:, 1:4].mean(axis=0) - old[:, 1:4].mean(axis=0)
+            variance = np.maximum(new[:, 4:7].mean(axis=0), old[:, 4:7].mean(axis=0))
+            white = variance * (1.0 / len(new) + 1.0 / len(old)) + velocity_variance * step * span
+            sigma = np.sqrt(white + 2.0 * SHARED**2 * variance + (VELOCITY_BIAS_MPS * span) ** 2)
+            free = new[:, 7].max() + old[:, 7].max()
+            found = np.maximum(np.abs(change) - free, 0.0) / (SIGMAS * sigma)
+            if found.max() > ratio:
+                ratio, size = float(found.max()), float(np.linalg.norm(change))
+        return size, ratio
+
+    def _suspect(self, trusted: Trusted) -> str:
+        """Velocity where it never agreed with the fixes, whose displacement needs no frame; else what the navigator contradicts."""
+        held = self.disagreement.held
+        if held is not None and self._newest_ns - held.since_ns > SETTLED_NS:
+            return held.suspect
+        if self._agreed_s < AGREED_S or self.stuck(GpsVelocity):
+            return self.velocity
+        return self.velocity if trusted.get(GpsPosition, False) and not trusted.get(GpsVelocity, True) else self.fix
+
+    def _watch_scatter(self, fix: GpsPosition, last: GpsPosition, step: np.ndarray, variance: np.ndarray, velocity_variance: float) -> None:
+        if self.disagreement.held is not None and self.disagreement.held.suspect == self.velocity:
+            return
+        span = 1e-9 * (fix.stamp_ns - last.stamp_ns)
+        expected = 2.0 * variance + velocity_variance * span**2 + (self._bend + 0.1 * span) ** 2
+        weight = min(1.0, span / SCATTER_S)
+        largest = max(LARGEST, 4.0 * self._scatter2)
+        self._scatter2 += weight * (min(float(np.mean(step**2 / expected)), largest) - self._scatter2)
+        size = math.sqrt(self._scatter2)
+        advice = f"set gps.sigma_scale to {size:.1f} or more"
+        limit = SCATTER if self.scatter.held is None else 0.7 * SCATTER
+        self.scatter.judge(fix.stamp_ns, size > limit, size, self.fix, advice)
