@@ -1,6 +1,8 @@
 """The flight of the fault study: simulated once a seed, flown by the chain of navigators as often as there are faults."""
 
-from collections.abc import Callable, Collection, Iterator
+from bisect import bisect_left
+from collections.abc import Collection, Iterable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -13,11 +15,11 @@ from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.replay.metrics import Errors
 from lowcostnav_ros.replay.session import Session, simulated
-from lowcostnav_ros.simulation.fault import Arrived, Fault, arrivals, inject, without_gps
+from lowcostnav_ros.simulation.fault import START_S, Arrived, Fault, arrivals, inject, without_gps
 from lowcostnav_ros.simulation.scenario import Scenario, load_scenario
 from lowcostnav_ros.simulation.simulator import Simulation
+from lowcostnav_ros.studies.faults.record import Record
 
 SCENARIO = "faults"
 POLL_S = 0.5
@@ -38,20 +40,16 @@ CHAIN: dict[str, tuple[str, dict[str, Any]]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
-    """One flight: the truth, and everything that arrives, in order."""
+    """One flight: the truth, everything that arrives, in order, and the identities of those measurements."""
 
     truth: tuple[TruthBlock, ...]
     arrived: tuple[Arrived, ...]
+    ids: frozenset[int]
 
     @property
     def start_ns(self) -> int:
         """Arrival of the first measurement; seconds of the flight count from here."""
         return self.arrived[0].at_ns
-
-    @property
-    def end_ns(self) -> int:
-        """Arrival of the last."""
-        return self.arrived[-1].at_ns
 
 
 def scenario(seed: int) -> Scenario:
@@ -64,7 +62,8 @@ def flight(seed: int) -> Flight:
     """Fly a seed, once a process."""
     items = list(simulated(Simulation(scenario(seed)).blocks()))
     truth = tuple(item for item in items if isinstance(item, TruthBlock))
-    return Flight(truth, tuple(arrivals(item for item in items if not isinstance(item, TruthBlock))))
+    arrived = tuple(arrivals(item for item in items if not isinstance(item, TruthBlock)))
+    return Flight(truth, arrived, frozenset(id(a.measurement) for a in arrived))
 
 
 def navigator(name: str) -> Navigator:
@@ -99,79 +98,89 @@ def crew(names: Collection[str]) -> list[str]:
     return [name for name in CHAIN if any(name in suppliers(wanted) for wanted in names)]
 
 
-class Wire:
-    """Takes changed measurements over the wire: what a decoder refuses reaches no navigator, and is counted by name."""
+class Pass:
+    """One pass of a flight through fresh navigators, with everything noted.
 
-    def __init__(self) -> None:
-        self.decoder = Decoder(DecodeRules())
+    Parameters
+    ----------
+    sound : Flight
+    names : collection of str
+        Of the chain.  Those that publish under one name are fed in sessions of their own.
 
-    def passed(self, measurement: Measurement) -> Iterator[Measurement]:
-        """What the navigators get of a measurement."""
+    Attributes
+    ----------
+    records : dict of str to Record
+        By the names of the chain.
+    refused_s : dict of str to float
+        What the wire refused, and when in the flight it first did.
+    """
+
+    def __init__(self, sound: Flight, names: Collection[str]) -> None:
+        self._navigators = {name: navigator(name) for name in names}
+        self.records = {name: Record(sound.start_ns) for name in names}
+        self.refused_s: dict[str, float] = {}
+        self._start_ns = self._next_ns = sound.start_ns
+        self._decoder = Decoder(DecodeRules())
+        self._blocks = 0
+        groups: list[dict[str, str]] = [{}, {}]
+        for name in names:
+            groups[name != CHAIN[name][0]][CHAIN[name][0]] = name
+        self._sessions = []
+        for group in filter(None, groups):
+            session = Session({kind: self._navigators[name] for kind, name in group.items()}, has_truth=True)
+            for kind, name in group.items():
+                session.runs[kind].evaluation.listeners.append(self.records[name].add)
+            self._sessions.append(session)
+
+    def feed(self, arrived: Iterable[Arrived], sound: Flight) -> "Pass":
+        """Feed what arrives, in order; what is not of the sound flight goes over the wire."""
+        for a in arrived:
+            while self._blocks < len(sound.truth) and sound.truth[self._blocks].stamps_ns[0] <= a.at_ns:
+                for session in self._sessions:
+                    session.feed_truth(sound.truth[self._blocks])
+                self._blocks += 1
+            while self._next_ns <= a.at_ns:
+                self._poll()
+            for measurement in (a.measurement,) if id(a.measurement) in sound.ids else self._over_the_wire(a.measurement):
+                for session in self._sessions:
+                    session.feed(measurement)
+        return self
+
+    def finish(self) -> "Pass":
+        """End the pass."""
+        self._poll()
+        for session in self._sessions:
+            session.flush()
+        return self
+
+    def _poll(self) -> None:
+        """Note what the navigators say of themselves."""
+        for name, record in self.records.items():
+            record.poll(self._next_ns, self._navigators[name])
+        for source, reason in self._decoder.rejected:
+            self.refused_s.setdefault(f"{source}: {reason}", 1e-9 * (self._next_ns - self._start_ns))
+        self._next_ns += round(1e9 * POLL_S)
+
+    def _over_the_wire(self, measurement: Measurement) -> Iterator[Measurement]:
+        """What subscribers receive of a measurement: nothing of what a decoder refuses."""
         for _, source, msgtype, raw in encode_cdr(measurement):
-            received = self.decoder.decode(source, msgtype, raw)
+            received = self._decoder.decode(source, msgtype, raw)
             if not isinstance(received, Rejected):
                 yield received
 
 
-@dataclass(frozen=True, slots=True)
-class Aboard:
-    """Fresh navigators by their names in the results, and the sessions that feed them."""
-
-    navigators: dict[str, Navigator]
-    sessions: list[Session]
-
-    @classmethod
-    def of(cls, names: Collection[str]) -> "Aboard":
-        """Make navigators; those that publish under one name are fed in sessions of their own."""
-        navigators = {name: navigator(name) for name in names}
-        groups: list[dict[str, Navigator]] = [{}, {}]
-        for name, made in navigators.items():
-            groups[name != CHAIN[name][0]][CHAIN[name][0]] = made
-        return cls(navigators, [Session(group, has_truth=True) for group in groups if group])
-
-    def on_errors(self, name: str, listener: Callable[[Errors], None]) -> None:
-        """Have the errors of a navigator handed over as they are formed."""
-        for session in self.sessions:
-            for run in session.runs.values():
-                if run.navigator is self.navigators[name]:
-                    run.evaluation.listeners.append(listener)
-
-
-def fly(arrived: Collection[Arrived], sound: Flight, aboard: Aboard, wire: Wire, each_poll: Callable[[int], None]) -> None:
-    """Feed what arrives to navigators.
-
-    Parameters
-    ----------
-    arrived : collection of Arrived
-        In order; what is not of the sound flight goes over the wire.
-    sound : Flight
-    aboard : Aboard
-    wire : Wire
-    each_poll : callable
-        Called every :data:`POLL_S` with the time, ns.
-    """
-    untouched = {id(a.measurement) for a in sound.arrived}
-    truth, next_ns = iter(sound.truth), sound.start_ns
-    block = next(truth, None)
-    for a in arrived:
-        while block is not None and block.stamps_ns[0] <= a.at_ns:
-            for session in aboard.sessions:
-                session.feed_truth(block)
-            block = next(truth, None)
-        while next_ns <= a.at_ns:
-            each_poll(next_ns)
-            next_ns += round(1e9 * POLL_S)
-        for measurement in (a.measurement,) if id(a.measurement) in untouched else wire.passed(a.measurement):
-            for session in aboard.sessions:
-                session.feed(measurement)
-    each_poll(next_ns)
-    for session in aboard.sessions:
-        session.flush()
-
-
-def faulty(seed: int, fault: Fault | None, outage: bool) -> list[Arrived]:
-    """What arrives on the flight of a seed with a fault; the reference without one."""
+def flown(seed: int, fault: Fault | None, outage: bool, names: Collection[str]) -> Pass:
+    """Fly a seed with a fault, or without one; what comes before the fault is flown once a process and copied."""
     sound = flight(seed)
-    if fault is not None:
-        return inject(sound.arrived, fault, seed)
-    return without_gps(sound.arrived) if outage else list(sound.arrived)
+    arrived = inject(sound.arrived, fault, seed) if fault else without_gps(sound.arrived) if outage else sound.arrived
+    if fault is None or fault.start_s < START_S:
+        return Pass(sound, names).feed(arrived, sound).finish()
+    first = bisect_left(arrived, sound.start_ns + round(1e9 * START_S), key=lambda a: a.at_ns)
+    return deepcopy(_before_the_fault(seed, outage, tuple(names))).feed(arrived[first:], sound).finish()
+
+
+@cache
+def _before_the_fault(seed: int, outage: bool, names: tuple[str, ...]) -> Pass:
+    sound = flight(seed)
+    arrived = without_gps(sound.arrived) if outage else sound.arrived
+    return Pass(sound, names).feed((a for a in arrived if a.at_ns < sound.start_ns + round(1e9 * START_S)), sound)

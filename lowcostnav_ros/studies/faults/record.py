@@ -65,6 +65,10 @@ class Record:
     polls: list[Poll] = field(default_factory=list)
     chunks: list[Errors] = field(default_factory=list)
 
+    def add(self, errors: Errors) -> None:
+        """Take some errors in."""
+        self.chunks.append(errors)
+
     def poll(self, t_ns: int, navigator: Navigator) -> None:
         """Note what the navigator says now."""
         sources = {aid.status.name: aid.source for aid in navigator.aids}

@@ -1,7 +1,7 @@
 """The study itself: every fault flown, every navigator judged against its own flight without the fault."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from fnmatch import fnmatchcase
 from functools import cache
@@ -14,7 +14,7 @@ from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import SettingsError, nearest
 from lowcostnav_ros.simulation.fault import FAULTS, Fault
 from lowcostnav_ros.studies.campaign import run_campaign
-from lowcostnav_ros.studies.faults.flight import CHAIN, Aboard, Wire, concerned, crew, faulty, flight, fly, suppliers
+from lowcostnav_ros.studies.faults.flight import CHAIN, Pass, concerned, crew, flown, suppliers
 from lowcostnav_ros.studies.faults.record import Poll, Record, Track
 
 LIMIT = 4.0
@@ -105,15 +105,6 @@ class Case:
     navigators: tuple[str, ...]
 
 
-@dataclass(slots=True)
-class Flown:
-    """The records of one flight by navigator, when the wire first refused what (s from the start of the fault), what ended it early."""
-
-    records: dict[str, Record]
-    refused_s: dict[str, float] = field(default_factory=dict)
-    crashed: str = ""
-
-
 def chosen(patterns: Collection[str] = (), quick: bool = False) -> list[str]:
     """Names of the faults that fit any of the patterns (``gps_*``); all without one, a handful with ``quick``.
 
@@ -155,41 +146,23 @@ def study(faults: Sequence[str], navigators: Collection[str] = (), seeds: Sequen
 def judged(case: Case) -> list[Row]:
     """Fly one case, and judge its navigators."""
     fault = FAULTS[case.fault]
-    sound, flown = healthy(case.seed, fault.outage), flown_with(case.seed, fault, fault.outage, case.navigators)
-    return [_row(case, fault, name, sound, flown) for name in case.navigators]
+    sound = healthy(case.seed, fault.outage)
+    try:
+        made = flown(case.seed, fault, fault.outage, crew(case.navigators))
+    except Exception as error:  # what a navigator raises is a finding, not the end of the study
+        said = f"{type(error).__name__}: {error}"
+        return [Row(case.fault, name, case.seed, Verdict.CRASHED, sentence=said) for name in case.navigators]
+    return [_row(case, fault, name, sound, made) for name in case.navigators]
 
 
 @cache
-def healthy(seed: int, outage: bool) -> Flown:
+def healthy(seed: int, outage: bool) -> Pass:
     """The flight of a seed without a fault, once a process."""
-    return flown_with(seed, None, outage, tuple(CHAIN))
+    return flown(seed, None, outage, tuple(CHAIN))
 
 
-def flown_with(seed: int, fault: Fault | None, outage: bool, navigators: Collection[str]) -> Flown:
-    """Fly one flight and note everything."""
-    base, wire, aboard = flight(seed), Wire(), Aboard.of(crew(navigators))
-    flown = Flown({name: Record(base.start_ns) for name in aboard.navigators})
-    began = fault.start_s if fault else 0.0
-    for name, record in flown.records.items():
-        aboard.on_errors(name, record.chunks.append)
-
-    def poll(t_ns: int) -> None:
-        for name, record in flown.records.items():
-            record.poll(t_ns, aboard.navigators[name])
-        for source, reason in wire.decoder.rejected:
-            flown.refused_s.setdefault(f"{source}: {reason}", 1e-9 * (t_ns - base.start_ns) - began)
-
-    try:
-        fly(faulty(seed, fault, outage), base, aboard, wire, poll)
-    except Exception as error:  # what a navigator raises is a finding, not the end of the study
-        flown.crashed = f"{type(error).__name__}: {error}"
-    return flown
-
-
-def _row(case: Case, fault: Fault, name: str, sound: Flown, flown: Flown) -> Row:
-    if flown.crashed:
-        return Row(case.fault, name, case.seed, Verdict.CRASHED, sentence=flown.crashed)
-    record, reference = flown.records[name], sound.records[name]
+def _row(case: Case, fault: Fault, name: str, sound: Pass, made: Pass) -> Row:
+    record, reference = made.records[name], sound.records[name]
     track, usual = (_from(r.track(), fault.start_s) for r in (record, reference))
     end_s = record.polls[-1].t_s
     judged_by = "ratio" if np.isfinite(usual.ratio).any() else "attitude_ratio"
@@ -198,7 +171,7 @@ def _row(case: Case, fault: Fault, name: str, sound: Flown, flown: Flown) -> Row
     beyond, usually = (max(_share(t.ratio), _share(t.attitude_ratio)) for t in (track, usual))
     detected_s, first = _detected(record, reference, fault)
     named_s, sentence, by = min(
-        (_named(flown, sound, other, fault) for other in suppliers(name)), key=lambda n: np.inf if n[0] is None else n[0]
+        (_named(made, sound, other, fault) for other in suppliers(name)), key=lambda n: np.inf if n[0] is None else n[0]
     )
     numbers: dict[str, Any] = {
         "worst_m": _largest(track.horizontal_m),
@@ -288,11 +261,11 @@ def _detected(record: Record, reference: Record, fault: Fault) -> tuple[float | 
     return None, ""
 
 
-def _named(flown: Flown, sound: Flown, name: str, fault: Fault) -> tuple[float | None, str, str]:
+def _named(made: Pass, sound: Pass, name: str, fault: Fault) -> tuple[float | None, str, str]:
     """When a navigator first named the faulty source, and how."""
-    at_wire = [(s, text) for text, s in flown.refused_s.items() if text.split(":")[0] in fault.sources]
+    at_wire = [(s - fault.start_s, text) for text, s in made.refused_s.items() if text.split(":")[0] in fault.sources]
     best = (*min(at_wire), "decoder") if at_wire else (None, "", "")
-    record, reference = flown.records[name], sound.records[name]
+    record, reference = made.records[name], sound.records[name]
     for now, usual in _pairs(record, reference, fault.start_s):
         after_s = now.t_s - fault.start_s
         if best[0] is not None and best[0] <= after_s:
