@@ -127,6 +127,7 @@ SENSORS = {
             "static",
             ("air/static_pressure",),
             (Quantity("", Pressure, "pressure_pa", 500.0, 10.0, 20.0, 9.0e4, {"hectopascal": 0.01}),),
+            outage=False,
         ),
         Sensor("gps", ("gps/fix", "gps/vel"), (), outage=False),
         Sensor("gps_fix", ("gps/fix",), (Quantity("", GpsPosition, PLACE, (40.0, 30.0, 0.0), (0.0, 2.0, 0.0), 20.0),), outage=False),

@@ -21,6 +21,9 @@ DRIFT_PPM = 100.0
 DELAY_S = 0.3
 ODD_S = {"half_a_second_ahead": 0.5, "9_s_ahead": 9.0, "9_s_behind": -9.0, "a_day_ahead": 86400.0}
 
+ENOUGH = ("plus_1_s", "minus_18_s", "plus_1_h", "minus_1024_weeks", "9_s_ahead", "a_day_ahead")
+"""Those that are injected into sensors other than the IMU and the receiver."""
+
 
 def restamped(measurement: Measurement, by_ns: Callable[[int], int]) -> Measurement:
     """A measurement with later stamps."""
@@ -55,16 +58,15 @@ def odd(by_s: float, window: Window) -> Iterator[Arrived]:
 for _sensor in SENSORS.values():
     if _sensor.name in ("gps_fix", "gps_vel"):  # one receiver, one clock
         continue
-    _sources = _sensor.sources
+    _head, _sources = _sensor.name, _sensor.sources
     for _name, (_by_s, _imitates) in OFFSETS_S.items():
-        enter(__name__, Fault(f"{_sensor.name}_clock_{_name}", _imitates, _sources, offset(_by_s)), outage=False)
-    enter(
-        __name__,
-        Fault(f"{_sensor.name}_clock_drift", "a quartz that runs 100 ppm fast, not synchronised", _sources, drift(DRIFT_PPM), 0.0, 1e6),
-    )
-    enter(__name__, Fault(f"{_sensor.name}_late", "0.3 s of latency that nobody declared", _sources, partial(delayed, DELAY_S)))
+        if _head in ("imu", "gps") or _name in ENOUGH:
+            enter(__name__, Fault(f"{_head}_clock_{_name}", _imitates, _sources, offset(_by_s)))
+    enter(__name__, Fault(f"{_head}_clock_drift", "a quartz that runs 100 ppm fast", _sources, drift(DRIFT_PPM), 0.0, 1e6))
+    enter(__name__, Fault(f"{_head}_late", "0.3 s of latency that nobody declared", _sources, partial(delayed, DELAY_S)))
     for _name, _by_s in ODD_S.items():
-        enter(__name__, Fault(f"{_sensor.name}_stamp_{_name}", "one wrong stamp", _sources, partial(odd, _by_s)), outage=_sensor.outage)
+        if _head == "imu" or _name in ENOUGH:
+            enter(__name__, Fault(f"{_head}_stamp_{_name}", "one wrong stamp", _sources, partial(odd, _by_s)), outage=_sensor.outage)
 
 ALL = tuple(dict.fromkeys(source for sensor in SENSORS.values() for source in sensor.sources))
 for _name, _by_s in (("plus_3_s", 3.0), ("minus_3_s", -3.0)):

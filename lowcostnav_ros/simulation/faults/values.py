@@ -74,7 +74,7 @@ def _enter(sensor: Sensor, quantity: Quantity) -> None:
         entries["saturated"] = ("a converter with too small a range", saturated(quantity, quantity.limit))
     entries |= {f"in_{unit}": (f"a driver that publishes {unit}", factor(quantity, by)) for unit, by in quantity.units.items()}
     for name, (imitates, change) in entries.items():
-        outage = sensor.outage and not name.startswith("in_")
+        outage = sensor.outage and name in ("ramp", "jump", "x2", "sign", "spike_large")
         enter(__name__, Fault(f"{head}_{name}", imitates, sensor.sources, change), outage=outage)
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.catalogue.building import complete_settings, make_navigator
+from lowcostnav_ros.catalogue.building import complete_settings, is_of_node, make_navigator
+from lowcostnav_ros.catalogue.config_files import config_dir, read_parameters
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.messages.encode import encode_cdr
@@ -29,13 +30,13 @@ IMU = {"imu.profile": "automotive"}
 CHAIN: dict[str, tuple[str, dict[str, Any]]] = {
     "ahrs": ("ahrs", IMU),
     "ins_gps": ("ins_gps", IMU),
-    "dead_reckoning": ("dead_reckoning", {}),
+    "dead_reckoning": ("dead_reckoning", {"vor.enabled": True}),
     "supervisor": ("supervisor", {}),
     "ins_gnss": ("ins_gnss", IMU),
     "gnss_only": ("gnss_only", {}),
     "ins_gnss_loose": ("ins_gnss", {**IMU, "coupling": "loose"}),
 }
-"""Navigators flown: name in the results, name in the registry, settings that are not the default."""
+"""Navigators flown: name in the results, name in the registry, settings that are not those of the package."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,18 +68,19 @@ def flight(seed: int) -> Flight:
 
 
 def navigator(name: str) -> Navigator:
-    """A fresh navigator of the chain."""
-    kind, values = CHAIN[name]
+    """A fresh navigator of the chain, as the package configures it."""
+    kind, own = CHAIN[name]
     cls: Any = NAVIGATORS[kind]
-    return make_navigator(complete_settings(cls.Settings, values, name), cls)
+    values = {key: value for key, value in read_parameters(config_dir() / f"{kind}.yaml", kind).items() if not is_of_node(key)}
+    return make_navigator(complete_settings(cls.Settings, values | own, name), cls)
 
 
 @cache
-def suppliers(name: str) -> frozenset[str]:
-    """Navigators of the chain whose solutions one of them takes, directly or not, itself included."""
+def suppliers(name: str) -> tuple[str, ...]:
+    """Navigators of the chain whose solutions one of them takes, directly or not, itself first."""
     inputs = navigator(name).inputs
     direct = [other for other in CHAIN if other != name and any(topic in inputs for topic in fused_topics(other))]
-    return frozenset({name}.union(*(suppliers(other) for other in direct)))
+    return tuple(dict.fromkeys([name, *(supplier for other in direct for supplier in suppliers(other))]))
 
 
 def concerned(sources: Collection[str]) -> list[str]:
