@@ -3,6 +3,7 @@
 import argparse
 import dataclasses
 import json
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -24,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--navigator", action="append", default=[], metavar="NAME", help="navigator to judge (default: all); repeatable")
     parser.add_argument("--seed", type=int, action="append", default=[], metavar="S", help="seed of the flight (default: 1); repeatable")
     parser.add_argument("--quick", action="store_true", help="a handful of faults")
+    parser.add_argument("--live", action="store_true", help="play the faults (default: a dozen) to a live graph, and replay its recording")
     parser.add_argument("--list", action="store_true", help="print the faults that would be injected, and end")
     parser.add_argument("--workers", type=int, metavar="N", help="processes (default: every core)")
     parser.add_argument("--read", action="append", default=[], metavar="JSON", help="results of earlier runs instead of flying; repeatable")
@@ -39,6 +41,8 @@ def faults(arguments: argparse.Namespace) -> int:
     if arguments.list:
         print_table(fault_table(names), console)
         return Exit.OK
+    if arguments.live:
+        return _live(arguments, names if arguments.fault else None)
     if arguments.workers is not None and arguments.workers < 1:
         raise SettingsError(f"--workers must be at least 1, got {arguments.workers}.")
     check_folders(arguments.docs, arguments.out)
@@ -55,6 +59,17 @@ def faults(arguments: argparse.Namespace) -> int:
     if arguments.docs:
         Path(arguments.docs).write_text(markdown(rows, "lowcostnav faults --docs docs/faults.md"), encoding="utf-8")
     return Exit.WORSE if wrong else Exit.OK
+
+
+def _live(arguments: argparse.Namespace, names: list[str] | None) -> int:
+    """Fly live; 1 when a replay differs from the flight."""
+    from lowcostnav_ros.graph.faults import DOZEN, live_table, study_live
+
+    out = Path(arguments.out or "out/faults")
+    seed = arguments.seed[0] if arguments.seed else 1
+    rows = study_live(names or DOZEN, out, seed, on_fault=lambda name: print(f"flying {name}", file=sys.stderr))
+    print_table(live_table(rows), result_console())
+    return Exit.WORSE if any(row.equal is False for row in rows) else Exit.OK
 
 
 def read_rows(paths: Iterable[str]) -> list[Row]:
