@@ -259,3 +259,15 @@ def test_a_file_of_something_else_is_refused_in_a_sentence(tmp_path, capsys):
     (tmp_path / "other.json").write_text('{"a": 1}')
     assert main(["faults", "--read", str(tmp_path / "other.json")]) == 2
     assert "holds no results" in capsys.readouterr().err
+
+
+@pytest.mark.timeout(300)
+def test_a_fault_flies_over_the_middleware_and_its_recording_replays_to_the_bit(tmp_path):
+    pytest.importorskip("rclpy")
+    from lowcostnav_ros.graph.faults import NAVIGATORS, fly_live
+
+    rows = fly_live("gps_stuck", tmp_path / "live", until_s=100.0)
+    assert [row.navigator for row in rows] == [name for name in CHAIN if name in NAVIGATORS]
+    assert all(row.solutions > 300 and row.equal for row in rows)
+    ins = next(row for row in rows if row.navigator == "ins_gps")
+    assert ins.named_s is not None and ins.named_s < 20.0 and "gps/" in ins.sentence

@@ -1,9 +1,10 @@
 """Faults flown live: the flight with a fault as a recording, played to the navigators over the middleware, recorded and replayed."""
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.modes import Level
@@ -16,7 +17,8 @@ from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
 from lowcostnav_ros.simulation.fault import FAULTS, Arrived, Fault, inject
 from lowcostnav_ros.simulation.truth_states import TruthStates
-from lowcostnav_ros.studies.faults.flight import CHAIN, Flight, flight
+from lowcostnav_ros.studies.faults.flight import CHAIN, Flight, flight, navigator
+from lowcostnav_ros.studies.faults.study import EXCESS
 
 NAVIGATORS = ("ahrs", "ins_gps", "dead_reckoning", "supervisor")
 LONGEST_S = 600.0
@@ -54,27 +56,42 @@ class Live:
 
 
 class _Listener:
-    """Hears on the diagnostics what the navigators say while the fault lasts."""
+    """Hears on the diagnostics what the navigators say from the start of the fault on."""
 
     def __init__(self, runner: GraphRunner, fault: Fault) -> None:
         self._runner, self._fault = runner, fault
+        self._before: dict[str, int] = {}
+        self._sources = {name: {f"aid {aid.status.name}": aid.source for aid in navigator(name).aids} for name in NAVIGATORS}
         self.named: dict[str, tuple[float, str]] = {}
         self.levels = dict.fromkeys(NAVIGATORS, Level.OK)
 
     def __call__(self) -> None:
         source = self._runner.rows.get("player: source", {})
         since_s = float(source.get("values", {}).get("flown_s", 0.0)) - self._fault.start_s
-        if since_s <= 0.0:
-            return
         for name, row in list(self._runner.rows.items()):
             node, _, what = name.partition(": ")
-            if node not in NAVIGATORS or int(row["level"]) == Level.OK:
+            if node not in NAVIGATORS:
                 continue
+            refused = {f"{source} {phrase}": count for source, phrase, count in self._refused(node, what, row)}
+            if since_s <= 0.0:
+                self._before |= {f"{node} {words}": count for words, count in refused.items()}
+                continue
+            level = Level(min(int(row["level"]), Level.ERROR))
             if what == "navigator":
-                self.levels[node] = max(self.levels[node], Level(min(int(row["level"]), Level.ERROR)))
-            said = f"{what}: {row['message']}"
-            if node not in self.named and any(source in said for source in self._fault.sources):
-                self.named[node] = since_s, said
+                self.levels[node] = max(self.levels[node], level)
+            more = [words for words, count in refused.items() if count > self._before.get(f"{node} {words}", 0) + EXCESS]
+            said = [*([f"{what}: {row['message']}"] if level > Level.OK else []), *more]
+            found = next((words for words in said if any(source in words for source in self._fault.sources)), "")
+            if found and node not in self.named:
+                self.named[node] = since_s, found
+
+    def _refused(self, node: str, what: str, row: Mapping[str, Any]) -> Iterator[tuple[str, str, int]]:
+        """Source, phrase and count of what a row of a navigator has refused so far."""
+        for key, count in row["values"].items():
+            if key.startswith("rejected["):
+                words = key.removeprefix("rejected[").removesuffix("]")
+                source, _, phrase = words.partition(": ") if what == "navigator" else (self._sources[node].get(what, ""), "", words)
+                yield source, phrase, int(count)
 
 
 def fly_live(name: str, out: Path, seed: int = 1, factor: float = 8.0, until_s: float = 1e6) -> list[Live]:
@@ -108,11 +125,11 @@ def fly_live(name: str, out: Path, seed: int = 1, factor: float = 8.0, until_s: 
         raise GraphError(f"{name}: the flight did not end within {LONGEST_S:.0f} s; the logs are in {out / 'logs'}.")
     result = replay_bag(out / "recording", ReplayOptions(navigators=NAVIGATORS))
     rows = []
-    for navigator, found in result.navigators.items():
-        named_s, sentence = listener.named.get(navigator, (None, ""))
+    for flown, found in result.navigators.items():
+        named_s, sentence = listener.named.get(flown, (None, ""))
         errors = found.errors.flight and found.errors.flight.horizontal_m
         fused = found.fused.count_recorded, found.fused.equals_recorded
-        rows.append(Live(name, navigator, named_s, sentence, listener.levels[navigator], *fused, errors.max if errors else None))
+        rows.append(Live(name, flown, named_s, sentence, listener.levels[flown], *fused, errors.max if errors else None))
     return rows
 
 
