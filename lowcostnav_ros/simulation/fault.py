@@ -99,6 +99,8 @@ class Fault:
 FAULTS: Registry[Fault] = Registry("fault", "lowcostnav_ros.simulation.faults", many=True)
 
 IN_OUTAGE = "_in_outage"
+NOTHING = "nothing"
+"""Name of the fault that changes nothing."""
 
 
 def enter(origin: str, fault: Fault, *, outage: bool = False) -> None:

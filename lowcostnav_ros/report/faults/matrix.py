@@ -11,6 +11,7 @@ COLOURS = {
     Verdict.HARMLESS: "#e6f2e8",
     Verdict.SOUND: "#86c793",
     Verdict.UNNAMED: "#f0dc8c",
+    Verdict.FALSE_ALARM: "#e0915c",
     Verdict.SILENT: "#b9c4cd",
     Verdict.WRONG: "#d6544f",
     Verdict.CRASHED: "#6b1f1c",

@@ -8,8 +8,8 @@ from lowcostnav_ros.simulation.fault import FAULTS
 from lowcostnav_ros.studies.faults.flight import CHAIN
 from lowcostnav_ros.studies.faults.study import Row, Verdict
 
-COLOURS = {Verdict.WRONG: "red", Verdict.CRASHED: "red", Verdict.SILENT: "yellow", Verdict.UNNAMED: "yellow"}
-BAD = (Verdict.WRONG, Verdict.CRASHED)
+COLOURS = {Verdict.WRONG: "red", Verdict.CRASHED: "red", Verdict.SILENT: "yellow", Verdict.UNNAMED: "yellow", Verdict.FALSE_ALARM: "red"}
+BAD = (Verdict.WRONG, Verdict.CRASHED, Verdict.FALSE_ALARM)
 
 
 def summary_table(rows: Sequence[Row]) -> Table:
@@ -35,6 +35,7 @@ def row_table(title: str, rows: Sequence[Row]) -> Table:
         Column("beyond 4 sigma", lambda r: percent(r.beyond), "%", short="> 4 s"),
         Column("recovered after", lambda r: number(r.recovered_s), "s", short="back"),
         Column("longest silence", lambda r: number(r.silent_s), "s", page_only=True),
+        Column("wrongly suspected", lambda r: r.blamed, left=True, page_only=True),
         Column("what was said", said, left=True, page_only=True),
     )
     return Table.of(title, columns, rows, colours=tuple(COLOURS.get(row.verdict, "") for row in rows))

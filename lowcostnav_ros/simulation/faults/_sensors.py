@@ -164,6 +164,9 @@ SENSORS = {
     )
 }
 
+ALL = tuple(dict.fromkeys(source for sensor in SENSORS.values() for source in sensor.sources))
+"""Every source that can fail."""
+
 
 def label(sensor: Sensor, quantity: Quantity) -> str:
     """How names of faults of a quantity begin."""

@@ -6,7 +6,7 @@ from functools import partial
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.simulation.fault import END_S, START_S, Arrived, Change, Fault, Window, each, enter
-from lowcostnav_ros.simulation.faults._sensors import SENSORS
+from lowcostnav_ros.simulation.faults._sensors import ALL, SENSORS
 
 OFFSETS_S = {
     "plus_1_s": (1.0, "stamps of the next second"),
@@ -68,6 +68,5 @@ for _sensor in SENSORS.values():
         if _head == "imu" or _name in ENOUGH:
             enter(__name__, Fault(f"{_head}_stamp_{_name}", "one wrong stamp", _sources, partial(odd, _by_s)), outage=_sensor.outage)
 
-ALL = tuple(dict.fromkeys(source for sensor in SENSORS.values() for source in sensor.sources))
 for _name, _by_s in (("plus_3_s", 3.0), ("minus_3_s", -3.0)):
     enter(__name__, Fault(f"all_clocks_{_name}", "the clock of the computer is set", ALL, offset(_by_s), START_S, END_S))

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -30,7 +30,7 @@ class Poll:
 
     @classmethod
     def of(cls, t_s: float, status: NavigatorStatus, sources: Mapping[str, str]) -> "Poll":
-        """Note a status; ``sources`` are those of the aids by name."""
+        """Note a status; ``sources`` are those of the aids by name, under which parties and refusals stand."""
         refused: Counter[tuple[str, str]] = Counter()
         for record in status.inputs:
             for reason, count in record.rejected.items():
@@ -38,9 +38,17 @@ class Poll:
         for aid in status.aids:
             for reason, count in aid.rejected.items():
                 refused[sources.get(aid.name, aid.name), Reason.phrase_of(reason)] += count
+        contradictions = tuple(
+            replace(
+                c,
+                parties=(sources.get(c.parties[0], c.parties[0]), sources.get(c.parties[1], c.parties[1])),
+                suspect=sources.get(c.suspect, c.suspect),
+            )
+            for c in status.contradictions
+        )
         integrity = status.integrity
         found = ("", ()) if integrity is None else (integrity.alarm, tuple(integrity.excluded))
-        return cls(t_s, status.level, status.mode, status.reason, status.contradictions, refused, *found)
+        return cls(t_s, status.level, status.mode, status.reason, contradictions, refused, *found)
 
 
 @dataclass(slots=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import SettingsError, nearest
-from lowcostnav_ros.simulation.fault import FAULTS, Fault
+from lowcostnav_ros.simulation.fault import FAULTS, IN_OUTAGE, NOTHING, Fault
 from lowcostnav_ros.studies.campaign import run_campaign
 from lowcostnav_ros.studies.faults.flight import CHAIN, Pass, concerned, crew, flown, suppliers
 from lowcostnav_ros.studies.faults.record import Poll, Record, Track
@@ -27,6 +27,7 @@ EXCESS = 3
 """A source counts as refused by name once this many more of its measurements are refused than without the fault."""
 
 QUICK = (
+    NOTHING,
     "gps_stuck",
     "gps_spoofed_2_mps",
     "mag_turned_90",
@@ -38,11 +39,15 @@ QUICK = (
 
 
 class Verdict(StrEnum):
-    """What a navigator made of a fault, the best first; wrong: beyond 4 sigma for more than 1 % of the time."""
+    """What a navigator made of a fault, the best first; wrong: beyond 4 sigma for more than 1 % of the time.
+
+    A false alarm is a contradiction on a flight without a fault.
+    """
 
     HARMLESS = "harmless"
     SOUND = "sound"
     UNNAMED = "covered, not named"
+    FALSE_ALARM = "false alarm"
     SILENT = "silent"
     WRONG = "wrong"
     CRASHED = "crashed"
@@ -62,6 +67,8 @@ class Row:
         What was said first that names the source; else what was said first.
     named_by : str
         Navigator that said it: this one, or one whose solution it takes.
+    blamed : str
+        A source that the navigator suspected though it is sound.
     worst_m, healthy_worst_m : float or None
         Largest horizontal error from the start of the fault on; without the fault.
     worst_sigmas, most_sigmas, healthy_sigmas : float or None
@@ -84,6 +91,7 @@ class Row:
     named_s: float | None = None
     sentence: str = ""
     named_by: str = ""
+    blamed: str = ""
     worst_m: float | None = None
     healthy_worst_m: float | None = None
     worst_sigmas: float | None = None
@@ -190,7 +198,13 @@ def _row(case: Case, fault: Fault, name: str, sound: Pass, made: Pass) -> Row:
     if beyond > ALLOWED_SHARE and beyond > 1.5 * usually:
         verdict = Verdict.WRONG
     recovered_s = _recovered(track.t_s, ratio, fault.end_s, end_s)
-    said = detected_s, named_s, sentence or first, by
+    blamed = next((c.suspect for p in record.polls for c in p.contradictions if _is_source(c.suspect) and not _means(c.suspect, fault)), "")
+    if fault.name.removesuffix(IN_OUTAGE) == NOTHING:
+        alarms = [(p.t_s, c) for p in record.polls for c in p.contradictions]
+        verdict = Verdict.WRONG if beyond > ALLOWED_SHARE else Verdict.FALSE_ALARM if alarms else Verdict.HARMLESS
+        detected_s, sentence = (alarms[0][0], alarms[0][1].words(record.start_ns + round(1e9 * alarms[0][0]))) if alarms else (None, "")
+        named_s, by, blamed = None, "", alarms[0][1].suspect if alarms else ""
+    said = detected_s, named_s, sentence or first, by, blamed
     return Row(case.fault, name, case.seed, verdict, *said, **numbers, beyond=beyond, recovered_s=recovered_s, silent_s=silent_s)
 
 
@@ -280,7 +294,8 @@ def _names_source(now: Poll, usual: Poll, fault: Fault, t_ns: int) -> str:
     """The sentence that names the faulty source, if there is one."""
     usually = {(c.name, c.parties) for c in usual.contradictions}
     for c in now.contradictions:
-        if (c.name, c.parties) not in usually and _means(c.suspect, fault) | any(_means(p, fault) for p in c.parties if not c.suspect):
+        parties = (c.suspect,) if _is_source(c.suspect) else (c.suspect, *c.parties)
+        if (c.name, c.parties) not in usually and any(_means(party, fault) for party in parties):
             return c.words(t_ns)
     for (source, phrase), count in now.refused.items():
         if source in fault.sources and count > usual.refused[source, phrase] + EXCESS:
@@ -292,6 +307,11 @@ def _names_source(now: Poll, usual: Poll, fault: Fault, t_ns: int) -> str:
             return f"satellites excluded: {', '.join(now.excluded)}"
     reported = now.reason if now.reason != usual.reason and now.level > usual.level else ""
     return reported if any(source in reported for source in fault.sources) else ""
+
+
+def _is_source(party: str) -> bool:
+    """Whether a party of a contradiction is a topic, not a physical law or a setting."""
+    return "/" in party
 
 
 def _means(party: str, fault: Fault) -> bool:
