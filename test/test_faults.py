@@ -22,7 +22,8 @@ from lowcostnav_ros.cli.main import main
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.simulation.fault import FAULTS, OUTAGE_S, arrivals, inject
 from lowcostnav_ros.studies.faults.flight import CHAIN, concerned, crew, flown, suppliers
-from lowcostnav_ros.studies.faults.study import Verdict, chosen, study
+from lowcostnav_ros.studies.faults.judge import Verdict
+from lowcostnav_ros.studies.faults.study import chosen, study
 
 START_NS = 1_780_336_800_000_000_000
 SECOND = 1_000_000_000

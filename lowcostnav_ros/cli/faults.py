@@ -14,7 +14,8 @@ from lowcostnav_ros.cli.options import check_folders
 from lowcostnav_ros.report.faults.page import markdown, page
 from lowcostnav_ros.report.faults.tables import bad, fault_table, row_table, summary_table
 from lowcostnav_ros.report.terminal import print_table, result_console
-from lowcostnav_ros.studies.faults.study import Row, Verdict, chosen, study
+from lowcostnav_ros.studies.faults.judge import Row, Verdict
+from lowcostnav_ros.studies.faults.study import chosen, study
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -18,7 +18,7 @@ from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
 from lowcostnav_ros.simulation.fault import FAULTS, Arrived, Fault, inject
 from lowcostnav_ros.simulation.truth_states import TruthStates
 from lowcostnav_ros.studies.faults.flight import CHAIN, Flight, flight, navigator
-from lowcostnav_ros.studies.faults.study import EXCESS
+from lowcostnav_ros.studies.faults.judge import EXCESS
 
 NAVIGATORS = ("ahrs", "ins_gps", "dead_reckoning", "supervisor")
 LONGEST_S = 600.0

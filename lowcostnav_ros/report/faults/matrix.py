@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from lowcostnav_ros.base.tables import number
 from lowcostnav_ros.report.svg import drawing, element, escape, text
 from lowcostnav_ros.studies.faults.flight import CHAIN
-from lowcostnav_ros.studies.faults.study import Row, Verdict
+from lowcostnav_ros.studies.faults.judge import Row, Verdict
 
 COLOURS = {
     Verdict.HARMLESS: "#e6f2e8",

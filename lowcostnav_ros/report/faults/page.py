@@ -7,7 +7,7 @@ from lowcostnav_ros.report.document import details, document, html_table, sectio
 from lowcostnav_ros.report.faults.matrix import legend, matrix
 from lowcostnav_ros.report.faults.tables import bad, fault_table, row_table, summary_table
 from lowcostnav_ros.report.svg import escape
-from lowcostnav_ros.studies.faults.study import Row
+from lowcostnav_ros.studies.faults.judge import Row
 
 MEANING = (
     "Each fault is injected into a copy of one flight, and every navigator that it reaches flies on it; the same flight without the fault "

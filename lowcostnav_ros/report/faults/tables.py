@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from lowcostnav_ros.base.tables import Column, Table, number, percent
 from lowcostnav_ros.simulation.fault import FAULTS
 from lowcostnav_ros.studies.faults.flight import CHAIN
-from lowcostnav_ros.studies.faults.study import Row, Verdict
+from lowcostnav_ros.studies.faults.judge import Row, Verdict
 
 COLOURS = {Verdict.WRONG: "red", Verdict.CRASHED: "red", Verdict.SILENT: "yellow", Verdict.UNNAMED: "yellow", Verdict.FALSE_ALARM: "red"}
 BAD = (Verdict.WRONG, Verdict.CRASHED, Verdict.FALSE_ALARM)

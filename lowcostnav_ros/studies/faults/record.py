@@ -12,6 +12,8 @@ from lowcostnav_ros.estimation.aiding import Reason
 from lowcostnav_ros.navigators.base import Navigator, NavigatorStatus
 from lowcostnav_ros.replay.metrics import AXES, Errors
 
+NO_SIGMA = 1e9
+"""Stands for error over sigma where a position comes with a covariance that is none."""
 _ATTITUDE = [AXES.index(axis) for axis in ("roll_deg", "pitch_deg", "heading_deg")]
 
 
@@ -91,5 +93,7 @@ class Record:
         nees = np.concatenate([c.nees_horizontal for c in self.chunks])
         order = np.argsort(stamps, kind="stable")
         attitude = np.abs(values[:, _ATTITUDE]) / np.where(sigmas[:, _ATTITUDE] > 0.0, sigmas[:, _ATTITUDE], np.nan)
-        columns = 1e-9 * (stamps - self.start_ns), np.hypot(values[:, 0], values[:, 1]), np.sqrt(nees), attitude.max(axis=1, initial=0.0)
+        horizontal_m = np.hypot(values[:, 0], values[:, 1])
+        ratio = np.where(np.isfinite(horizontal_m) & ~(nees >= 0.0), NO_SIGMA, np.sqrt(np.maximum(nees, 0.0)))
+        columns = 1e-9 * (stamps - self.start_ns), horizontal_m, ratio, attitude.max(axis=1, initial=0.0)
         return Track(*(column[order] for column in columns))

@@ -2,29 +2,14 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from fnmatch import fnmatchcase
 from functools import cache
-from itertools import pairwise
-from typing import Any
 
-import numpy as np
-
-from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import SettingsError, nearest
-from lowcostnav_ros.simulation.fault import FAULTS, IN_OUTAGE, NOTHING, Fault
+from lowcostnav_ros.simulation.fault import FAULTS, NOTHING
 from lowcostnav_ros.studies.campaign import run_campaign
-from lowcostnav_ros.studies.faults.flight import CHAIN, Pass, concerned, crew, flown, suppliers
-from lowcostnav_ros.studies.faults.record import Poll, Record, Track
-
-LIMIT = 4.0
-"""An error beyond this many sigmas is not covered."""
-ALLOWED_SHARE = 0.01
-"""Share of the time from the fault to the end of the flight that an error may not be covered."""
-SILENT_S = 5.0
-"""Without a solution for longer than this, and than the flight without the fault, a navigator is silent."""
-EXCESS = 3
-"""A source counts as refused by name once this many more of its measurements are refused than without the fault."""
+from lowcostnav_ros.studies.faults.flight import CHAIN, Pass, concerned, crew, flown
+from lowcostnav_ros.studies.faults.judge import Row, Verdict, judge
 
 QUICK = (
     NOTHING,
@@ -36,72 +21,6 @@ QUICK = (
     "pitot_emptied",
     "dme_wrong_station_in_outage",
 )
-
-
-class Verdict(StrEnum):
-    """What a navigator made of a fault, the best first; wrong: beyond 4 sigma for more than 1 % of the time.
-
-    A false alarm is a contradiction on a flight without a fault.
-    """
-
-    HARMLESS = "harmless"
-    SOUND = "sound"
-    UNNAMED = "covered, not named"
-    FALSE_ALARM = "false alarm"
-    SILENT = "silent"
-    WRONG = "wrong"
-    CRASHED = "crashed"
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One fault and one navigator; times in seconds, None where it did not happen or there is no such error.
-
-    Attributes
-    ----------
-    fault, navigator, seed
-    verdict : Verdict
-    detected_s, named_s : float or None
-        From the start of the fault until anything was said that is not said without it, and until the faulty source was named.
-    sentence : str
-        What was said first that names the source; else what was said first.
-    named_by : str
-        Navigator that said it: this one, or one whose solution it takes.
-    blamed : str
-        A source that the navigator suspected though it is sound.
-    worst_m, healthy_worst_m : float or None
-        Largest horizontal error from the start of the fault on; without the fault.
-    worst_sigmas, most_sigmas, healthy_sigmas : float or None
-        Horizontal error over sigma: largest, not exceeded 99 % of the time, largest without the fault.
-    attitude_sigmas, healthy_attitude_sigmas : float or None
-        Attitude error over sigma, not exceeded 99 % of the time.
-    beyond : float
-        Share of the time beyond 4 sigma, of the position or of the attitude, whichever is larger.
-    recovered_s : float or None
-        From the end of the fault until the error is covered for good; None: not before the flight ends.
-    silent_s : float
-        Longest time without a solution from the start of the fault on.
-    """
-
-    fault: str
-    navigator: str
-    seed: int
-    verdict: Verdict
-    detected_s: float | None = None
-    named_s: float | None = None
-    sentence: str = ""
-    named_by: str = ""
-    blamed: str = ""
-    worst_m: float | None = None
-    healthy_worst_m: float | None = None
-    worst_sigmas: float | None = None
-    most_sigmas: float | None = None
-    healthy_sigmas: float | None = None
-    attitude_sigmas: float | None = None
-    healthy_attitude_sigmas: float | None = None
-    beyond: float = 0.0
-    recovered_s: float | None = None
-    silent_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,160 +79,10 @@ def judged(case: Case) -> list[Row]:
     except Exception as error:  # what a navigator raises is a finding, not the end of the study
         said = f"{type(error).__name__}: {error}"
         return [Row(case.fault, name, case.seed, Verdict.CRASHED, sentence=said) for name in case.navigators]
-    return [_row(case, fault, name, sound, made) for name in case.navigators]
+    return [judge(name, fault, case.seed, sound, made) for name in case.navigators]
 
 
 @cache
 def healthy(seed: int, outage: bool) -> Pass:
     """The flight of a seed without a fault, once a process."""
     return flown(seed, None, outage, tuple(CHAIN))
-
-
-def _row(case: Case, fault: Fault, name: str, sound: Pass, made: Pass) -> Row:
-    record, reference = made.records[name], sound.records[name]
-    track, usual = (_from(r.track(), fault.start_s) for r in (record, reference))
-    end_s = record.polls[-1].t_s
-    judged_by = "ratio" if np.isfinite(usual.ratio).any() else "attitude_ratio"
-    ratio = np.fmax(track.ratio, track.attitude_ratio)
-    silent_s, usual_silent_s = (_silence(t, max(fault.start_s, 0.0), end_s, judged_by) for t in (track, usual))
-    beyond, usually = (max(_share(t.ratio), _share(t.attitude_ratio)) for t in (track, usual))
-    detected_s, first = _detected(record, reference, fault)
-    named_s, sentence, by = min(
-        (_named(made, sound, other, fault) for other in suppliers(name)), key=lambda n: np.inf if n[0] is None else n[0]
-    )
-    numbers: dict[str, Any] = {
-        "worst_m": _largest(track.horizontal_m),
-        "healthy_worst_m": _largest(usual.horizontal_m),
-        "worst_sigmas": _largest(track.ratio),
-        "most_sigmas": _quantile(track.ratio),
-        "healthy_sigmas": _largest(usual.ratio),
-        "attitude_sigmas": _quantile(track.attitude_ratio),
-        "healthy_attitude_sigmas": _quantile(usual.attitude_ratio),
-    }
-    harmless = all(_harmless(track, usual, by) for by in ("ratio", "attitude_ratio"))
-    if silent_s > SILENT_S + usual_silent_s:
-        verdict = Verdict.SILENT
-    else:
-        verdict = Verdict.HARMLESS if harmless else Verdict.SOUND if named_s is not None else Verdict.UNNAMED
-    if beyond > ALLOWED_SHARE and beyond > 1.5 * usually:
-        verdict = Verdict.WRONG
-    recovered_s = _recovered(track.t_s, ratio, fault.end_s, end_s)
-    blamed = next((c.suspect for p in record.polls for c in p.contradictions if _is_source(c.suspect) and not _means(c.suspect, fault)), "")
-    if fault.name.removesuffix(IN_OUTAGE) == NOTHING:
-        alarms = [(p.t_s, c) for p in record.polls for c in p.contradictions]
-        verdict = Verdict.WRONG if beyond > ALLOWED_SHARE else Verdict.FALSE_ALARM if alarms else Verdict.HARMLESS
-        detected_s, sentence = (alarms[0][0], alarms[0][1].words(record.start_ns + round(1e9 * alarms[0][0]))) if alarms else (None, "")
-        named_s, by, blamed = None, "", alarms[0][1].suspect if alarms else ""
-    said = detected_s, named_s, sentence or first, by, blamed
-    return Row(case.fault, name, case.seed, verdict, *said, **numbers, beyond=beyond, recovered_s=recovered_s, silent_s=silent_s)
-
-
-def _from(track: Track, start_s: float) -> Track:
-    later = track.t_s >= start_s
-    return Track(*(getattr(track, name)[later] for name in Track.__dataclass_fields__))
-
-
-def _largest(values: np.ndarray) -> float | None:
-    return float(np.nanmax(values)) if np.isfinite(values).any() else None
-
-
-def _quantile(values: np.ndarray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(np.quantile(known, 0.99)) if len(known) else None
-
-
-def _share(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.mean(known > LIMIT)) if len(known) else 0.0
-
-
-def _silence(track: Track, start_s: float, end_s: float, judged_by: str) -> float:
-    """Longest time without a finite solution."""
-    t_s = track.t_s[np.isfinite(getattr(track, judged_by))]
-    return max((b - a for a, b in pairwise([start_s, *t_s.tolist(), end_s])), default=0.0)
-
-
-def _harmless(track: Track, usual: Track, judged_by: str) -> bool:
-    """Whether errors and sigmas stay about as they are without the fault."""
-    worst, before = _largest(track.horizontal_m), _largest(usual.horizontal_m)
-    if worst is not None and before is not None and worst > 1.5 * before + 1.0:
-        return False
-    ratio, reference = _quantile(getattr(track, judged_by)), _quantile(getattr(usual, judged_by))
-    return reference is None or (ratio is not None and ratio < max(LIMIT, 1.3 * reference))
-
-
-def _recovered(t_s: np.ndarray, ratio: np.ndarray, end_of_fault_s: float, end_s: float) -> float | None:
-    """Seconds from the end of the fault until the error is covered for good."""
-    wrong = t_s[(t_s >= end_of_fault_s) & ~(ratio <= LIMIT)]
-    if not len(t_s) or t_s[-1] < end_s - SILENT_S or (len(wrong) and wrong[-1] > t_s[-1] - 1.0):
-        return None
-    return float(wrong[-1] - end_of_fault_s) if len(wrong) else 0.0
-
-
-def _pairs(record: Record, reference: Record, start_s: float) -> list[tuple[Poll, Poll]]:
-    """Polls from the start of the fault on, each with that of the flight without it."""
-    return [(now, usual) for now, usual in zip(record.polls, reference.polls, strict=False) if now.t_s >= start_s]
-
-
-def _detected(record: Record, reference: Record, fault: Fault) -> tuple[float | None, str]:
-    """When a navigator first said anything that it does not say without the fault, and what."""
-    usual_names = {(c.name, c.parties) for poll in reference.polls for c in poll.contradictions}
-    for now, usual in _pairs(record, reference, fault.start_s):
-        news = [c for c in now.contradictions if (c.name, c.parties) not in usual_names]
-        more = [key for key, count in now.refused.items() if count > usual.refused[key] + EXCESS]
-        after_s = now.t_s - fault.start_s
-        if news:
-            return after_s, news[0].words(record.start_ns + round(1e9 * now.t_s))
-        if now.level > usual.level or (now.mode == Mode.SUSPECT and usual.mode != Mode.SUSPECT):
-            return after_s, f"{now.mode}: {now.reason}"
-        if more:
-            return after_s, ": ".join(more[0])
-        if now.alarm and now.alarm != usual.alarm:
-            return after_s, now.alarm
-        if set(now.excluded) - set(usual.excluded):
-            return after_s, f"satellites excluded: {', '.join(now.excluded)}"
-    return None, ""
-
-
-def _named(made: Pass, sound: Pass, name: str, fault: Fault) -> tuple[float | None, str, str]:
-    """When a navigator first named the faulty source, and how."""
-    at_wire = [(s - fault.start_s, text) for text, s in made.refused_s.items() if text.split(":")[0] in fault.sources]
-    best = (*min(at_wire), "decoder") if at_wire else (None, "", "")
-    record, reference = made.records[name], sound.records[name]
-    for now, usual in _pairs(record, reference, fault.start_s):
-        after_s = now.t_s - fault.start_s
-        if best[0] is not None and best[0] <= after_s:
-            return best
-        said = _names_source(now, usual, fault, record.start_ns + round(1e9 * now.t_s))
-        if said:
-            return after_s, said, name
-    return best
-
-
-def _names_source(now: Poll, usual: Poll, fault: Fault, t_ns: int) -> str:
-    """The sentence that names the faulty source, if there is one."""
-    usually = {(c.name, c.parties) for c in usual.contradictions}
-    for c in now.contradictions:
-        parties = (c.suspect,) if _is_source(c.suspect) else (c.suspect, *c.parties)
-        if (c.name, c.parties) not in usually and any(_means(party, fault) for party in parties):
-            return c.words(t_ns)
-    for (source, phrase), count in now.refused.items():
-        if source in fault.sources and count > usual.refused[source, phrase] + EXCESS:
-            return f"{source}: {phrase}"
-    if fault.sources == ("gnss/raw",):
-        if now.alarm and now.alarm != usual.alarm:
-            return now.alarm
-        if set(now.excluded) - set(usual.excluded):
-            return f"satellites excluded: {', '.join(now.excluded)}"
-    reported = now.reason if now.reason != usual.reason and now.level > usual.level else ""
-    return reported if any(source in reported for source in fault.sources) else ""
-
-
-def _is_source(party: str) -> bool:
-    """Whether a party of a contradiction is a topic, not a physical law or a setting."""
-    return "/" in party
-
-
-def _means(party: str, fault: Fault) -> bool:
-    """Whether a party of a contradiction is a faulty source."""
-    return any(source in party for source in fault.sources)
