@@ -51,6 +51,11 @@ class Digest:
         self.count += 1
         self._sha.update(record)
 
+    def __deepcopy__(self, _memo: dict) -> "Digest":
+        copied = Digest()
+        copied.count, copied._sha = self.count, self._sha.copy()
+        return copied
+
     @property
     def hexdigest(self) -> str:
         """The digest so far, 64 hex digits."""

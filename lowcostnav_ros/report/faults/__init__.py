@@ -1,0 +1,1 @@
+"""The fault study on a terminal, on a page and in the documentation."""
