@@ -7,7 +7,7 @@ import pytest
 from ahrs_flights import T0, Turn
 
 from lowcostnav_ros.base.measurements import ImuBlock
-from lowcostnav_ros.estimation.manoeuvre import RateSwitch, RateSwitchSettings, SteadyLimits, follow_switch, switch_limits
+from lowcostnav_ros.estimation.manoeuvre import ManoeuvreSwitch, RateSwitch, RateSwitchSettings, SteadyLimits, follow_switch, switch_limits
 from lowcostnav_ros.reproduce.gebre.attitude_switch import turning_flight
 from lowcostnav_ros.studies.attitude_filters import HEADING_SWITCH, RATE_SWITCH, accel_mag_filter
 
@@ -40,6 +40,26 @@ def test_yaw_rate_limit_is_the_source_s(rate_dps, steady):
 def test_released_only_below_the_smaller_limit():
     assert not steps([1.0] * 100 + [0.45] * 200, 2)[-1]
     assert steps([1.0] * 100 + [0.3] * 200, 2)[-1]
+
+
+@pytest.mark.parametrize(("load", "steady"), [(1.045, True), (1.06, False), (0.94, False)])
+def test_load_limit_is_the_source_s(load, steady):
+    """(4.67) has two halves: a pull-up without any turn is no steady flight either."""
+    memory = np.zeros(5)
+    assert [follow_switch(memory, LIMITS, load * LEVEL, np.zeros(3), DOWN, 0.05) for _ in range(200)][-1] is steady
+    slow = ManoeuvreSwitch(SteadyLimits())
+    stamps = T0 + 50_000_000 * np.arange(1, 201, dtype=np.int64)
+    slow.restart(T0)
+    slow.follow(ImuBlock.of("imu/data_raw", stamps, np.tile(load * LEVEL, (200, 1)), np.zeros((200, 3))), 0, 200)
+    slow.decide(np.eye(3), np.zeros(3))
+    assert (slow.steady_since_ns is not None) is (abs(load - 1.0) < SteadyLimits().force_g * SteadyLimits().release)
+
+
+@pytest.mark.parametrize(("feedback", "load", "fed"), [(2, 1.04, 10), (2, 1.06, 0), (4, 1.06, 0), (3, 1.06, 0), (1, 1.06, 10)])
+def test_a_load_alone_stops_the_feedback(feedback, load, fed):
+    rates, forces = np.zeros((200, 3)), np.tile(load * LEVEL, (200, 1))
+    _, used, _ = accel_mag_filter(np.zeros(3), rates, forces, np.zeros(10), 20, 0.97, 0.35, 0.05, feedback, LIMITS)
+    assert used.sum() == fed
 
 
 def test_cut_of_the_blocks_does_not_matter():

@@ -10,10 +10,28 @@ import pytest
 from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.reproduce import cluster, page, registry, run
 from lowcostnav_ros.reproduce.gebre.magnetometer import CASES, two_step_case
-from lowcostnav_ros.reproduce.registry import CRASHED, DIFFERS, REPRODUCED, Context, Entry, Outcome, ReproduceError, judged
+from lowcostnav_ros.reproduce.registry import (
+    BETTER,
+    BY_DEFINITION,
+    CRASHED,
+    DIFFERS,
+    FITTED,
+    REPRODUCED,
+    Change,
+    Context,
+    Entry,
+    Outcome,
+    Reading,
+    ReproduceError,
+    better,
+    by_definition,
+    fitted,
+    judged,
+    read,
+)
 from lowcostnav_ros.studies.campaign import CampaignError
 
-JSON_NAMES = ["id", "title", "source", "thesis", "ours", "tolerance", "verdict", "reason", "seconds", "figure"]
+JSON_NAMES = ["id", "title", "source", "thesis", "ours", "tolerance", "verdict", "reason", "seeds", "seconds", "figure"]
 
 
 def entry(id, function, study="gebre"):
@@ -55,6 +73,42 @@ def test_an_outcome_that_differs_needs_a_reason():
         Outcome("2 m", "nearly")
     assert judged("1 m", True, "unused") == Outcome("1 m", REPRODUCED)
     assert judged("2 m", False).reason
+
+
+def test_verdicts_that_are_no_plain_comparison():
+    assert better("2 m", True, "ten times smaller", "-").verdict == BETTER
+    assert better("2 m", False, "-", "larger").reason == "larger"
+    assert "chosen speed; untuned: 3 m" in fitted("2 m", True, "a chosen speed", "3 m").reason
+    assert fitted("2 m", True, "a", "b").verdict == FITTED
+    assert fitted("2 m", False, "a", "b").verdict == DIFFERS
+    assert by_definition("2 m", True, "a sum").verdict == BY_DEFINITION
+    assert by_definition("3 m", False, "a sum").verdict == DIFFERS
+
+
+def test_of_several_readings_the_one_that_fits_is_named():
+    one, other = Reading("miles", "2 m", True), Reading("nautical miles", "3 m", False)
+    assert read([other, one]).verdict == REPRODUCED
+    assert read([other, one]).reason == "as the thesis must have read it: miles"
+    assert read([one, one]).reason == "under every reading"
+    assert read([other, other]).verdict == DIFFERS
+
+
+def test_the_page_shows_readings_changes_seeds_and_the_count_by_verdict():
+    def computed(context):
+        return read([Reading("a", "2 m", bool(context.seeds("x", 1)))])
+
+    changed = Entry("GR2", "t", "s", "1 m", "5 %", "gebre", computed, Change("d", "v", "w"))
+    text = page.page("gebre", run.run_results([changed], Context()), quick=True)
+    assert "**1 reproduced**" in text
+    assert "| a | 2 m | yes |" in text
+    assert "- seeds flown: 1; one seed is no verdict" in text
+    assert "changed on d, after a run: w; the verdict until then: v" in text
+
+
+def test_seeds_shared_by_results_count_for_each():
+    context = Context()
+    shared = entry("GR1", lambda c: judged(str(c.once("x", lambda: c.seeds("x", 7))), True))
+    assert [r.seeds for r in run.run_results([shared, shared, entry("GR2", lambda _: judged("1", True))], context)] == [7, 7, 0]
 
 
 def test_an_id_is_registered_once():
@@ -121,9 +175,9 @@ def test_command_writes_the_json_and_the_page(tmp_path, capsys):
     results = json.loads(file.read_text())
     assert list(results) == ["results"]
     assert [list(r) for r in results["results"]] == [JSON_NAMES] * 2
-    assert [r["verdict"] for r in results["results"]] == [REPRODUCED] * 2
+    assert [r["verdict"] for r in results["results"]] == [REPRODUCED, BY_DEFINITION]
     assert "GR21" in (out / "gebre.md").read_text()
-    assert "2 reproduced" in capsys.readouterr().out
+    assert "1 reproduced, 1 by definition" in capsys.readouterr().out
 
 
 def test_command_lists_and_refuses(capsys, tmp_path):

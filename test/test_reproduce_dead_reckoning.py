@@ -34,11 +34,15 @@ def entries():
     return {entry.id: entry for entry in all_results()}
 
 
+WITH_READINGS = ("GR40", "GR41", "GR42", "GR43", "GR44", "GR46")
+"""Results on which the correlation distance of the range biases bears, of which the thesis has two."""
+
+
 @pytest.mark.parametrize("name", COVARIANCE)
 def test_covariance_results_keep_their_verdict(name, entries, context):
-    """GR44's figure can only be read by eye; our 5 % does not hold at 30 s, and the verdict says so."""
     outcome = entries[name].function(context)
-    assert outcome.verdict == (DIFFERS if name == "GR44" else REPRODUCED), outcome.ours
+    assert outcome.verdict == REPRODUCED, outcome.ours
+    assert len(outcome.readings) == (2 if name in WITH_READINGS else 0)
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 130.0])

@@ -113,3 +113,39 @@ def test_range_biases_of_an_inertial_navigator_age_with_the_distance_flown():
         rate = max(speed, 1.0) / (0.5 * 1852.0)
         np.testing.assert_allclose(host.layout.rate[rows], rate)
         np.testing.assert_allclose(host.layout.psd[rows], 2.0 * (0.17 * 1852.0) ** 2 * rate)
+
+
+@pytest.mark.parametrize("kind", [InsGps, DeadReckoning])
+def test_the_curvature_of_the_range_circle_is_noise_of_a_position_known_poorly(kind):
+    """A cross-range error d of 3 km lengthens the range by d^2/(2 R), whose mean square over a Gaussian is 3 sigma^4/(4 R^2)."""
+    host = host_of(kind)
+    aid = host.aid("dme")
+    sharp = aid.innovation(reading("dme", "OAK", 1, 0.0), host).R[0, 0]
+    host.P[0, 0] = host.P[1, 1] = 3000.0**2
+    host.P[0, 1] = host.P[1, 0] = 0.0
+    distance_m, _ = range_and_direction(*PLACE, OAK.lat, OAK.lon, OAK.height)
+    wide = aid.innovation(reading("dme", "OAK", 1, 0.0), host).R[0, 0]
+    assert wide - sharp == pytest.approx(0.75 * (3000.0**2 / distance_m) ** 2, rel=0.02)  # seen from above by a few degrees
+    draws = 3000.0 * np.random.default_rng(1).standard_normal(200_000)
+    assert np.mean((np.hypot(distance_m, draws) - distance_m) ** 2) == pytest.approx(wide - sharp, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", [InsGps, DeadReckoning])
+def test_an_estimated_range_bias_is_part_of_the_prediction(kind):
+    host = host_of(kind)
+    aid = host.aid("dme")
+    host.use_aid(aid, reading("dme", "OAK", 1, 0.5))
+    row = aid.slots.index("OAK")
+    learnt = host.core.estimate[row]
+    assert learnt > 10.0
+    before = aid.innovation(reading("dme", "OAK", 2, 0.5), host).y[0]
+    host.core.estimate[row] = learnt + 50.0
+    assert aid.innovation(reading("dme", "OAK", 2, 0.5), host).y[0] == pytest.approx(before - 50.0)
+
+
+def test_the_height_of_a_station_is_in_the_range():
+    low = range_and_direction(*PLACE, OAK.lat, OAK.lon, 0.0)[0]
+    high = range_and_direction(*PLACE, OAK.lat, OAK.lon, PLACE[2])[0]
+    level = math.hypot(9_000.0, 26_000.0)
+    assert low == pytest.approx(math.hypot(level, PLACE[2]), rel=1e-3)
+    assert low - high > 30.0

@@ -15,10 +15,10 @@ from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import check_files
 from lowcostnav_ros.report.terminal import print_table
 from lowcostnav_ros.reproduce import cluster, page, registry, run
-from lowcostnav_ros.reproduce.registry import CRASHED, VERDICTS, Entry
-from lowcostnav_ros.reproduce.run import Record
+from lowcostnav_ros.reproduce.registry import BETTER, CRASHED, DIFFERS, REPRODUCED, VERDICTS, Entry
+from lowcostnav_ros.reproduce.run import ONE_SEED, Record
 
-_STYLES = {"reproduced": "green", "differs": "yellow", "crashed": "bold red"}
+_STYLES = {REPRODUCED: "green", BETTER: "green", DIFFERS: "yellow", CRASHED: "bold red"}
 _EPILOG = """\
 exit status: 0 when everything ran, whatever the verdicts; 1 when a result crashed; 2 cannot run
 
@@ -75,7 +75,9 @@ def _console() -> Console:
 def _print(record: Record, console: Console) -> None:
     entry, outcome = record.entry, record.outcome
     style = _STYLES.get(outcome.verdict, "cyan")
-    console.print(f"{entry.id:<5} [{style}]{outcome.verdict}[/]  {escape(entry.title)}  [dim]{record.seconds:.1f} s[/]")
+    flown = f"{record.seeds} seeds, " if record.seeds else ""
+    flown = f"1 seed{ONE_SEED}, " if record.seeds == 1 else flown
+    console.print(f"{entry.id:<5} [{style}]{outcome.verdict}[/]  {escape(entry.title)}  [dim]{flown}{record.seconds:.1f} s[/]")
     console.print(f"      thesis: {escape(entry.thesis)}")
     console.print(f"      ours:   {escape(outcome.ours)}")
     if outcome.reason:

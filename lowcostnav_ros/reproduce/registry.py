@@ -1,6 +1,6 @@
 """One registry of results: each entry states what was printed where, with which tolerance, and how to compute it again.
 
-A result module decorates plain functions; the tolerance stands in the decorator, so it is written before the run::
+A result module decorates plain functions; the tolerance stands in the decorator, and one that was changed after a run says so there::
 
     @result("GR10", "Angle random walk", source="Figure 4.2", thesis="0.194 deg ...", tolerance="5 %")
     def angle_random_walk(context: Context) -> Outcome:
@@ -50,10 +50,22 @@ STUDIES = {
 """What each study is, for headings."""
 
 REPRODUCED = "reproduced"
+BETTER = "better than the thesis"
+FITTED = "fitted"
 DIFFERS = "differs"
-NOT_IN_NUMBERS = "not in the thesis in numbers"
+BY_DEFINITION = "by definition"
+NOT_IN_NUMBERS = "not in numbers"
 CRASHED = "crashed"
-VERDICTS = (REPRODUCED, DIFFERS, NOT_IN_NUMBERS, CRASHED)
+VERDICTS = {
+    REPRODUCED: "within the tolerance, and free to fail it",
+    BETTER: "a one-sided bound, passed with a margin that the thesis did not have",
+    FITTED: "the number served to choose a setting; the setting and the number without it are named",
+    DIFFERS: "outside the tolerance under every reading, the closest is named",
+    BY_DEFINITION: "arithmetic on printed inputs, or the rank of nothing: no evidence for a model",
+    NOT_IN_NUMBERS: "the thesis claims it without a number",
+    CRASHED: "the computation failed",
+}
+"""Each verdict and what it means."""
 
 DrawFunction = Callable[[Any], None]
 """Draws on the matplotlib figure it is given; the library is loaded only where a figure is saved."""
@@ -61,6 +73,34 @@ DrawFunction = Callable[[Any], None]
 
 class ReproduceError(ValueError):
     """A request that cannot be served; the message is one sentence that says what to do."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read the text where it allows several.
+
+    Attributes
+    ----------
+    name : str
+        What is read, in words: ``correlation distance 5 miles (Table 6.1)``.
+    ours : str
+        Our numbers under it.
+    within : bool
+        Whether they are within the tolerance.
+    """
+
+    name: str
+    ours: str
+    within: bool
+
+
+@dataclass(frozen=True)
+class Change:
+    """A criterion or a procedure that was changed after a run had shown the result: the date, the verdict until then, what changed."""
+
+    date: str
+    before: str
+    what: str
 
 
 @dataclass(frozen=True)
@@ -72,17 +112,20 @@ class Outcome:
     ours : str
         Our numbers with their units, as a reader compares them with the thesis.
     verdict : str
-        One of :data:`VERDICTS`; ``differs`` and ``not in the thesis in numbers`` need a reason.
+        One of :data:`VERDICTS`; all but ``reproduced`` need a reason.
     reason : str
         One sentence; empty where there is nothing to explain.
     figure : callable, optional
         Draws the result on the matplotlib figure it is given; called only when figures are wanted.
+    readings : tuple of Reading
+        Columns of the result, where the text can be read in several ways.
     """
 
     ours: str
     verdict: str
     reason: str = ""
     figure: DrawFunction | None = None
+    readings: tuple[Reading, ...] = ()
 
     def __post_init__(self) -> None:
         if self.verdict not in VERDICTS:
@@ -97,6 +140,33 @@ def judged(ours: str, within: bool, reason: str = "", figure: DrawFunction | Non
     return Outcome(ours, REPRODUCED, "", figure) if within else Outcome(ours, DIFFERS, why, figure)
 
 
+def better(ours: str, within: bool, margin: str, reason: str, figure: DrawFunction | None = None) -> Outcome:
+    """Return the outcome of a one-sided bound: better than the thesis by ``margin`` when ``within`` it, else differs for ``reason``."""
+    return Outcome(ours, BETTER, margin, figure) if within else Outcome(ours, DIFFERS, reason, figure)
+
+
+def by_definition(ours: str, within: bool, reason: str, figure: DrawFunction | None = None) -> Outcome:
+    """Return the outcome of arithmetic on printed inputs: by definition, or differs where even that does not come out."""
+    return Outcome(ours, BY_DEFINITION if within else DIFFERS, reason, figure)
+
+
+def fitted(ours: str, within: bool, setting: str, untuned: str, reason: str = "", figure: DrawFunction | None = None) -> Outcome:
+    """Return the outcome of a comparison whose number served to choose ``setting``; ``untuned`` is ours without that choice."""
+    if within:
+        return Outcome(ours, FITTED, f"fitted by {setting}; untuned: {untuned}", figure)
+    return Outcome(ours, DIFFERS, f"{reason or 'not even when fitted'}; fitted by {setting}; untuned: {untuned}", figure)
+
+
+def read(readings: Sequence[Reading], reason: str = "", figure: DrawFunction | None = None) -> Outcome:
+    """Return the outcome of several readings: reproduced when one is within the tolerance, which the thesis must have used."""
+    within = [reading for reading in readings if reading.within]
+    ours = "; ".join(f"{reading.name}: {reading.ours}" for reading in readings)
+    if not within:
+        return Outcome(ours, DIFFERS, reason or "under no reading of the text", figure, tuple(readings))
+    why = "under every reading" if len(within) == len(readings) else f"as the thesis must have read it: {within[0].name}"
+    return Outcome(ours, REPRODUCED, f"{why}; {reason}" if reason else why, figure, tuple(readings))
+
+
 @dataclass
 class Context:
     """What a result function may use.
@@ -107,6 +177,8 @@ class Context:
         True asks for fewer runs: about a second per result, the same verdict wherever chance allows.
     seed : int
         Seed of everything random; use :meth:`rng`.
+    flown : int
+        Seeds flown by the result that is being computed; 0 where it draws all from one stream.
     run : callable
         ``run(function, cases) -> list``: apply a module-level function to picklable cases on all workers, results in the order of
         the cases whatever the number of workers.
@@ -115,6 +187,7 @@ class Context:
     quick: bool = False
     seed: int = 1
     run: Callable[[Callable[[Any], Any], Sequence[Any]], list] = lambda function, cases: [function(case) for case in cases]
+    flown: int = 0
     _kept: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def rng(self, name: str) -> np.random.Generator:
@@ -123,13 +196,18 @@ class Context:
 
     def seeds(self, name: str, count: int) -> list[int]:
         """Return ``count`` seeds for the cases of a campaign."""
+        self.flown = max(self.flown, count)
         return [int(s) for s in self.rng(name).integers(0, 2**62, count)]
 
     def once(self, name: str, compute: Callable[[], Any]) -> Any:
         """Compute something that several results share, once in a run."""
         if name not in self._kept:
-            self._kept[name] = compute()
-        return self._kept[name]
+            before, self.flown = self.flown, 0
+            self._kept[name] = compute(), self.flown
+            self.flown = before
+        value, flown = self._kept[name]
+        self.flown = max(self.flown, flown)
+        return value
 
 
 @dataclass(frozen=True)
@@ -143,6 +221,7 @@ class Entry:
     tolerance: str
     study: str
     function: Callable[[Context], Outcome]
+    changed: Change | None = None
 
 
 _ENTRIES: dict[str, Entry] = {}
@@ -152,7 +231,7 @@ ResultFunction = Callable[..., Outcome]
 
 
 def result(
-    id: str, title: str, *, source: str, thesis: str, tolerance: str, **given: Any
+    id: str, title: str, *, source: str, thesis: str, tolerance: str, changed: Change | None = None, **given: Any
 ) -> Callable[[ResultFunction], ResultFunction]:
     """Register a function as a result; where one function computes several, each has a decorator of its own.
 
@@ -168,6 +247,8 @@ def result(
         The printed number or claim; a number the thesis does not print itself is marked as recomputed from its model.
     tolerance : str
         What counts as reproduced.
+    changed : Change, optional
+        What of the criterion or the procedure was changed after a run had shown the result.
     **given
         What the function takes beside the context.
     """
@@ -177,7 +258,7 @@ def result(
         known = _ENTRIES.get(id)
         if known is not None and known.function.__qualname__ != function.__qualname__:
             raise ReproduceError(f"Result {id} is registered twice; give '{title}' an id of its own.")
-        _ENTRIES[id] = Entry(id, title, source, thesis, tolerance, study, update_wrapper(partial(function, **given), function))
+        _ENTRIES[id] = Entry(id, title, source, thesis, tolerance, study, update_wrapper(partial(function, **given), function), changed)
         return function
 
     return register

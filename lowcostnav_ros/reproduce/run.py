@@ -14,17 +14,23 @@ FIGURE_INCHES = (9.0, 3.8)
 FIGURE_DPI = 80
 FIGURES = "figures"
 COLOURS = 128
+ONE_SEED = "; one seed is no verdict"
 
 
 @dataclass(frozen=True)
 class Record:
-    """One finished result; ``figure`` is the path of its picture relative to the output directory, or None."""
+    """One finished result.
+
+    ``figure`` is the path of its picture relative to the output directory, or None; ``seeds`` how many were flown, 0 where it draws all
+    from one stream.
+    """
 
     entry: Entry
     outcome: Outcome
     seconds: float
     figure: str | None
     trace: str = ""
+    seeds: int = 0
 
     def as_json(self, out: Path | None) -> dict[str, str | float | None]:
         """Plain values under the names of the JSON output."""
@@ -37,6 +43,7 @@ class Record:
             "tolerance": self.entry.tolerance,
             "verdict": self.outcome.verdict,
             "reason": self.outcome.reason,
+            "seeds": self.seeds,
             "seconds": round(self.seconds, 3),
             "figure": str(out / self.figure) if out is not None and self.figure else None,
         }
@@ -71,14 +78,14 @@ def run_results(
 
 
 def _run_one(entry: Entry, context: Context, out: Path | None) -> Record:
-    start = time.perf_counter()
+    start, context.flown = time.perf_counter(), 0
     try:
         outcome = entry.function(context)
         figure = save_figure(outcome.figure, out, entry.id) if out is not None and outcome.figure is not None else None
     except Exception as error:  # one broken result must not hide the others
         outcome = Outcome("-", CRASHED, f"{type(error).__name__}: {error}")
         return Record(entry, outcome, time.perf_counter() - start, None, traceback.format_exc())
-    return Record(entry, outcome, time.perf_counter() - start, figure)
+    return Record(entry, outcome, time.perf_counter() - start, figure, seeds=context.flown)
 
 
 def save_figure(draw: DrawFunction, out: Path, name: str) -> str:

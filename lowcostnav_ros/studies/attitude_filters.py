@@ -16,8 +16,9 @@ from lowcostnav_ros.physics.attitude_propagation import body_rate_matrix, euler_
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.rotation import wrap
 
-OPEN_LOOP, ALWAYS, HEADING_SWITCH, RATE_SWITCH = 0, 1, 2, 3
-"""When accelerometers and magnetometer are fed back: never, always, by the heading's change between updates, by body rates."""
+OPEN_LOOP, ALWAYS, HEADING_SWITCH, RATE_SWITCH, STEP_SWITCH = 0, 1, 2, 3, 4
+"""When accelerometers and magnetometer are fed back: never, always, by the change of heading between updates, by body rates, by the change
+of heading over one step of the gyros."""
 
 
 @kernel
@@ -71,7 +72,8 @@ def accel_mag_filter(angles, rates, forces, heading, every, on_level, on_heading
         Gains on roll and pitch, and on heading.
     feedback : int
         :data:`OPEN_LOOP`, :data:`ALWAYS`, :data:`HEADING_SWITCH` (limits[0] on the change of the estimated heading per second and
-        limits[2] on the load, equation 4.67) or :data:`RATE_SWITCH` (:func:`follow_switch`, steady since the last update).
+        limits[2] on the load, equation 4.67 over the second between updates), :data:`STEP_SWITCH` (the same over the last gyro step,
+        corrections excluded) or :data:`RATE_SWITCH` (:func:`follow_switch`, steady since the last update).
     limits : ndarray, shape (7,)
         Of :func:`~lowcostnav_ros.estimation.manoeuvre.switch_limits`.
 
@@ -88,7 +90,9 @@ def accel_mag_filter(angles, rates, forces, heading, every, on_level, on_heading
     now, memory, before = angles.copy(), np.zeros(5), angles[2]
     mean, quiet = np.zeros(3), True
     for k in range(rates.shape[0]):
+        was = now[2]
         now = euler_step(now, rates[k], dt)
+        stepped = wrap(now[2] - was) / dt
         down = np.array([-math.sin(now[1]), math.sin(now[0]) * math.cos(now[1]), math.cos(now[0]) * math.cos(now[1])])
         steady = follow_switch(memory, limits, forces[k], rates[k], down, dt)
         quiet = quiet and steady
@@ -97,8 +101,8 @@ def accel_mag_filter(angles, rates, forces, heading, every, on_level, on_heading
             m = (k + 1) // every - 1
             turning[m] = wrap(now[2] - before) / (every * dt)
             load = math.sqrt((forces[k] ** 2).sum()) / STANDARD_GRAVITY
-            calm = abs(turning[m]) <= limits[0] and load <= 1.0 + limits[2]
-            used[m] = feedback == 1 or (feedback == 2 and calm) or (feedback == 3 and quiet)
+            calm = abs(stepped if feedback == 4 else turning[m]) <= limits[0] and load <= 1.0 + limits[2]
+            used[m] = feedback == 1 or ((feedback == 2 or feedback == 4) and calm) or (feedback == 3 and quiet)
             if used[m]:
                 roll, pitch = level_angles(mean if feedback == 3 else forces[k])
                 now[0] += on_level * wrap(roll - now[0])

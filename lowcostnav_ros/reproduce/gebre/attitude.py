@@ -18,7 +18,7 @@ from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_conjugate, quat_rotate, rotvec_from_quat, wrap
 from lowcostnav_ros.physics.stochastic import GaussMarkov, initial_state, simulate
 from lowcostnav_ros.reproduce.figures import axes, legend
-from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
+from lowcostnav_ros.reproduce.registry import Change, Context, Outcome, Reading, judged, read, result
 from lowcostnav_ros.studies.attitude_antennas import attitude_from_phases, isosceles_array, phase_differences
 from lowcostnav_ros.studies.attitude_filters import euler_filter
 
@@ -47,7 +47,8 @@ def _matched(context: Context, form: int, runs: int) -> np.ndarray:
     "Vector matching, 10 000 random attitudes, step 0.1, 100 iterations, 1 mG and 1 milli-g",
     source="Section 4.9, page 118, and figure 4.5",
     thesis="3 runs with a heading error above 10 deg; largest pitch error 1.8 deg, largest roll error 2.3 deg",
-    tolerance="0 to 10 runs above 10 deg; largest roll and pitch below 5 deg in the others; the literal Jacobian fails in 43 % (5 %)",
+    tolerance="0 to 10 runs above 10 deg; largest roll and pitch of all runs below 5 deg; the literal Jacobian fails in 43 % (5 %)",
+    changed=Change("2026-11-27", "reproduced", "the largest errors were judged without the lost runs, the thesis counts them"),
 )
 def vector_matching(context: Context) -> Outcome:
     """Both consistent forms of the iteration, and the literal one."""
@@ -57,11 +58,11 @@ def vector_matching(context: Context) -> Outcome:
     lost = {form: int(np.sum(np.abs(e[:, 2]) > 10.0)) for form, e in errors.items()}
     found = {form: e[np.abs(e[:, 2]) <= 10.0] for form, e in errors.items()}
     right = found[vectors.RIGHT]
-    spread, largest = right.std(axis=0), np.abs(right).max(axis=0)
+    spread, largest, of_all = right.std(axis=0), np.abs(right).max(axis=0), np.abs(errors[vectors.RIGHT]).max(axis=0)
     ours = (
         f"{lost[vectors.RIGHT]} runs lost (in n: {lost[vectors.LEFT]}); sigma roll {spread[0]:.3f}, pitch {spread[1]:.3f}, heading "
-        f"{spread[2]:.2f} deg; largest roll {largest[0]:.1f}, pitch {largest[1]:.1f} deg in the others; the Jacobian as printed fails in "
-        f"{failed:.0f} %"
+        f"{spread[2]:.2f} deg; largest roll {largest[0]:.1f}, pitch {largest[1]:.1f} deg in the others, {of_all[0]:.1f} and "
+        f"{of_all[1]:.1f} deg of all; the Jacobian as printed fails in {failed:.0f} %"
     )
 
     def draw(figure: Any) -> None:
@@ -69,8 +70,8 @@ def vector_matching(context: Context) -> Outcome:
             made = axes(figure, (1, 3, 1 + k), x=f"{name} error [deg]", y="runs" if k == 0 else "")
             made.hist(right[:, k], bins=60)
 
-    good = all(count <= 10 for count in lost.values()) and float(largest[:2].max()) < 5.0 and abs(failed - 43.0) < 5.0
-    return judged(ours, good, "The lost runs decide the largest errors, and their number is a matter of chance.", draw)
+    good = all(count <= 10 for count in lost.values()) and float(of_all[:2].max()) < 5.0 and abs(failed - 43.0) < 5.0
+    return judged(ours, good, "the lost runs decide the largest errors, and their number is a matter of chance", draw)
 
 
 @result(
@@ -89,7 +90,7 @@ def convergence(context: Context) -> Outcome:
         history = vectors.match_history(np.array([1.0, 0.0, 0.0, 0.0]), FIELD_N, GRAVITY_N, field_b, gravity_b, step, 100, vectors.RIGHT)
         histories[step] = history * np.sign(history @ truth)[:, np.newaxis]
         left[step] = np.array([np.linalg.norm(rotvec_from_quat(_product(quat_conjugate(truth), q))) for q in history]) / DEGREE
-    needed = {step: int(np.argmax(angle < 1.0)) for step, angle in left.items()}
+    needed = {step: int(np.argmax(angle < 1.0)) if np.any(angle < 1.0) else len(angle) for step, angle in left.items()}
     monotone = bool(np.all(np.diff(left[0.1]) < 1e-9))
     ours = f"below 1 deg after {needed[0.1]} iterations at 0.1 ({left[0.1][50]:.1f} deg after 50) and {needed[1.0]} at 1.0"
 
@@ -145,22 +146,37 @@ def _runs(context: Context, start: Start, count: int) -> Iterator[tuple[np.ndarr
     return (start.run(context.rng(f"euler {start} {k}")) for k in range(count))
 
 
+def _last_above(values: np.ndarray, limit: float) -> int:
+    """Number of samples until values are below a limit for good."""
+    above = np.flatnonzero(values > limit)
+    return int(above[-1]) + 1 if above.size else 0
+
+
 @result(
     "GR25",
     "Euler filter, gyro biases after the start (0.3 deg/s)",
     source="Figure 4.10, tuning of table 4.2",
     thesis="settled in 3 to 4 minutes (recomputed: mean absolute error 0.043 deg/s at 2 min and 0.011 at 4 min)",
-    tolerance="mean absolute error below a tenth of 0.3 deg/s between 2 and 4 minutes; recomputed values within 50 %",
+    tolerance="below a tenth of 0.3 deg/s from 3 to 4 minutes on, which one start in twenty may miss; recomputed values within 50 %",
+    changed=Change("2026-11-27", "reproduced", "2 to 4 minutes were allowed where the thesis says 3 to 4"),
 )
 def bias_settling(context: Context) -> Outcome:
     """Bias errors of many starts with the drift of table 3.1, 0.05 deg/s."""
     count = 20 if context.quick else 200
-    mean = sum(np.abs(bias - learned).mean(axis=1) for _, learned, bias, _, _ in _runs(context, Start(0.05, 400, 0), count))
-    mean = mean / (count * DEGREE)
+    mean, single = np.zeros(400 * RATE_HZ), []
+    for _, learned, bias, _, _ in _runs(context, Start(0.05, 400, 0), count):
+        error = np.abs(bias - learned) / DEGREE
+        mean += error.mean(axis=1) / count
+        single += [_last_above(column, 0.03) / RATE_HZ / 60.0 for column in error[: 300 * RATE_HZ].T]
     two, four = mean[120 * RATE_HZ - 1], mean[240 * RATE_HZ - 1]
-    settled = (len(mean) - int(np.argmax(mean[::-1] > 0.03))) / RATE_HZ
-    ours = f"mean absolute error {two:.3f} deg/s at 2 min, {four:.3f} at 4 min; below 0.03 deg/s from {settled / 60.0:.1f} min on"
-    good = 120.0 < settled < 240.0 and abs(two / 0.043 - 1.0) < 0.5 and abs(four / 0.011 - 1.0) < 0.5
+    settled = _last_above(mean, 0.03) / RATE_HZ / 60.0
+    recomputed = abs(two / 0.043 - 1.0) < 0.5 and abs(four / 0.011 - 1.0) < 0.5
+    low, middle, high = np.quantile(single, (0.05, 0.5, 0.95))
+    sizes = f"mean absolute error {two:.3f} deg/s at 2 min, {four:.3f} at 4 min"
+    readings = [
+        Reading("mean of many starts", f"{sizes}; below 0.03 deg/s from {settled:.1f} min on", recomputed and 3.0 < settled < 4.0),
+        Reading("one gyro of one start, as in the figure", f"{middle:.1f} min (90 %: {low:.1f} to {high:.1f})", recomputed and high > 3.0),
+    ]
 
     def draw(figure: Any) -> None:
         made = axes(figure, x="time [min]", y="estimated gyro bias [deg/s]", title="one start; dotted: true, 0.3 deg/s and drift")
@@ -171,7 +187,7 @@ def bias_settling(context: Context) -> Outcome:
             made.plot(t_min, bias[:, k] / DEGREE, f"C{k}:", linewidth=0.8)
         legend(made)
 
-    return judged(ours, good, "Chance of the draw at this number of runs.", draw)
+    return read(readings, figure=draw)
 
 
 @result(

@@ -141,7 +141,8 @@ def ranges(flight: Flight, case: Case, table: StationTable) -> list[SlantRange]:
 
     The errors are those of the DME simulator, drawn every second for every station, so all methods meet the same range biases.
     """
-    settings = DmeSimulatorSettings(seed=flight.seed % 2**31)
+    distance_m = case.bias_distance_nm * NAUTICAL_MILE
+    settings = DmeSimulatorSettings(seed=flight.seed % 2**31, correlation_distance_m=distance_m)
     variance = settings.drift_m**2 + settings.noise_m**2
     errors = {station.ident: range_error(settings, station.ident) for station in table}
     listed, out = list(table), []

@@ -26,11 +26,13 @@ from lowcostnav_ros.radionav.geometry import range_and_direction
 from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.gebre import flights
 from lowcostnav_ros.reproduce.gebre.dead_reckoning import LIMIT_M, thesis_settings
-from lowcostnav_ros.reproduce.gebre.update_methods import NOISE_M, WORDS, Case
-from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
+from lowcostnav_ros.reproduce.gebre.update_methods import NOISE_M, TABLE_6_1_NM, WORDS, Case
+from lowcostnav_ros.reproduce.registry import Change, Context, Outcome, Reading, judged, read, result
 from lowcostnav_ros.studies.covariance_study import first_crossing
 
 SCHEMES = ("one", "two", "scanning")
+ALIKE = 0.5
+"""Correlation of the errors of two methods from which they are off the same way."""
 OPEN_LOOP = "open loop"
 """The scheme that asks no station."""
 WHOLE_M = math.hypot(0.17 * NAUTICAL_MILE, NOISE_M)
@@ -147,26 +149,29 @@ class Job:
     seed: int
     scheme: str
     sigma_m: float | None = None
+    bias_distance_nm: float = 0.5
 
 
 def track_of(job: Job) -> Track:
     """Fly one job; the flight and its ranges depend on the seed and the scheme alone."""
-    flight, case = flights.fly(job.seed), None if job.scheme == OPEN_LOOP else Case(job.scheme)
+    flight, case = flights.fly(job.seed), None if job.scheme == OPEN_LOOP else Case(job.scheme, bias_distance_nm=job.bias_distance_nm)
     return live_track(flight, case) if job.sigma_m is None else reduced_track(flight, case, job.sigma_m)
 
 
-def campaign(context: Context, runs: int, schemes: Sequence[str], sigma_m: float | None) -> dict[str, list[Track]]:
+def campaign(
+    context: Context, runs: int, schemes: Sequence[str], sigma_m: float | None, bias_distance_nm: float = 0.5
+) -> dict[str, list[Track]]:
     """Fly many seeds by every scheme, once in a run of results.
 
     A compiled flight takes less than its way to another process and back, so those stay here.
     """
     seeds = context.seeds("navigator flights", runs)
-    jobs = [Job(seed, scheme, sigma_m) for scheme in schemes for seed in seeds]
+    jobs = [Job(seed, scheme, sigma_m, bias_distance_nm) for scheme in schemes for seed in seeds]
 
     def flown() -> list[Track]:
         return context.run(track_of, jobs) if sigma_m is None else [track_of(job) for job in jobs]
 
-    tracks = context.once(f"navigator flights {runs} {schemes} {sigma_m}", flown)
+    tracks = context.once(f"navigator flights {runs} {schemes} {sigma_m} {bias_distance_nm}", flown)
     return {scheme: tracks[i * runs : (i + 1) * runs] for i, scheme in enumerate(schemes)}
 
 
@@ -204,7 +209,8 @@ def likeness(a: list[Track], b: list[Track]) -> float:
     source="figures 7.13 to 7.15",
     thesis="one flight: beyond 0.5 NM before 15 min, about 2 miles along track at 28 min; recomputed: median crossing 280 s, "
     "5.4 km RMS at 900 s, 11.6 km at 1680 s",
-    tolerance="beyond 926 m before 15 min in more than 80 % of the runs",
+    tolerance="beyond 926 m before 15 min in more than 80 % of the runs; the printed 2 miles in the middle 90 % of the runs",
+    changed=Change("2026-11-27", "reproduced", "the printed 2 miles at 28 min are judged, too"),
 )
 def open_loop_flights(context: Context) -> Outcome:
     """A hundred flights without DME."""
@@ -219,7 +225,7 @@ def open_loop_flights(context: Context) -> Outcome:
         f"{rms[0]:.1f} km RMS at 900 s, {rms[1]:.1f} km at 1680 s; "
         f"the flown 2 miles at 28 min were a good day, {100.0 * within_2_miles:.0f} % of the runs do as well"
     )
-    return judged(ours, early > 0.80, figure=lambda figure: draw_open_loop(figure, error))
+    return judged(ours, early > 0.80 and 0.05 <= within_2_miles <= 0.95, figure=lambda figure: draw_open_loop(figure, error))
 
 
 def draw_open_loop(figure: Any, error: np.ndarray) -> None:
@@ -238,21 +244,31 @@ def _listed(summary: dict[str, Statistics]) -> str:
     return "; ".join(f"{WORDS[scheme]}: {s}" for scheme, s in summary.items())
 
 
+def _reduced(context: Context, sigma_m: float) -> list[Reading]:
+    """Statistics of the flown filter with one range variance, under both correlation distances of the range biases."""
+    runs, readings = 20 if context.quick else 60, []
+    for distance, name in ((0.5, "correlation distance 0.5 NM, as about (3.39)"), (TABLE_6_1_NM, "5 miles, as in table 6.1")):
+        tracks = campaign(context, runs, SCHEMES, sigma_m, distance)
+        summary = {scheme: statistics(tracks[scheme]) for scheme in SCHEMES}
+        alike = likeness(tracks["one"], tracks["scanning"]), likeness(tracks["two"], tracks["scanning"])
+        text = f"{_listed(summary)}; correlation of the errors with those of scanning {alike[0]:.2f} (1-DME), {alike[1]:.2f} (2-DME)"
+        readings.append(Reading(name, text, all(s.within >= 0.95 for s in summary.values()) and min(alike) > ALIKE))
+    return readings
+
+
 @result(
     "GR48",
     "Reduced-order filter on flight-like runs, range biases counted in the range variance",
     source="figure 7.14",
     thesis="one flight: always within 0.5 NM, the three update methods alike and off the same way; recomputed: RMS 391/373/405 m",
-    tolerance="within 926 m in at least 95 % of the time, every method",
+    tolerance="within 926 m in at least 95 % of the time and errors that correlate by more than 0.5 with those of scanning, every method",
+    changed=Change("2026-11-27", "reproduced", "that the methods err alike is judged, too; table 6.1's distance stands beside the other"),
 )
 def reduced_flights(context: Context) -> Outcome:
-    """The flown filter with the variance it needs."""
+    """The flown filter with a variance that the thesis does not have."""
     tracks = campaign(context, 20 if context.quick else 60, SCHEMES, WHOLE_M)
-    summary = {scheme: statistics(tracks[scheme]) for scheme in SCHEMES}
-    alike = likeness(tracks["one"], tracks["scanning"]), likeness(tracks["two"], tracks["scanning"])
-    ours = f"{_listed(summary)}; correlation of the errors with those of scanning {alike[0]:.2f} (1-DME), {alike[1]:.2f} (2-DME)"
-    within = all(s.within >= 0.95 for s in summary.values())
-    return judged(ours, within, figure=lambda figure: draw_methods(figure, context.seeds("navigator flights", 1)[0], tracks))
+    why = "(315 m)^2 for the printed (7.4 m)^2 is this project's; under table 6.1's distance they err more alike and it does not help"
+    return read(_reduced(context, WHOLE_M), why, lambda figure: draw_methods(figure, context.seeds("navigator flights", 1)[0], tracks))
 
 
 def draw_methods(figure: Any, seed: int, tracks: dict[str, list[Track]]) -> None:
@@ -284,16 +300,17 @@ def draw_methods(figure: Any, seed: int, tracks: dict[str, list[Track]]) -> None
     "Reduced-order filter on flight-like runs, as printed",
     source="figure 7.14 and equation (6.40)",
     thesis="always within 0.5 NM; recomputed with the printed variance (7.4 m)^2: within 79.6/90.7/96.6 % of the time, 741/594/487 m RMS",
-    tolerance="within 926 m in at least 95 % of the time, every method",
+    tolerance="within 926 m in at least 95 % of the time, the methods alike (correlation above 0.5), every method",
 )
 def printed_flights(context: Context) -> Outcome:
     """The flown filter with the variance that the thesis prints."""
     runs = 20 if context.quick else 60
     tracks = {sigma_m: campaign(context, runs, SCHEMES, sigma_m) for sigma_m in (NOISE_M, WHOLE_M)}
-    summary = {scheme: statistics(tracks[NOISE_M][scheme]) for scheme in SCHEMES}
-    reason = "the printed range variance leaves the biases out, so they go into position and wind; counting them corrects this (GR48)"
-    within = all(s.within >= 0.95 for s in summary.values())
-    return judged(_listed(summary), within, reason, lambda figure: draw_distributions(figure, tracks))
+    reason = (
+        "the printed range variance leaves the biases out, so they go into position and wind; closest with the 5 miles of table 6.1, where "
+        "the methods err alike as the thesis says, in one flight of which it could well have stayed within"
+    )
+    return read(_reduced(context, NOISE_M), reason, lambda figure: draw_distributions(figure, tracks))
 
 
 def draw_distributions(figure: Any, tracks: dict[float, dict[str, list[Track]]]) -> None:

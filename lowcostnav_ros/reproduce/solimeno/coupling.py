@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M, category
+from lowcostnav_ros.physics.rotation import wrap
 from lowcostnav_ros.reproduce.figures import axes, legend
-from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
+from lowcostnav_ros.reproduce.registry import Change, Context, Outcome, fitted, judged, result
 from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight
 from lowcostnav_ros.reproduce.solimeno.gps_only import FOLLOWING, OTHERS, SEEDS, VELOCITY, each_3d, mean_rms, norm, rms_row, runs
 
 ATTITUDE = slice(6, 9)
+FITTED_BY = "a position noise of (6, 6, 90) m^2/s, which the thesis does not print"
 
 
 def attitude_deg(flights: Sequence[Flight]) -> np.ndarray:
@@ -73,7 +75,10 @@ def _grade(context: Context, grade: str, printed_m: float) -> tuple[float, bool,
     "Tight coupling, low-cost IMU",
     source="Tables 7.3 and 7.9",
     thesis="N 1.07, E 1.19, U 2.51, 2D 1.60, 3D 2.98 m; velocity 3D 0.165 m/s; attitude 3D 1.80 deg",
-    tolerance="position 25 %; velocity and attitude not above the thesis's",
+    tolerance="position 25 %; velocity and attitude not above the thesis's, the first minute counted",
+    changed=Change(
+        "2026-11-22, 2026-11-27", "differs, then reproduced", "known start and the first minute left out; the minute is counted again"
+    ),
 )
 def tight_crista(context: Context) -> Outcome:
     """Low dynamics, thesis's tuning, known start."""
@@ -84,7 +89,8 @@ def tight_crista(context: Context) -> Outcome:
     text += f"; velocity {velocity:.3f} m/s; attitude {attitude:.2f} deg ({each.min():.2f} to {each.max():.2f}), "
     text += f"roll and pitch {norm(attitude_deg(flights)[:2]):.2f} deg; the first minute included {attitude_from_start(flights):.2f} deg"
     why = "heading is observable through horizontal acceleration alone, and the thesis does not state how much of it its flight has"
-    return judged(text, within and velocity <= 0.165 and attitude <= 1.80, why)
+    whole = attitude_from_start(flights)
+    return fitted(text, within and velocity <= 0.165 and whole <= 1.80, FITTED_BY, consistent_row(context, "crista"), why)
 
 
 def attitude_from_start(flights: Sequence[Flight]) -> float:
@@ -102,7 +108,7 @@ def attitude_from_start(flights: Sequence[Flight]) -> float:
 def tight_mems(context: Context) -> Outcome:
     """Low dynamics, thesis's tuning."""
     _, within, text = _grade(context, "mems", 2.92)
-    return judged(f"{text}; {consistent_row(context, 'mems')}", within)
+    return fitted(text, within, FITTED_BY, consistent_row(context, "mems"))
 
 
 @result(
@@ -116,7 +122,10 @@ def tight_fog(context: Context) -> Outcome:
     """Low dynamics, thesis's tuning."""
     best, within, text = _grade(context, "fog", 2.86)
     worse = _grade(context, "crista", 2.98)[0] / best - 1.0
-    return judged(f"{text}; low-cost over FOG {100.0 * worse:+.1f} %; {consistent_row(context, 'fog')}", within and abs(worse) <= 0.05)
+    untuned = norm(mean_rms(drawn(context, "tight"))) / norm(mean_rms(drawn(context, "tight", "fog"))) - 1.0
+    text = f"{text}; low-cost over FOG {100.0 * worse:+.1f} %"
+    shown = f"low-cost over FOG {100.0 * untuned:+.0f} %; {consistent_row(context, 'fog')}"
+    return fitted(text, within and abs(worse) <= 0.05, f"{FITTED_BY}, beside which no IMU matters", shown)
 
 
 @result(
@@ -139,7 +148,7 @@ def approach(context: Context) -> Outcome:
         parts.append(f"{tuning} tuning: {shown} of the time, 95 % meet {met}")
         if tuning == "thesis":
             within = share["I"] > 0.5 and upright["II"] < 0.95 and upright["III"] < 0.95
-    return judged("; ".join(parts), within)
+    return fitted(parts[0], within, FITTED_BY, parts[1])
 
 
 @result(
@@ -147,7 +156,10 @@ def approach(context: Context) -> Outcome:
     "Straight and uniform flight",
     source="section 7.4.1, Figure 7.14",
     thesis="roll and pitch stay good, yaw error 'very large' after 30 s; recomputed 35 deg at 30 s, RMS 41 deg",
-    tolerance="yaw above 10 deg at 30 s (RMS of seeds), roll and pitch RMS below 1 deg",
+    tolerance="yaw above 10 deg at 30 s (RMS of seeds), roll and pitch RMS below 1 deg, its own sigma at the end at least half its error",
+    changed=Change(
+        "2026-11-22, 2026-11-27", "differs, then reproduced", "the start became a known one; the filter's own sigma is judged"
+    ),
 )
 def straight(context: Context) -> Outcome:
     """Low-cost IMU on STR; the thesis's flights start at the true attitude, and the filter is given one degree."""
@@ -158,8 +170,10 @@ def straight(context: Context) -> Outcome:
     text = f"yaw {np.sqrt(np.mean(at_30**2)):.0f} deg at 30 s ({at_30.min():.0f} to {at_30.max():.0f} over "
     text += f"{len(flights)} seeds, its sigma {sigma_30:.0f} deg), "
     text += f"RMS {rms[2]:.0f} deg (its sigma at the end {sigma_end:.0f} deg); roll and pitch RMS {rms[0]:.2f} and {rms[1]:.2f} deg"
-    why = "in uniform flight a tilt looks like an accelerometer bias: roll and pitch stay as good as the start they were given"
-    good = bool(np.sqrt(np.mean(at_30**2)) > 10.0 and rms[:2].max() < 1.0)
+    at_end = float(np.sqrt(np.mean([np.degrees(wrap(f.error[-1, 8])) ** 2 for f in flights])))
+    why = "the error is the thesis's, but our filter does not know of it: relinearised about a heading that wanders, it takes for observed "
+    why += f"what is not ({at_end:.0f} deg RMS at the end, its sigma {sigma_end:.0f} deg)"
+    good = bool(np.sqrt(np.mean(at_30**2)) > 10.0 and rms[:2].max() < 1.0 and sigma_end >= 0.5 * at_end)
     return judged(text, good, why, partial(draw_heading, flights[0]))
 
 
@@ -180,7 +194,7 @@ def dynamics(context: Context) -> Outcome:
     shown = ", ".join(f"{name} {rms[name]:.1f} deg ({v.min():.1f} to {v.max():.1f})" for name, v in each.items())
     within = rms["LD-gentle"] > 10.0 and max(rms["LD"], rms["HD"]) < 5.0 and rms["HD"] <= rms["LD"]
     why = "the gyro scale factors and biases drawn decide how far the heading wanders on the gentle flight"
-    return judged(f"{shown} over {SEEDS} seeds", within, why)
+    return judged(f"{shown} over {context.flown} seeds", within, why)
 
 
 def draw_coupling(tight: Flight, loose: Flight, figure: Any) -> None:

@@ -11,9 +11,9 @@ from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.gnss.accuracy import relative_error
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS, simulate
-from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
+from lowcostnav_ros.reproduce.registry import Change, Context, Outcome, Reading, judged, read, result
 from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight, epochs_of, fed, imu_of, navigator_of, started, truth_of
-from lowcostnav_ros.reproduce.solimeno.gps_only import SEEDS, root_mean_square, runs
+from lowcostnav_ros.reproduce.solimeno.gps_only import root_mean_square, runs
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
 from lowcostnav_ros.sensors.imu_profile import ImuProfile
 
@@ -59,8 +59,8 @@ def cases(context: Context, case: Case, flights: Sequence[Flight]) -> list[Case]
     return [replace(case, seed=seed % 2**31) for seed in context.seeds("solimeno.flights", len(flights))]
 
 
-def errors_over_size(context: Context, dataset: str, parts: Sequence[str], size_of: str) -> dict[str, np.ndarray]:
-    """RMS error of the sum of some estimates over the RMS size of a true error, by axis over all flights, (3,) of either sensor.
+def errors_over_size(context: Context, dataset: str, parts: Sequence[str], size_of: Sequence[str]) -> dict[str, np.ndarray]:
+    """RMS error of the sum of some estimates over the RMS size of a sum of true errors, by axis over all flights, (3,) of either sensor.
 
     One means that nothing was learnt of an error of that size.
     """
@@ -71,10 +71,10 @@ def errors_over_size(context: Context, dataset: str, parts: Sequence[str], size_
         for case, flight in zip(cases(context, replace(HD, dataset=dataset), flights), flights, strict=True):
             late = flight.t_s > SETTLED_S
             rows = np.round(100.0 * flight.t_s[late]).astype(int)
-            true = {part: true_errors(case, part)[k][rows] for part in {*parts, size_of}}
+            true = {part: true_errors(case, part)[k][rows] for part in {*parts, *size_of}}
             estimate = sum(flight.state(f"{sensor}_{part}")[late] for part in parts)
             missed += np.mean((estimate - sum(true[part] for part in parts)) ** 2, axis=0)
-            size += np.mean(true[size_of] ** 2, axis=0)
+            size += np.mean(sum(true[part] for part in size_of) ** 2, axis=0)
         out[sensor] = np.sqrt(missed / size)
     return out
 
@@ -120,23 +120,32 @@ def turn_on(context: Context) -> Outcome:
     "Bias drifts estimated in flight",
     source="section 7.4.4, Figure 7.29",
     thesis="gyros good, accelerometers poor",
-    tolerance="error over size: gyros below accelerometers, on both flights",
+    tolerance="error over size: gyros below 0.75 and below the accelerometers, on both flights",
+    changed=Change(
+        "2026-11-22, 2026-11-27",
+        "reproduced, with drifts alone",
+        "the sum of turn-on bias and drift was taken, over the size of the drift; all three readings are shown, and good is below 0.75",
+    ),
 )
 def drift(context: Context) -> Outcome:
-    """Low-cost IMU.  A drift and a turn-on bias act alike, and only their sum is observable: its error counts.
-
-    The size it is measured by is that of the drift.
-    """
-    parts, within = [], True
-    for dataset in ("LD", "HD"):
-        total = errors_over_size(context, dataset, ("bias", "drift"), "drift")
-        alone = errors_over_size(context, dataset, ("drift",), "drift")
-        gyros, accels = root_mean_square(total["gyro"]), root_mean_square(total["accel"])
-        within &= gyros < accels
-        text = f"{dataset}: gyros {gyros:.2f} (x y z {by_axis(total['gyro'])}), accelerometers {accels:.2f} ({by_axis(total['accel'])}), "
-        text += f"drift states alone {root_mean_square(alone['gyro']):.2f} and {root_mean_square(alone['accel']):.2f}"
-        parts.append(text)
-    return judged(f"error of turn-on bias and drift together over the size of the drift: {'; '.join(parts)} ({SEEDS} seeds)", within)
+    """Low-cost IMU.  A drift and a turn-on bias act alike, and only their sum is observable; three ways to count."""
+    both = ("bias", "drift")
+    counted = {
+        "drift states over the size of the drift": (("drift",), ("drift",)),
+        "turn-on bias and drift together, over their size": (both, both),
+        "turn-on bias and drift together, over the size of the drift": (both, ("drift",)),
+    }
+    readings = []
+    for name, (parts, size_of) in counted.items():
+        ratio = {dataset: errors_over_size(context, dataset, parts, size_of) for dataset in ("LD", "HD")}
+        rms = {d: (root_mean_square(r["gyro"]), root_mean_square(r["accel"])) for d, r in ratio.items()}
+        shown = "; ".join(
+            f"{d}: gyros {rms[d][0]:.2f} (x y z {by_axis(r['gyro'])}), accelerometers {rms[d][1]:.2f} ({by_axis(r['accel'])})"
+            for d, r in ratio.items()
+        )
+        readings.append(Reading(name, shown, all(gyros < min(accels, 0.75) for gyros, accels in rms.values())))
+    why = "a drift cannot be told from the turn-on bias beside it; over the size of the drift the two sensors' data sheets decide"
+    return read(readings, why)
 
 
 @result(
@@ -145,6 +154,7 @@ def drift(context: Context) -> Outcome:
     source="section 7.4.4, Figure 7.30",
     thesis="follow the truth, similar quality of both sensors",
     tolerance="error over size below 0.75 for both, within a factor of 2 of each other, on the axes that the flight excites",
+    changed=Change("2026-11-22", "differs", "axes that the flight does not excite are left out; the limit of 0.75 is this project's"),
 )
 def scale(context: Context) -> Outcome:
     """Low-cost IMU, low dynamics, which excite an axis of either sensor more than HD's steady turns do.
@@ -155,7 +165,7 @@ def scale(context: Context) -> Outcome:
     for dataset in ("LD", "HD"):
         case = replace(HD, dataset=dataset)
         sigma = context.once(f"solimeno.observed.{dataset}", partial(context.run, observed_share, [case]))[0]
-        error = errors_over_size(context, dataset, ("scale",), "scale")
+        error = errors_over_size(context, dataset, ("scale",), ("scale",))
         for sensor, name in (("gyro", "gyros"), ("accel", "accelerometers")):
             excited = sigma[sensor] <= EXCITED
             found[dataset, sensor] = root_mean_square(error[sensor][excited]) if excited.any() else np.inf
@@ -163,7 +173,7 @@ def scale(context: Context) -> Outcome:
             parts.append(f"{dataset} {name} {found[dataset, sensor]:.3f} on {axes or 'no axis'} (x y z {by_axis(error[sensor])})")
     gyros, accels = found["LD", "gyro"], found["LD", "accel"]
     why = "our flights turn seldom or steadily: a gyro's scale factor shows in the few changes of rate, against a bias drift of 0.05 deg/s"
-    return judged("; ".join(parts) + f" ({SEEDS} seeds)", max(gyros, accels) < 0.75 and 0.5 < gyros / accels < 2.0, why)
+    return judged("; ".join(parts), max(gyros, accels) < 0.75 and 0.5 < gyros / accels < 2.0, why)
 
 
 @result(

@@ -1,7 +1,7 @@
 """Satellites alone, velocity and acceleration model, low and high dynamics, in the INS/GPS thesis (SR22 to SR27).
 
-The thesis prints no tuning.  Its accuracies follow from a position noise of (6, 6, 90) m^2/s; one driving noise cannot give both its
-velocities (Figure 7.10) and its lag in high dynamics (Table 7.2), so either has its own, as named below.
+The thesis prints no tuning.  A position noise of (6, 6, 90) m^2/s gives its accuracies and was chosen for that; one
+driving noise cannot give both its velocities (Figure 7.10) and its lag in high dynamics (Table 7.2), so either has its own, as named below.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.reproduce.registry import Context, Outcome, judged, result
+from lowcostnav_ros.reproduce.registry import Change, Context, Outcome, fitted, judged, result
 from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight, fly
 
 LAGGING = {"pv": 8e-4, "pva": 1e-4}
@@ -20,6 +20,7 @@ FOLLOWING = 0.03
 """The same of the acceleration for the velocities of Figure 7.10, m^2/s^5."""
 QV_TRIED = (0.01, 0.03, 0.1, 0.3)
 """Driving densities of the velocity tried for Figure 7.10, m^2/s^3."""
+FITTED_BY = "a position noise of (6, 6, 90) m^2/s and a driving noise that the thesis does not print"
 VELOCITY = slice(3, 6)
 SEEDS = 10
 OTHERS = 5
@@ -100,7 +101,9 @@ def largest_position(context: Context) -> Outcome:
     horizontal, vertical = largest(flights, 0)
     within = abs(horizontal / 4.67 - 1.0) < 0.4 and abs(vertical / 10.53 - 1.0) < 0.4
     text = f"horizontal {horizontal:.2f} m, vertical {vertical:.2f} m (mean of {len(flights)} seeds)"
-    return judged(text, within, figure=partial(draw_errors, flight=flights[0], first=0))
+    h, v = largest(runs(context, Case("pv", "LD"), OTHERS), 0)
+    untuned = f"horizontal {h:.2f} m, vertical {v:.2f} m"
+    return fitted(text, within, FITTED_BY, untuned, figure=partial(draw_errors, flight=flights[0], first=0))
 
 
 @result(
@@ -109,6 +112,7 @@ def largest_position(context: Context) -> Outcome:
     source="Figure 7.10",
     thesis="PV: horizontal 0.238 m/s, vertical 0.332 m/s",
     tolerance="40 %, with the PV filter",
+    changed=Change("2026-11-22", "reproduced", "40 % with either model were allowed (stricter)"),
 )
 def largest_velocity(context: Context) -> Outcome:
     """PV on the gentle flight, the driving density chosen for the smallest horizontal error; the PVA filter beside it."""
@@ -117,7 +121,7 @@ def largest_velocity(context: Context) -> Outcome:
     horizontal, vertical = tried[best]
     pva = {name: largest(velocity_runs(context, "pva", name, FOLLOWING), 3) for name in ("LD-gentle", "LD")}
     text = f"PV LD-gentle {horizontal:.2f}, {vertical:.2f} m/s with q_v = {best:g} m^2/s^3; "
-    text += "; ".join(f"PVA {name} {h:.2f}, {v:.2f} m/s" for name, (h, v) in pva.items()) + f" (mean of {SEEDS} seeds)"
+    text += "; ".join(f"PVA {name} {h:.2f}, {v:.2f} m/s" for name, (h, v) in pva.items()) + f" (mean of {context.flown} seeds)"
     why = "a velocity random walk lags on a flight that accelerates by 0.6 m/s^2 and passes more noise the faster it is made (horizontal "
     why += ", ".join(f"{h:.2f} m/s with q_v = {q:g}" for q, (h, _) in tried.items()) + "); the thesis's own flight is not printed, and "
     why += "with acceleration states we are within its numbers"
@@ -140,8 +144,8 @@ def pv_low(context: Context) -> Outcome:
     """q_v = 8e-4 m^2/s^3."""
     flights = lagging(context, "pv", "LD")
     rms = mean_rms(flights)
-    text = f"{table_row(flights)}; {consistent(context, 'pv', 'LD')}"
-    return judged(text, abs(norm(rms) / 2.94 - 1.0) < 0.25 and rms[2] > norm(rms[:2]))
+    within = abs(norm(rms) / 2.94 - 1.0) < 0.25 and bool(rms[2] > norm(rms[:2]))
+    return fitted(table_row(flights), within, FITTED_BY, consistent(context, "pv", "LD"))
 
 
 @result(
@@ -149,14 +153,16 @@ def pv_low(context: Context) -> Outcome:
     "Position accuracy of the PV filter, high dynamics",
     source="Table 7.2",
     thesis="mean 0.05, 0.03, -0.14; RMS N 3.99, E 3.29, U 5.61, 2D 5.17, 3D 7.63 m",
-    tolerance="3D 40 %, at least twice that of low dynamics",
+    tolerance="3D 40 %, at least twice that of low dynamics, mean errors below 1 m",
+    changed=Change("2026-11-27", "reproduced", "the mean errors are judged, too"),
 )
 def pv_high(context: Context) -> Outcome:
     """q_v = 8e-4 m^2/s^3: the velocity lags by metres per second."""
     flights = lagging(context, "pv", "HD")
     total, low = norm(mean_rms(flights)), norm(mean_rms(lagging(context, "pv", "LD")))
-    text = f"{table_row(flights)}; {consistent(context, 'pv', 'HD')}"
-    return judged(text, abs(total / 7.63 - 1.0) < 0.4 and total > 2.0 * low)
+    within = abs(total / 7.63 - 1.0) < 0.4 and total > 2.0 * low and float(np.abs(mean_error(flights)).max()) < 1.0
+    why = "a filter that lags is off in the mean where a flight turns and climbs to one side, as ours does"
+    return fitted(table_row(flights), within, FITTED_BY, consistent(context, "pv", "HD"), why)
 
 
 @result(
@@ -172,9 +178,8 @@ def pva_low(context: Context) -> Outcome:
     each = 100.0 * (each_3d(flights) / each_3d(pv) - 1.0)
     ratio = 100.0 * (norm(mean_rms(flights)) / norm(mean_rms(pv)) - 1.0)
     why = "the velocity of the PV filter lags on our flight, which turns and accelerates (up to 4 m/s^2), and the PVA filter's does not"
-    text = f"{table_row(flights)}; {ratio:+.2f} % against PV ({each.min():+.1f} to {each.max():+.1f} % over seeds); "
-    text += consistent(context, "pva", "LD")
-    return judged(text, abs(ratio) <= 5.0, why)
+    text = f"{table_row(flights)}; {ratio:+.2f} % against PV ({each.min():+.1f} to {each.max():+.1f} % over seeds)"
+    return fitted(text, abs(ratio) <= 5.0, FITTED_BY, consistent(context, "pva", "LD"), why)
 
 
 @result(
@@ -188,14 +193,14 @@ def pva_high(context: Context) -> Outcome:
     """q_a = 1e-4 m^2/s^5."""
     flights = lagging(context, "pva", "HD")
     total, pv = norm(mean_rms(flights)), norm(mean_rms(lagging(context, "pv", "HD")))
-    text = f"{table_row(flights)}; {consistent(context, 'pva', 'HD')}"
-    return judged(text, abs(total / 3.39 - 1.0) < 0.4 and total < 0.6 * pv)
+    within = abs(total / 3.39 - 1.0) < 0.4 and total < 0.6 * pv
+    return fitted(table_row(flights), within, FITTED_BY, consistent(context, "pva", "HD"))
 
 
 def consistent(context: Context, model: str, dataset: str) -> str:
     """Errors and NEES of the filter as it is tuned for use: process noise for the dynamics, none for the position."""
     flights = runs(context, Case(model, dataset), OTHERS)
-    text = f"consistent tuning: {norm(mean_rms(flights)):.2f} m, {norm(mean_rms(flights, VELOCITY)):.2f} m/s, "
+    text = f"{norm(mean_rms(flights)):.2f} m, {norm(mean_rms(flights, VELOCITY)):.2f} m/s, "
     scores = np.mean([f.nees[f.t_s > SETTLED_S, :2].mean(axis=0) for f in flights], axis=0)
     return f"{text}NEES position {scores[0]:.1f}, velocity {scores[1]:.1f} of 3"
 
