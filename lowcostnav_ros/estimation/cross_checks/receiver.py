@@ -1,6 +1,6 @@
 """A GPS receiver against itself: displacement of its fixes and its velocity, values that never change, scatter and stated sigma.
 
-With p the fixes and v the velocities, r(t) = p(t) - integral of v dt is constant but for noise.  Means of r over a few seconds, some time
+With p the fixes and v the velocities, r(t) = p(t) - integral of v dt is constant but for noise.  Medians of r over a few seconds, some time
 apart, are compared: a jump shows at once, a ramp of the position alone as soon as it has outgrown the noise, and for as long as
 ``memory_s`` afterwards; a receiver that has agreed with itself for so long is believed, wherever it is.
 """
@@ -20,7 +20,8 @@ REPEATS, REPEATS_NS = 3, 1_500_000_000
 REPEATS_WORDS = "the receiver or its driver repeats old values"
 SPACING_NS = 400_000_000
 """Fixes closer than this share their errors: one of them is compared."""
-MEAN_S = 4.0
+PART_S, MEDIAN = 4.0, 0.5 * np.pi
+"""Fixes of so long count by their median, which one that strays does not move, of so many times the variance of a mean."""
 HOLE_NS = 3_000_000_000
 """Velocities this far apart are not integrated across."""
 SIGMAS = 5.0
@@ -81,7 +82,7 @@ class ReceiverCheck:
     def __init__(self, fix: str, velocity: str, memory_s: float) -> None:
         self.sources, self.memory_s = (fix, velocity), memory_s
         self.fix, self.velocity = (fix, velocity) if fix != velocity else (f"{fix} position", f"{velocity} velocity")
-        self.spans_s = np.array([span for span in (3.0, 10.0, 30.0) if span < memory_s] + [memory_s])
+        self.spans_s = np.array([span for span in (5.0, 10.0, 30.0) if span < memory_s] + [memory_s])
         self.disagreement = Latch(DISAGREE, (self.fix, self.velocity), "m", begin_s=1.0)
         parties = ((GpsPosition, self.fix), (GpsVelocity, self.velocity))
         self.frozen: dict[type, Latch] = {kind: frozen_latch(name, "motion") for kind, name in parties}
@@ -197,7 +198,7 @@ class ReceiverCheck:
         variance = np.maximum(fix.cov_n.diagonal(), SMALLEST_M**2)
         self._watch_scatter(fix, last, step, variance, float(velocity.cov_n.diagonal().max()))
         row = np.concatenate(([1e-9 * (fix.stamp_ns - self._zero_ns)], self._residual, self.noise_factor * variance, [self._bend]))
-        rows = self._rows[self._rows[:, 0] > row[0] - self.memory_s - MEAN_S] if len(self._rows) else self._rows
+        rows = self._rows[self._rows[:, 0] > row[0] - self.memory_s - PART_S] if len(self._rows) else self._rows
         self._rows = np.vstack((rows, row))
         size, ratio = self._largest(float(velocity.cov_n.diagonal().max()))
         if self._agreed_s < AGREED_S and size < FRAME * float(np.linalg.norm(velocity.vel_n)) * self.spans_s[0]:
@@ -214,13 +215,13 @@ class ReceiverCheck:
         rows, now = self._rows, self._rows[-1, 0]
         size, ratio, step = 0.0, 0.0, max(1e-9 * SPACING_NS, (now - rows[0, 0]) / max(len(rows) - 1, 1))
         for span in self.spans_s:
-            mean_s = min(MEAN_S, 0.4 * span)
-            new, old = rows[rows[:, 0] > now - mean_s], rows[(rows[:, 0] <= now - span) & (rows[:, 0] > now - span - mean_s)]
+            part = min(PART_S, 0.5 * span)
+            new, old = rows[rows[:, 0] > now - part], rows[(rows[:, 0] <= now - span) & (rows[:, 0] > now - span - part)]
             if not len(old):
                 continue
-            change = new[:, 1:4].mean(axis=0) - old[:, 1:4].mean(axis=0)
+            change = np.median(new[:, 1:4], axis=0) - np.median(old[:, 1:4], axis=0)
             variance = np.maximum(new[:, 4:7].mean(axis=0), old[:, 4:7].mean(axis=0))
-            white = variance * (1.0 / len(new) + 1.0 / len(old)) + velocity_variance * step * span
+            white = MEDIAN * variance * (1.0 / len(new) + 1.0 / len(old)) + velocity_variance * step * span
             sigma = np.sqrt(white + 2.0 * SHARED**2 * variance + (VELOCITY_BIAS_MPS * span) ** 2)
             free = new[:, 7].max() + old[:, 7].max()
             found = np.maximum(np.abs(change) - free, 0.0) / (SIGMAS * sigma)
