@@ -141,7 +141,7 @@ class InertialNavigator(Navigator):
         recovery = self.recovery
         for aid in self._receivers:
             if type(item) is aid.measurement and item.source == aid.source and aid.decision is not None:
-                decision = aid.decision
+                decision: Decision | None = aid.decision
                 if decision is Decision.REJECT and self.excluded(aid):
                     decision = None
                 elif decision is Decision.RECOVER and aid.measurement is GpsPosition and self._trusted().get(GpsVelocity, False):

@@ -41,9 +41,8 @@ _AXES = {"north": "N", "east": "E", "up": "U"}
 
 def tables(result: ReplayResult) -> tuple[Table, ...]:
     """Every table that a terminal shows, in order."""
-    makers = (error_table, accuracy_table, approach_table, alarm_table, interval_table, aid_table)
-    makers += (contradiction_table, integrity_table, run_table)
-    return tuple(make(result) for make in makers)
+    of_errors = (error_table, accuracy_table, approach_table, alarm_table, interval_table)
+    return tuple(make(result) for make in (*of_errors, aid_table, contradiction_table, integrity_table, run_table))
 
 
 def _parts(result: ReplayResult) -> Iterator[tuple[str, str, ErrorSummary]]:
