@@ -55,7 +55,7 @@ class Standstill:
         )  # fmt: skip
         integrity = Integrity("excluded", "G11 is left out.", {"G11": "its range contradicts the others'"}, hpl_m=31.26)
         parts = {"sigmas": {"north_m": 2.0}, "inputs": [], "aids": [aid], "integrity": integrity}
-        return SimpleNamespace(details={}, mode=self.mode, reason=self.reason, level=0, stamp_ns=1, **parts)
+        return SimpleNamespace(details={}, contradictions=(), mode=self.mode, reason=self.reason, level=0, stamp_ns=1, **parts)
 
     def reset(self, reason):
         self.mode, self.reason = "initialising", reason

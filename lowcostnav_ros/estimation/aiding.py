@@ -387,7 +387,7 @@ class Aid(ABC):
         nis = kalman.normalised_innovation_squared(innovation.y, S)
         status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
         status.nis, status.test_ratio = nis, nis / self.threshold
-        self.size = math.sqrt(float(np.mean(innovation.y**2 / np.maximum(innovation.R.diagonal(), 1e-300))))
+        self.size = math.sqrt(float(innovation.y @ (innovation.y / (innovation.R.diagonal() + 1e-300))) / len(innovation.y))
         decision, reason = self.control(measurement.stamp_ns, status.test_ratio, host)
         self.decision = decision
         if decision is Decision.REJECT:

@@ -377,6 +377,8 @@ class Navigator(ABC):
         A frozen receiver adds nothing: it is known to be wrong.
         """
         position, velocity = np.zeros((3, 3)), np.zeros((3, 3))
+        if all(aid.unresolved is None for aid in self._receivers):
+            return position, velocity
         for key in dict.fromkeys(aid.key for aid in self._receivers):
             offset = np.zeros(3)
             for aid, check in self._receivers.items():

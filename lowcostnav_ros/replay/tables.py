@@ -41,8 +41,8 @@ _AXES = {"north": "N", "east": "E", "up": "U"}
 
 def tables(result: ReplayResult) -> tuple[Table, ...]:
     """Every table that a terminal shows, in order."""
-    errors = error_table(result), accuracy_table(result), approach_table(result), alarm_table(result), interval_table(result)
-    return (*errors, aid_table(result), contradiction_table(result), integrity_table(result), run_table(result))
+    of_errors = (error_table, accuracy_table, approach_table, alarm_table, interval_table)
+    return tuple(make(result) for make in (*of_errors, aid_table, contradiction_table, integrity_table, run_table))
 
 
 def _parts(result: ReplayResult) -> Iterator[tuple[str, str, ErrorSummary]]:

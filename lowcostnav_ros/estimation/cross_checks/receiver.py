@@ -1,6 +1,6 @@
 """A GPS receiver against itself: displacement of its fixes and its velocity, values that never change, scatter and stated sigma.
 
-With p the fixes and v the velocities, r(t) = p(t) - integral of v dt is constant but for noise.  Means of r over a few seconds, some time
+With p the fixes and v the velocities, r(t) = p(t) - integral of v dt is constant but for noise.  Medians of r over a few seconds, some time
 apart, are compared: a jump shows at once, a ramp of the position alone as soon as it has outgrown the noise, and for as long as
 ``memory_s`` afterwards; a receiver that has agreed with itself for so long is believed, wherever it is.
 """
@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, Measurement
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.physics.earth import difference_n
@@ -20,7 +21,8 @@ REPEATS, REPEATS_NS = 3, 1_500_000_000
 REPEATS_WORDS = "the receiver or its driver repeats old values"
 SPACING_NS = 400_000_000
 """Fixes closer than this share their errors: one of them is compared."""
-MEAN_S = 4.0
+PART_S, MEDIAN = 4.0, 0.5 * np.pi
+"""Fixes of so long count by their median, which one that strays does not move, of so many times the variance of a mean."""
 HOLE_NS = 3_000_000_000
 """Velocities this far apart are not integrated across."""
 SIGMAS = 5.0
@@ -62,6 +64,52 @@ class Repetition:
         return self.count >= REPEATS and stamp_ns - self.first_ns >= REPEATS_NS
 
 
+@kernel
+def middle(column):
+    """Median of an array (n,), n > 0."""
+    ordered, half = np.sort(column), column.shape[0] // 2
+    return ordered[half] if column.shape[0] % 2 else 0.5 * (ordered[half - 1] + ordered[half])
+
+
+@kernel
+def largest_change(rows, spans_s, velocity_variance):
+    """Largest change of the residual over its limit, between the newest fixes and those some time before.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n, 8)
+        Seconds, residual NED, m, variances of the fixes, m^2, and what the integral of the velocity may be off by, m.
+    spans_s : ndarray, shape (k,)
+    velocity_variance : float
+        Of one component, (m/s)^2.
+
+    Returns
+    -------
+    size, ratio : float
+        Length of the change, m, and its largest component over the limit.
+    """
+    times, last, size, ratio = rows[:, 0], rows.shape[0] - 1, 0.0, 0.0
+    now = times[last]
+    step = max(0.4, (now - times[0]) / max(last, 1))
+    for span in spans_s:
+        part = min(PART_S, 0.5 * span)
+        new = np.searchsorted(times, now - part, side="right")
+        first, end = np.searchsorted(times, now - span - part, side="right"), np.searchsorted(times, now - span, side="right")
+        if end == first:
+            continue
+        free, squared, found = rows[new:, 7].max() + rows[first:end, 7].max(), 0.0, 0.0
+        for axis in range(3):
+            change = middle(rows[new:, 1 + axis]) - middle(rows[first:end, 1 + axis])
+            variance = max(rows[new:, 4 + axis].mean(), rows[first:end, 4 + axis].mean())
+            white = MEDIAN * variance * (1.0 / (last + 1 - new) + 1.0 / (end - first)) + velocity_variance * step * span
+            sigma = np.sqrt(white + 2.0 * SHARED**2 * variance + (VELOCITY_BIAS_MPS * span) ** 2)
+            found = max(found, (abs(change) - free) / (SIGMAS * sigma))
+            squared += change * change
+        if found > ratio:
+            size, ratio = np.sqrt(squared), found
+    return size, ratio
+
+
 def frozen_latch(source: str, against: str) -> Latch:
     """The contradiction of values that never change with something that moves."""
     return Latch(FROZEN, (source, against), "s", begin_s=0.0, end_s=0.0)
@@ -81,7 +129,7 @@ class ReceiverCheck:
     def __init__(self, fix: str, velocity: str, memory_s: float) -> None:
         self.sources, self.memory_s = (fix, velocity), memory_s
         self.fix, self.velocity = (fix, velocity) if fix != velocity else (f"{fix} position", f"{velocity} velocity")
-        self.spans_s = np.array([span for span in (3.0, 10.0, 30.0) if span < memory_s] + [memory_s])
+        self.spans_s = np.array([span for span in (5.0, 10.0, 30.0) if span < memory_s] + [memory_s])
         self.disagreement = Latch(DISAGREE, (self.fix, self.velocity), "m", begin_s=1.0)
         parties = ((GpsPosition, self.fix), (GpsVelocity, self.velocity))
         self.frozen: dict[type, Latch] = {kind: frozen_latch(name, "motion") for kind, name in parties}
@@ -197,9 +245,9 @@ class ReceiverCheck:
         variance = np.maximum(fix.cov_n.diagonal(), SMALLEST_M**2)
         self._watch_scatter(fix, last, step, variance, float(velocity.cov_n.diagonal().max()))
         row = np.concatenate(([1e-9 * (fix.stamp_ns - self._zero_ns)], self._residual, self.noise_factor * variance, [self._bend]))
-        rows = self._rows[self._rows[:, 0] > row[0] - self.memory_s - MEAN_S] if len(self._rows) else self._rows
+        rows = self._rows[self._rows[:, 0] > row[0] - self.memory_s - PART_S] if len(self._rows) else self._rows
         self._rows = np.vstack((rows, row))
-        size, ratio = self._largest(float(velocity.cov_n.diagonal().max()))
+        size, ratio = largest_change(self._rows, self.spans_s, float(velocity.cov_n.diagonal().max()))
         if self._agreed_s < AGREED_S and size < FRAME * float(np.linalg.norm(velocity.vel_n)) * self.spans_s[0]:
             ratio = 0.0  # fixes that wander from the start state too small a sigma; a velocity in a wrong frame is off by far more
         self._agreed_s += 1e-9 * (fix.stamp_ns - last.stamp_ns) if ratio <= 1.0 and self.disagreement.held is None else 0.0
@@ -208,25 +256,6 @@ class ReceiverCheck:
         began = self.disagreement.judge(fix.stamp_ns, ratio > 1.0, size, suspect, advice)
         if began:
             self._agreed_s = min(self._agreed_s, 2.0 * AGREED_S)
-
-    def _largest(self, velocity_variance: float) -> tuple[float, float]:
-        """Largest change of the residual over its limit: its size, m, and the ratio of the two."""
-        rows, now = self._rows, self._rows[-1, 0]
-        size, ratio, step = 0.0, 0.0, max(1e-9 * SPACING_NS, (now - rows[0, 0]) / max(len(rows) - 1, 1))
-        for span in self.spans_s:
-            mean_s = min(MEAN_S, 0.4 * span)
-            new, old = rows[rows[:, 0] > now - mean_s], rows[(rows[:, 0] <= now - span) & (rows[:, 0] > now - span - mean_s)]
-            if not len(old):
-                continue
-            change = new[:, 1:4].mean(axis=0) - old[:, 1:4].mean(axis=0)
-            variance = np.maximum(new[:, 4:7].mean(axis=0), old[:, 4:7].mean(axis=0))
-            white = variance * (1.0 / len(new) + 1.0 / len(old)) + velocity_variance * step * span
-            sigma = np.sqrt(white + 2.0 * SHARED**2 * variance + (VELOCITY_BIAS_MPS * span) ** 2)
-            free = new[:, 7].max() + old[:, 7].max()
-            found = np.maximum(np.abs(change) - free, 0.0) / (SIGMAS * sigma)
-            if found.max() > ratio:
-                ratio, size = float(found.max()), float(np.linalg.norm(change))
-        return size, ratio
 
     def _suspect(self, trusted: Trusted) -> str:
         """Velocity where it never agreed with the fixes, whose displacement needs no frame; else what the navigator contradicts."""
