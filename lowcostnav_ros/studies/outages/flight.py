@@ -18,6 +18,9 @@ SETTLED_NS = 2_000_000_000
 BEFORE_NS = 3_000_000_000
 """Solutions from this long before a loss are kept, so that there is one on either side of it."""
 
+STEADY_NS = 10_000_000_000
+"""GPS must have been there for so long to be lost; right after an outage the navigators still recover from that one."""
+
 Solutions = dict[str, list[NavSolution]]
 """By navigator, oldest first."""
 
@@ -67,14 +70,14 @@ class Losses:
     Attributes
     ----------
     skipped : list of Window
-        There was no GPS to lose: nothing was held back within 3 s of the start.
+        There was no GPS to lose: nothing that would be held back came within 3 s of the start, or not steadily for 10 s before it.
     """
 
     def __init__(self, chain: Chain, windows: Sequence[Window]) -> None:
         self.chain, self.skipped = chain, list[Window]()
         self._waiting, self._flying = deque(windows), list[Loss]()
         self._kept: Solutions = defaultdict(list)
-        self._newest_ns = -(2**62)
+        self._newest_ns = self._heard_ns = self._steady_ns = -(2**62)
 
     def fly(self, measurements: Iterable[Measurement]) -> Iterator[Loss]:
         """Feed a recording, as far as there are windows; yield each when it is over, or with the recording."""
@@ -95,12 +98,19 @@ class Losses:
         """Copy the navigators for every window that this measurement is the first to be held back by."""
         while self._waiting and self._newest_ns > self._waiting[0].start_ns + GAP_NS:
             self.skipped.append(self._waiting.popleft())
-        while self._waiting and self._begins(self._waiting[0], measurement):
-            before = {name: list(solutions) for name, solutions in self._kept.items()}
-            self._flying.append(Loss(self._waiting.popleft(), self.chain.fork(), defaultdict(list, before)))
-
-    def _begins(self, window: Window, measurement: Measurement) -> bool:
-        return split(measurement, (window,))[1] is not None and measurement.stamp_ns <= window.start_ns + GAP_NS
+        if not self._waiting or measurement.source not in self._waiting[0].sources:
+            return
+        stamp_ns = measurement.stamp_ns
+        while self._waiting and 0 <= stamp_ns - self._waiting[0].start_ns <= GAP_NS:
+            window = self._waiting.popleft()
+            if window.start_ns - self._steady_ns < STEADY_NS or abs(stamp_ns - self._heard_ns) > GAP_NS:
+                self.skipped.append(window)
+            else:
+                before = {name: list(solutions) for name, solutions in self._kept.items()}
+                self._flying.append(Loss(window, self.chain.fork(), defaultdict(list, before)))
+        if abs(stamp_ns - self._heard_ns) > GAP_NS:  # one bad stamp costs a few starts, not all
+            self._steady_ns = stamp_ns
+        self._heard_ns = stamp_ns
 
     def _over(self, now_ns: int) -> Iterator[Loss]:
         done = [loss for loss in self._flying if loss.window.end_ns + SETTLED_NS <= now_ns]
