@@ -107,7 +107,7 @@ def test_without_a_wind_the_parts_are_velocity_heading_and_the_rest():
 
 
 def outage(horizontal_m, sigma_m, silent=False):
-    end = End(60.0, horizontal_m, 0.0, -3.0, horizontal_m, sigma_m, horizontal_m / sigma_m, {}, {})
+    end = End(60.0, horizontal_m, 0.0, -3.0, horizontal_m, sigma_m, horizontal_m / sigma_m, None, None, {}, {})
     return Outage(0.0, 0.0, 0.0, 0.0, () if silent else (end,), (60.0,) if silent else (), (), ())
 
 
@@ -119,6 +119,12 @@ def test_statistics_count_what_ended_without_a_solution_as_not_survived():
     assert found.share_beyond_3_sigma == pytest.approx(1.0 / 3.0)
     assert found.error_over_sigma_rms == pytest.approx(math.sqrt(18.0 / 3.0))
     assert statistics_of(outages, 10.0) is None
+
+
+def test_windows_stand_on_the_clock_each_of_the_greatest_length_that_fits():
+    windows = Plan((10.0, 60.0), 20.0, 30.0, until_s=125.0).windows(5 * NS, 500 * NS, GPS)
+    assert [((w.start_ns / NS) - 5.0, (w.end_ns - w.start_ns) / NS) for w in windows] == [(30, 60), (50, 60), (70, 10), (90, 10), (110, 10)]
+    assert Plan((10.0,)).windows(0, 60 * NS, GPS) == []
 
 
 def losses_over(items, every_s=10.0):

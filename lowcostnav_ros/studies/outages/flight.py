@@ -38,23 +38,28 @@ class Loss:
         What the copy published, preceded by what was published before the loss.
     kept : dict of navigator to list of NavSolution
         What was published with GPS, over the same time.
+    is_whole : bool
+        False where the recording ended first.
     """
 
     window: Window
     chain: Chain
     lost: Solutions
     kept: Solutions = field(default_factory=dict)
+    is_whole: bool = False
     _withheld: Window = field(init=False)
 
     def __post_init__(self) -> None:
         self._withheld = replace(self.window, end_ns=2**62)  # what comes after its end must not pull at the error there
 
-    def feed(self, measurement: Measurement) -> None:
-        """Feed the copy all but what is withheld from the start of the window on."""
+    def feed(self, measurement: Measurement) -> int:
+        """Feed the copy all but what is withheld from the start of the window on; return the newest stamp of its solutions."""
         given, _ = split(measurement, (self._withheld,))
-        if given is not None:
-            for name, solution, _ in self.chain.feed(given):
-                self.lost[name].append(solution)
+        newest_ns = -(2**62)
+        for name, solution, _ in self.chain.feed(given) if given is not None else ():
+            self.lost[name].append(solution)
+            newest_ns = max(newest_ns, solution.stamp_ns)
+        return newest_ns
 
 
 class Losses:
@@ -66,6 +71,8 @@ class Losses:
         Fresh navigators; they fly with GPS.
     windows : sequence of Window
         In order of their starts.
+    to_the_end : bool
+        Whether the flight with GPS goes on to the end of the last window, to be compared with, or to the last loss only.
 
     Attributes
     ----------
@@ -73,8 +80,8 @@ class Losses:
         There was no GPS to lose: nothing that would be held back came within 3 s of the start, or not steadily for 10 s before it.
     """
 
-    def __init__(self, chain: Chain, windows: Sequence[Window]) -> None:
-        self.chain, self.skipped = chain, list[Window]()
+    def __init__(self, chain: Chain, windows: Sequence[Window], to_the_end: bool = True) -> None:
+        self.chain, self.skipped, self.to_the_end = chain, list[Window](), to_the_end
         self._waiting, self._flying = deque(windows), list[Loss]()
         self._kept: Solutions = defaultdict(list)
         self._newest_ns = self._heard_ns = self._steady_ns = -(2**62)
@@ -84,8 +91,8 @@ class Losses:
         for measurement in measurements:
             self._lose(measurement)
             for loss in self._flying:
-                loss.feed(measurement)
-            for name, solution, _ in self.chain.feed(measurement):
+                self._newest_ns = max(self._newest_ns, loss.feed(measurement))
+            for name, solution, _ in self.chain.feed(measurement) if self._waiting or self.to_the_end else ():
                 self._kept[name].append(solution)
                 self._newest_ns = max(self._newest_ns, solution.stamp_ns)
             yield from self._over(self._newest_ns)
@@ -116,7 +123,7 @@ class Losses:
         done = [loss for loss in self._flying if loss.window.end_ns + SETTLED_NS <= now_ns]
         for loss in done:
             span = loss.window.start_ns - BEFORE_NS, loss.window.end_ns
-            loss.lost, loss.kept = _within(loss.lost, *span), _within(self._kept, *span)
+            loss.lost, loss.kept, loss.is_whole = _within(loss.lost, *span), _within(self._kept, *span), now_ns < 2**62
             yield loss
         if done:
             self._flying = [loss for loss in self._flying if loss not in done]

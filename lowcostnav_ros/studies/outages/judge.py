@@ -18,6 +18,7 @@ from lowcostnav_ros.studies.outages.result import End, Outage
 FIX_GAP_NS = GAP_NS
 """Between fixes as far apart as this the way is taken as straight."""
 TRACK_POINTS = 1500
+HEADING = AXES.index("heading_deg")
 
 
 @dataclass
@@ -48,6 +49,15 @@ class Reference:
             return own
         pairs = {name: (getattr(true, name), getattr(own, name)) for name in ("vel_n", "q_nb", "wind_n")}
         return replace(true, **{name: np.where(np.isfinite(known), known, instead) for name, (known, instead) in pairs.items()})
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the truth has all that is asked of it."""
+        if self.truth is None or self.truth.newest_ns is None:
+            return False
+        middle = self.truth.states.whole().stamps_ns[[len(self.truth.states.whole()) // 2]]
+        true = self.truth.at(middle)
+        return true is not None and all(np.isfinite(getattr(true, name)).all() for name in ("position", "vel_n", "q_nb", "wind_n"))
 
     @property
     def words(self) -> str:
@@ -92,6 +102,7 @@ def _judged(
 ) -> Outage | None:
     start_ns = loss.window.start_ns
     ends_ns = {length_s: start_ns + round(NS * length_s) for length_s in lengths_s}
+    ends_ns = {length_s: end_ns for length_s, end_ns in ends_ns.items() if end_ns <= loss.window.end_ns}
     seconds = np.arange(start_ns, max(ends_ns.values()) + 1, NS)
     grid = np.unique([*seconds, *ends_ns.values()])
     estimate, with_gps = solution_columns(lost), solution_columns(kept)
@@ -108,7 +119,7 @@ def _judged(
             moved = reference.at(estimate.stamps_ns[rows], with_gps)
             motion = parts_of(estimate[rows], moved, errors.values[0, :2], errors.values[row, :2])
             ends.append(_end(errors, row, length_s, motion))
-        elif known[row] and end_ns <= with_gps.stamps_ns[-1]:
+        elif known[row] and loss.is_whole:
             silent.append(length_s)
     whole = np.searchsorted(grid, seconds)
     lat, lon = np.degrees(true.position[0, :2])
@@ -130,4 +141,6 @@ def _errors(estimate: NavColumns, true: NavColumns) -> Errors:
 def _end(errors: Errors, row: int, length_s: float, motion: tuple[dict[str, float], dict[str, float]]) -> End:
     north, east, down = errors.values[row, :3].tolist()
     ratio = float(np.sqrt(np.mean((errors.values[row, :2] / errors.sigmas[row, :2]) ** 2)))
-    return End(length_s, north, east, down, float(np.hypot(north, east)), float(errors.sigma_horizontal[row]), ratio, *motion)
+    heading, sigma = (float(v) if np.isfinite(v) else None for v in (errors.values[row, HEADING], errors.sigmas[row, HEADING]))
+    size = float(np.hypot(north, east)), float(errors.sigma_horizontal[row])
+    return End(length_s, north, east, down, *size, ratio, heading, sigma, *motion)

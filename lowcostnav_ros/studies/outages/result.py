@@ -27,6 +27,7 @@ class End:
         The navigator's own sigma along the longer half-axis of its error ellipse.
     error_over_sigma : float
         RMS over north and east of error over sigma: 1 on average where sigmas fit.
+    heading_deg, heading_sigma_deg : float or None
     parts_m : dict of str to float
         Share of each of :data:`PARTS` in the horizontal error, m along its direction; they add up to it.
     circumstances : dict of str to float
@@ -40,6 +41,8 @@ class End:
     horizontal_m: float
     sigma_m: float
     error_over_sigma: float
+    heading_deg: float | None
+    heading_sigma_deg: float | None
     parts_m: dict[str, float]
     circumstances: dict[str, float]
 

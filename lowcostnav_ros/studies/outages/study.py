@@ -1,8 +1,9 @@
 """A study of outages over a recording: windows by the clock, one pass for each share of them and each set of settings, on all cores."""
 
 import dataclasses
+import itertools
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,9 @@ from lowcostnav_ros.base.settings import settings_hash
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.messages.rules import DecodeRules
+from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay.bag_replay import Cast, ReplayOptions
+from lowcostnav_ros.replay.evaluation import Truth
 from lowcostnav_ros.replay.links import Chain
 from lowcostnav_ros.replay.session import first_stamp
 from lowcostnav_ros.replay.withhold import NS, Window, Withhold, check_sources
@@ -42,7 +45,7 @@ class Plan:
     every_s, after_s : float
         Time between two losses, and from the start of the recording to the first, s.
     until_s : float or None
-        No loss, nor an end of the shortest length, later than this after the start; None: the end of the recording.
+        No outage ends later than this after the start; None: the end of the recording.
     withhold : tuple of str or None
         Topics; None: all that carry position, velocity, attitude or raw observations of GPS.
     """
@@ -54,12 +57,13 @@ class Plan:
     withhold: tuple[str, ...] | None = None
 
     def windows(self, first_ns: int, end_ns: int, withheld: Sequence[str]) -> list[Window]:
-        """Windows of the greatest length on the clock of a recording, in order."""
+        """Windows on the clock of a recording, in order, each of the greatest length that fits."""
         last_ns = end_ns if self.until_s is None else min(end_ns, first_ns + round(NS * self.until_s))
         last_s = (last_ns - first_ns) / NS - min(self.lengths_s)
         starts_ns = [first_ns + round(NS * s) for s in np.arange(self.after_s, last_s + 1e-6, self.every_s).tolist()]
-        sources, longest_ns = frozenset(withheld), round(NS * max(self.lengths_s))
-        return [Window(sources, start, start + longest_ns, f"without GPS from {start / NS:.3f} s on") for start in starts_ns]
+        lengths_ns, sources = sorted((round(NS * length) for length in self.lengths_s), reverse=True), frozenset(withheld)
+        fitting = [(start, next((n for n in lengths_ns if start + n <= last_ns), lengths_ns[-1])) for start in starts_ns]
+        return [Window(sources, start, start + n, f"without GPS for {n / NS:g} s from {start / NS:.3f} s on") for start, n in fitting]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,11 +129,10 @@ def fly_case(case: Case) -> Pass:
             raise OutageError(f"No outage of {min(case.plan.lengths_s):g} s fits: {span}; shorten one of them.")
         settings = {name: settings_hash(navigator.settings) for name, navigator in cast.navigators.items()}
         chain, reference = Chain(cast.navigators, reader.decoder.rules), Reference(cast.true_states(TRUTH_STEP_NS))
-        losses = Losses(chain, windows[case.share :: case.of])
-        found = list(outages_of(losses, _chained(head, stream), reference, case.plan.lengths_s, first_ns))
+        losses = Losses(chain, windows[case.share :: case.of], not reference.is_whole)
+        found = outages_of(losses, itertools.chain([head], stream), reference, case.plan.lengths_s, first_ns)
         label = settings_label(case.config, reader)
-        names = [name for name in chain.links if any(name in outages for outages in found)]
-        flown = tuple(Flown(name, label, settings[name], tuple(f[name] for f in found if name in f)) for name in names)
+        flown = tuple(Flown(name, label, settings[name], outages) for name, outages in found.items())
         study = OutageStudy(
             case.bag.name,
             __version__,
@@ -149,10 +152,25 @@ def fly_case(case: Case) -> Pass:
 
 def outages_of(
     losses: Losses, measurements: Iterable[Measurement], reference: Reference, lengths_s: Sequence[float], first_ns: int
-) -> Iterator[dict[str, Outage]]:
-    """Fly a pass and judge its windows, each as soon as it is over: outages by navigator."""
-    for loss in losses.fly(reference.watch(m) for m in measurements):
-        yield judge(loss, reference, lengths_s, first_ns)
+) -> dict[str, tuple[Outage, ...]]:
+    """Fly a pass and judge its windows, each as soon as it is over: outages by navigator, in the order of the chain."""
+    judged = [judge(loss, reference, lengths_s, first_ns) for loss in losses.fly(reference.watch(m) for m in measurements)]
+    found = {name: tuple(one[name] for one in judged if name in one) for name in losses.chain.links}
+    return {name: outages for name, outages in found.items() if outages}
+
+
+def stream_outages(
+    measurements: Sequence[Measurement],
+    navigators: Mapping[str, Navigator],
+    plan: Plan,
+    withheld: Sequence[str],
+    truth: Truth | None = None,
+) -> dict[str, tuple[Outage, ...]]:
+    """Lose GPS in a stream of measurements: outages by navigator; errors are formed against the truth, else against the fixes."""
+    first_ns = first_stamp(measurements[0])
+    windows, reference = plan.windows(first_ns, max(m.stamp_ns for m in measurements), withheld), Reference(truth)
+    losses = Losses(Chain(navigators), windows, not reference.is_whole)
+    return outages_of(losses, measurements, reference, plan.lengths_s, first_ns)
 
 
 def settings_label(config: Path | None, reader: BagReader) -> str:
@@ -179,11 +197,6 @@ def is_of_gps(source: str, rules: DecodeRules) -> bool:
         return False
     first = rules.kinds.get(source, source).partition("/")[0].rstrip("0123456789")
     return kind.measurement in (GpsPosition, GpsVelocity, GnssEpoch) or (kind.measurement is Attitude and first == "gps")
-
-
-def _chained(head: Measurement, stream: Iterator[Measurement]) -> Iterator[Measurement]:
-    yield head
-    yield from stream
 
 
 def _joined(passes: Sequence[Pass]) -> OutageStudy:
