@@ -39,7 +39,7 @@ def measure(options) -> dict:
         bag = str(folder / "flight")
         lowcostnav("simulate", str(folder / "flight.yaml"), "-o", bag, "--duration", f"{FLIGHT_S:g}")
         for navigators in SETS[:1] if options.quick else SETS:
-            lowcostnav("outages", bag, "--navigators", navigators, "--length", "10", "--until", "45")  # compiles what is not yet
+            lowcostnav("outages", bag, "--navigators", navigators, "--length", "10", "--until", "95")  # compiles what is not yet
             wall_s, cpu_s = lowcostnav("outages", bag, "--navigators", navigators, *plan, "--out", str(folder / "out"))
             flown = json.loads((folder / "out" / "outages.json").read_text())["flown"]
             windows = {one["navigator"]: one["statistics"][0]["windows"] for one in flown}

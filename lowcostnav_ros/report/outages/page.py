@@ -118,7 +118,7 @@ def start_charts(study: OutageStudy, flown: Flown) -> list[str]:
         worse = np.array([e.horizontal_m for _, e in ends])
         beyond = worse > 3.0 * sigma
         items: list[Item] = [
-            Curve(t_s, sigma, "#222222", "sigma", 1.2, "2 3"),
+            Dots(t_s, sigma, "#8a8f94", "sigma", 3.0),
             Dots(t_s[~beyond], worse[~beyond], SCALE[0], "error", 4.5),
             Dots(t_s[beyond], worse[beyond], SCALE[4], "beyond 3 sigma", 4.5),
         ]

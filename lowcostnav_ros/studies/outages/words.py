@@ -8,7 +8,7 @@ _NAMES = {
     "airspeed": "the airspeed",
     "heading": "the heading",
     "velocity": "the velocity at the loss",
-    "rest": "the rest",
+    "rest": "corrections by other aids and the rest",
 }
 _CIRCUMSTANCES = {
     "wind": ("wind_change_mps", "it changed by {:.1f} m/s"),
