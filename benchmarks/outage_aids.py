@@ -8,25 +8,26 @@ from argparse import Namespace
 
 import numpy as np
 from common import run
-from outage_study import BARE, CASES, ENDS_S, OutageError, outage_errors
+from outage_study import BARE, CASES, ENDS_S, outages_at_once
 
 from lowcostnav_ros.studies.campaign import run_campaign
+from lowcostnav_ros.studies.outages.result import End
 
 FIRST_SEED = 501
 
 
-def one_flight(seed: int) -> dict[str, list[OutageError]]:
+def one_flight(seed: int) -> dict[str, tuple[End, ...]]:
     """Errors of every case on one aircraft flight and one drive."""
-    return outage_errors(list(CASES), seed)
+    return outages_at_once(list(CASES), seed)
 
 
-def summary(errors: list[OutageError]) -> dict[str, float]:
+def summary(ends: list[End]) -> dict[str, float]:
     """Median and 95th percentile over the flights; how the error compares with the sigma claimed (1.0 is honest)."""
     found = {}
-    for name in ("horizontal_m", "height_m", "heading_deg"):
-        values = [getattr(e, name) for e in errors]
+    for name, key in (("horizontal_m", "horizontal_m"), ("height_m", "down_m"), ("heading_deg", "heading_deg")):
+        values = [abs(getattr(end, key)) for end in ends]
         found[name] = {"median": round(float(np.median(values)), 2), "p95": round(float(np.percentile(values, 95)), 2)}
-    found["error_over_sigma"] = round(float(np.sqrt(np.mean([(e.horizontal_m / e.sigma_m) ** 2 for e in errors]))), 2)
+    found["error_over_sigma"] = round(float(np.sqrt(np.mean([end.error_over_sigma**2 for end in ends]))), 2)
     return found
 
 

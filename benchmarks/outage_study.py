@@ -5,21 +5,20 @@ loses GPS for five minutes with two turns in them.  A road vehicle drives likewi
 grade, GPS 2 m at 1 Hz, every other sensor as its simulator's defaults have it, and the filter is told what these are.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.building import complete_settings, make_navigator
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
-from lowcostnav_ros.physics.earth import difference_n
-from lowcostnav_ros.physics.rotation import quat_to_euler, wrap
+from lowcostnav_ros.replay.evaluation import Truth, truth_columns
+from lowcostnav_ros.replay.session import first_stamp
 from lowcostnav_ros.simulation.scenario import scenario_from_text
 from lowcostnav_ros.simulation.simulator import Simulation
+from lowcostnav_ros.studies.outages.result import End
+from lowcostnav_ros.studies.outages.study import Plan, stream_outages
 
 LOST_S = 180.0
 """GPS is lost this long after the start and stays away."""
@@ -41,14 +40,14 @@ truth:
 imu: {{profile: automotive, rate_hz: 50.0}}
 magnetometer: {{rate_hz: 10.0}}
 air_data: {{rate_hz: 5.0}}
-gps: {{rate_hz: 1.0, outages_s: [[{lost}, 100000.0]]}}
+gps: {{rate_hz: 1.0}}
 """
 FLIGHTS = {
     "aircraft": _FLIGHT.format(
-        sensors="imu, magnetometer, air_data, gps, vor", incidence=2.0, turn=90, bank=25, speed=50.0, lost=LOST_S,
+        sensors="imu, magnetometer, air_data, gps, vor", incidence=2.0, turn=90, bank=25, speed=50.0,
         wind="{north_mps: -4.0, east_mps: 6.0, variation_sigma_mps: 1.0, turbulence_sigma_mps: 0.5}",
     ),
-    "road": _FLIGHT.format(sensors="imu, gps", incidence=0.0, turn=90, bank=4, speed=20.0, lost=LOST_S, wind="{}"),
+    "road": _FLIGHT.format(sensors="imu, gps", incidence=0.0, turn=90, bank=4, speed=20.0, wind="{}"),
 }  # fmt: skip
 
 
@@ -79,17 +78,6 @@ CASES = {
 BARE = {"aircraft": "none", "road": "road_none"}
 
 
-@dataclass(frozen=True, slots=True)
-class OutageError:
-    """Error at the end of an outage: absolute values, and the sigmas the navigator claimed (horizontal: root of both variances)."""
-
-    horizontal_m: float
-    height_m: float
-    heading_deg: float
-    sigma_m: float
-    heading_sigma_deg: float
-
-
 def fly(flight: str, seed: int) -> tuple[TruthBlock, list[Measurement]]:
     """Fly one of :data:`FLIGHTS`: the whole truth and all measurements in order of availability."""
     return Simulation(scenario_from_text(FLIGHTS[flight], flight, seed=seed)).whole()
@@ -101,7 +89,7 @@ def navigator(case: Case) -> Any:
     return make_navigator(complete_settings(InsGpsSettings, {**bare, **case.settings}), InsGps)
 
 
-def outage_errors(names: list[str], seed: int) -> dict[str, list[OutageError]]:
+def outages_at_once(names: list[str], seed: int) -> dict[str, tuple[End, ...]]:
     """Return, for each of the named :data:`CASES`, the errors at :data:`ENDS_S`; cases of one flight hear the very same measurements."""
     flown: dict[str, tuple[TruthBlock, list[Measurement]]] = {}
     found = {}
@@ -109,21 +97,14 @@ def outage_errors(names: list[str], seed: int) -> dict[str, list[OutageError]]:
         case = CASES[name]
         if case.flight not in flown:
             flown[case.flight] = fly(case.flight, seed)
-        found[name] = errors_of(case, *flown[case.flight])
+        found[name] = ends_of(case, *flown[case.flight])
     return found
 
 
-def errors_of(case: Case, truth: TruthBlock, heard: list[Measurement]) -> list[OutageError]:
+def ends_of(case: Case, truth: TruthBlock, heard: list[Measurement]) -> tuple[End, ...]:
     """Return the errors at :data:`ENDS_S` of one case on one flight."""
-    solutions = navigator(case).feed_all(heard)
-    return [_error(truth, solutions, LOST_S + end_s) for end_s in ENDS_S]
-
-
-def _error(truth: TruthBlock, solutions: list[NavSolution], at_s: float) -> OutageError:
-    limit_ns = truth.stamps_ns[0] + round(1e9 * at_s)
-    last: Any = next(s for s in reversed(solutions) if s.stamp_ns <= limit_ns)
-    row = int(np.searchsorted(truth.stamps_ns, last.stamp_ns))
-    north, east, down = difference_n(last.lat, last.lon, last.height, truth.lat[row], truth.lon[row], truth.height[row])
-    heading = wrap(quat_to_euler(last.q_nb)[2] - quat_to_euler(truth.q_nb[row])[2])
-    sigma, heading_sigma = last.horizontal_sigma_m, math.sqrt(last.cov_att[2, 2])
-    return OutageError(math.hypot(north, east), abs(float(down)), abs(math.degrees(heading)), sigma, math.degrees(heading_sigma))
+    known = Truth()
+    known.states.add(truth_columns(truth))
+    lost_s = LOST_S + 1e-9 * float(truth.stamps_ns[0] - first_stamp(heard[0]))  # the flight begins with its truth
+    plan = Plan(ENDS_S, 1000.0, lost_s)
+    return stream_outages(heard, {"ins_gps": navigator(case)}, plan, ("gps/fix", "gps/vel"), known)["ins_gps"][0].ends

@@ -6,21 +6,20 @@ fixes are the reference.  Settings are those of config/vehicles/road_car; its wh
 chosen on this drive (tuned).
 """
 
-import copy
 import dataclasses
-import math
 import tempfile
 from pathlib import Path
 
 import numpy as np
-from common import data_folder, rms, run
+from common import data_folder, run
 
-from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.catalogue import config_files
 from lowcostnav_ros.convert import convert
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
-from lowcostnav_ros.physics.earth import difference_n
+from lowcostnav_ros.studies.outages.result import statistics_of
+from lowcostnav_ros.studies.outages.study import Plan, stream_outages
 
 OUTAGE_S = 15.0
 FIRST_S, LAST_S = 60.0, 535.0
@@ -42,45 +41,22 @@ def road_car(**changes) -> InsGpsSettings:
     return dataclasses.replace(settings, gps=dataclasses.replace(settings.gps, period_s=1.0), **changes)
 
 
-def end_of_outage(navigator: InsGps, after: list[Measurement], start_ns: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """Horizontal error (2,) and sigma (2,) at the last withheld fix, m; None while the car stands."""
-    end_ns = start_ns + round(1e9 * OUTAGE_S)
-    fixes = [m for m in after if isinstance(m, GpsPosition) and start_ns <= m.stamp_ns < end_ns]
-    solutions: list[NavSolution] = []
-    for m in after:
-        if m.stamp_ns > end_ns + 1_000_000_000:
-            break
-        if isinstance(m, ImuBlock) or m.stamp_ns >= end_ns:
-            solutions += navigator.feed(m)
-    last = fixes[-1]
-    solution = max((s for s in solutions if s.stamp_ns <= last.stamp_ns), key=lambda s: s.stamp_ns)
-    ahead_s = 1e-9 * (last.stamp_ns - solution.stamp_ns)
-    error = difference_n(last.lat, last.lon, last.height, solution.lat, solution.lon, solution.height) - solution.vel_n * ahead_s
-    return error[:2], np.sqrt(np.diag(solution.cov_pos)[:2])
-
-
 def outages(measurements: list[Measurement], settings: InsGpsSettings, step_s: float) -> dict:
     """Error at the end of an outage from every ``step_s`` of the drive."""
-    first_ns = measurements[0].stamp_ns
-    navigator, todo = InsGps(settings), iter(enumerate(measurements))
-    ends, index, following = [], *next(todo)
-    for start_s in np.arange(FIRST_S, LAST_S - OUTAGE_S, step_s):
-        start_ns = first_ns + round(1e9 * start_s)
-        while following.stamp_ns < start_ns:
-            navigator.feed(following)
-            index, following = next(todo)
-        ends.append(end_of_outage(copy.deepcopy(navigator), measurements[index : index + 12_000], start_ns))
-    horizontal = np.array([math.hypot(*error) for error, _ in ends])
+    plan = Plan((OUTAGE_S,), step_s, FIRST_S, LAST_S)
+    found = stream_outages(measurements, {"ins_gps": InsGps(settings)}, plan, ("gps/fix", "gps/vel"))["ins_gps"]
+    summed = statistics_of(found, OUTAGE_S)
+    ends = [outage.ends[0] for outage in found]
     return {
-        "outages": len(ends),
+        "outages": summed.windows,
         "outage_s": OUTAGE_S,
-        "median_m": round(float(np.median(horizontal)), 2),
-        "p95_m": round(float(np.percentile(horizontal, 95)), 2),
-        "max_m": round(float(horizontal.max()), 2),
-        "error_over_sigma_rms": round(rms(np.array([error / sigma for error, sigma in ends])), 2),
-        "start_s": np.arange(FIRST_S, LAST_S - OUTAGE_S, step_s).tolist(),
-        "end_m": [round(float(h), 1) for h in horizontal],
-        "end_sigma_m": [round(float(np.hypot(*sigma)), 1) for _, sigma in ends],
+        "median_m": round(summed.median_m, 2),
+        "p95_m": round(summed.p95_m, 2),
+        "max_m": round(summed.max_m, 2),
+        "error_over_sigma_rms": round(summed.error_over_sigma_rms, 2),
+        "start_s": [round(outage.after_s, 3) for outage in found],
+        "end_m": [round(end.horizontal_m, 1) for end in ends],
+        "end_sigma_m": [round(end.sigma_m, 1) for end in ends],
     }
 
 

@@ -15,10 +15,8 @@ flight, and the heading sigma is the RMS heading error of this very flight: the 
 
 import argparse
 import copy
-import math
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +32,8 @@ from lowcostnav_ros.physics.earth import LocalFrame, difference_n
 from lowcostnav_ros.physics.stochastic import GaussMarkov, simulate
 from lowcostnav_ros.radionav.geometry import range_and_direction
 from lowcostnav_ros.radionav.stations import Station, StationTable, stations_from_text
+from lowcostnav_ros.studies.outages.result import Flown, Statistics
+from lowcostnav_ros.studies.outages.study import Case, Plan, study_outages
 
 VEHICLE = config_files.config_dir() / "vehicles" / "small_aircraft" / "dead_reckoning.yaml"
 SETTINGS = {"shipped": {}, "small_aircraft": config_files.read_parameters(VEHICLE, "dead_reckoning")}
@@ -70,65 +70,35 @@ class Reference:
         return -difference_n(*self.at(solution.stamp_ns), solution.lat, solution.lon, solution.height)[0:2]
 
 
-def recorded() -> list[Measurement]:
-    """The flight as measurements, through the bag that a conversion makes of it."""
-    with tempfile.TemporaryDirectory() as folder:
-        bag = Path(folder) / "flight"
-        convert(data_folder("px4_proto_flt09"), "convert/px4_flight", bag)
-        with BagReader(bag) as reader:
-            return list(reader.measurements(SOURCES))
+def recorded(folder: str) -> tuple[Path, list[Measurement]]:
+    """The flight as a bag that a conversion makes of it, and its measurements."""
+    bag = Path(folder) / "flight"
+    convert(data_folder("px4_proto_flt09"), "convert/px4_flight", bag)
+    with BagReader(bag) as reader:
+        return bag, list(reader.measurements(SOURCES))
 
 
-def without_gps(measurements: list[Measurement], start_ns: int) -> Iterator[Measurement]:
-    """What is heard from ``start_ns`` on with GPS withheld."""
-    return (m for m in measurements if m.stamp_ns >= start_ns and not m.source.startswith("gps/"))
+def outages(bag: Path, step_s: float) -> dict[str, dict[str, dict]]:
+    """Error at the end of every outage, by settings and length."""
+    plan = Plan(LENGTHS_S, step_s, FIRST_S, LAST_S)
+    study = study_outages(Case(bag, plan, ("dead_reckoning",)), [config_files.config_dir(), VEHICLE.parent])
+    return {f.settings: {f"{s.length_s:.0f}_s": summary(f, s, BAR_M[s.length_s]) for s in f.statistics} for f in study.flown}
 
 
-def taught(
-    measurements: list[Measurement], settings: dict, starts_ns: list[int], stations: StationTable | None = None
-) -> Iterator[DeadReckoning]:
-    """Copies of a navigator that has heard everything before each start."""
-    navigator = DeadReckoning(from_mapping(DeadReckoningSettings, settings), stations)
-    todo = iter(measurements)
-    following = next(todo)
-    for start_ns in starts_ns:
-        while following.stamp_ns < start_ns:
-            navigator.feed(following)
-            following = next(todo)
-        yield copy.deepcopy(navigator)
-
-
-def outages(measurements: list[Measurement], reference: Reference, settings: dict, step_s: float) -> dict[str, dict]:
-    """Error at the end of every outage, by length."""
-    first_ns = measurements[0].stamp_ns
-    starts_s = np.arange(FIRST_S, LAST_S - LENGTHS_S[0] + 0.1, step_s)
-    starts_ns = [first_ns + round(1e9 * s) for s in starts_s]
-    ends: dict[float, list[tuple[np.ndarray, np.ndarray]]] = {length: [] for length in LENGTHS_S}
-    for start_ns, navigator in zip(starts_ns, taught(measurements, settings, starts_ns), strict=True):
-        due = [(start_ns + round(1e9 * length), length) for length in LENGTHS_S if start_ns + 1e9 * length <= first_ns + 1e9 * LAST_S]
-        for item in without_gps(measurements, start_ns):
-            for solution in navigator.feed(item):
-                if due and solution.stamp_ns >= due[0][0]:
-                    sigma = np.sqrt(np.diag(solution.cov_pos)[0:2])
-                    ends[due.pop(0)[1]].append((reference.error(solution), sigma))
-            if not due:
-                break
-    return {f"{length:.0f}_s": summary(errors, starts_s, BAR_M[length]) for length, errors in ends.items()}
-
-
-def summary(ends: list[tuple[np.ndarray, np.ndarray]], starts_s: np.ndarray, bar_m: tuple[float, float]) -> dict:
+def summary(flown: Flown, of: Statistics, bar_m: tuple[float, float]) -> dict:
     """Median, largest and honesty of errors at the end of outages, and each of them."""
-    horizontal = np.array([math.hypot(*error) for error, _ in ends])
+    ends = flown.ends(of.length_s)
     return {
-        "outages": len(ends),
-        "median_m": round(float(np.median(horizontal)), 1),
-        "max_m": round(float(horizontal.max()), 1),
+        "outages": of.windows,
+        "median_m": round(of.median_m, 1),
+        "max_m": round(of.max_m, 1),
         "wind_triangle_median_m": bar_m[0],
         "wind_triangle_max_m": bar_m[1],
-        "error_over_sigma_rms": round(rms(np.array([error / sigma for error, sigma in ends])), 2),
-        "start_s": starts_s[: len(ends)].tolist(),
-        "end_m": [round(float(h), 1) for h in horizontal],
-        "end_sigma_m": [round(float(np.hypot(*sigma)), 1) for _, sigma in ends],
+        "error_over_sigma_rms": round(of.error_over_sigma_rms, 2),
+        "start_s": [round(outage.after_s, 3) for outage, _ in ends],
+        "end_m": [round(end.horizontal_m, 1) for _, end in ends],
+        "end_sigma_m": [round(end.sigma_m, 1) for _, end in ends],
+        "worst": flown.worst[[s.length_s for s in flown.statistics].index(of.length_s)],
     }
 
 
@@ -156,8 +126,9 @@ def long_outage(measurements: list[Measurement], reference: Reference, settings:
     stations = stations_from_text(STATIONS)
     first_ns = measurements[0].stamp_ns
     start_ns, end_ns = first_ns + round(1e9 * FIRST_S), first_ns + round(1e9 * LAST_S)
-    after = [m for m in without_gps(measurements, start_ns) if m.stamp_ns < end_ns]
-    learned = next(taught(measurements, settings, [start_ns], stations))
+    after = [m for m in measurements if start_ns <= m.stamp_ns < end_ns and not m.source.startswith("gps/")]
+    learned = DeadReckoning(from_mapping(DeadReckoningSettings, settings), stations)
+    learned.feed_all(m for m in measurements if m.stamp_ns < start_ns)
     errors, sigmas = [], []
     for seed in range(draws):
         navigator = copy.deepcopy(learned)
@@ -191,14 +162,16 @@ def speed(measurements: list[Measurement]) -> dict:
 
 def measure(options: argparse.Namespace) -> dict:
     """All figures."""
-    measurements = recorded()
-    reference = Reference(measurements)
     step_s, draws = (20.0, 4) if options.quick else (5.0, 20)
+    with tempfile.TemporaryDirectory() as folder:
+        bag, measurements = recorded(folder)
+        lost = outages(bag, step_s)
+    reference = Reference(measurements)
     result = {"benchmark": "real_flight", "quick": options.quick, "speed": speed(measurements)}
     for name, settings in SETTINGS.items():
         result[name] = {
             "settings": settings,
-            "outages": outages(measurements, reference, settings, step_s),
+            "outages": lost[name],
             "dme": long_outage(measurements, reference, settings, draws),
         }
     return result

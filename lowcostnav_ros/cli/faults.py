@@ -10,7 +10,7 @@ from pathlib import Path
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import check_folders
+from lowcostnav_ros.cli.options import check_files, check_folder
 from lowcostnav_ros.report.faults.page import markdown, page
 from lowcostnav_ros.report.faults.tables import bad, fault_table, row_table, summary_table
 from lowcostnav_ros.report.terminal import print_table, result_console
@@ -46,7 +46,8 @@ def faults(arguments: argparse.Namespace) -> int:
         return _live(arguments, names if arguments.fault else None)
     if arguments.workers is not None and arguments.workers < 1:
         raise SettingsError(f"--workers must be at least 1, got {arguments.workers}.")
-    check_folders(arguments.docs, arguments.out)
+    check_files(arguments.docs)
+    check_folder(arguments.out)
     rows = read_rows(arguments.read) or study(names, arguments.navigator, arguments.seed or [1], arguments.workers)
     wrong = bad(rows)
     print_table(row_table("Wrong and sure", wrong) if len(rows) > 60 else row_table("Faults", rows), console)

@@ -20,6 +20,8 @@ from lowcostnav_ros.messages.rules import DecodeRules
 from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.registry import NAVIGATORS
+from lowcostnav_ros.replay.columns import columns_of
+from lowcostnav_ros.replay.evaluation import Truth
 from lowcostnav_ros.replay.links import output_topic
 from lowcostnav_ros.replay.result import Bag, Recording, ReplayResult, SourceCounts
 from lowcostnav_ros.replay.selection import Selection, SelectionError, check_names, select
@@ -91,35 +93,79 @@ def _reader(path: str | Path, options: ReplayOptions) -> BagReader:
     return BagReader(path, Decoder(DecodeRules(everywhere=options.frames)), options.maps)
 
 
-class _Replay:
-    """One replay of one bag: which topics play which part, and the pass itself.
+class Cast:
+    """Which topics of a bag play which part.
 
-    The three readers are of the same bag: one is fed from, one gives what the aircraft recorded, one gives the truth, which must not cut
-    the inertial blocks, nor count as a navigator's work.
+    Two readers of the same bag: one is fed from, the other gives the truth, which must not cut the inertial blocks, nor count as a
+    navigator's work.
+
+    Attributes
+    ----------
+    navigators, selection
+        Those that run, fresh, by name; and why others do not.
+    truth : str or None
+        Topic of the true states.
+    true, true_sources : list of str
+        Topics of true states and true wind; the same with the map origin before them.
+    fed : list of str
+        Topics that some navigator takes.
     """
 
-    def __init__(self, reader: BagReader, recorded: BagReader, reference: BagReader, options: ReplayOptions) -> None:
-        self.reader, self.recorded, self.reference, self.options = reader, recorded, reference, options
+    def __init__(self, reader: BagReader, reference: BagReader, options: ReplayOptions) -> None:
+        self.reader, self.reference, self.options = reader, reference, options
         self.navigators, self.selection = _navigators(reader, options)
         self.truth = _truth_topic(reader, options.truth)
         wind = [TRUE_WIND] if self.truth == DEFAULT_TRUTH and reader.types.get(TRUE_WIND) == topics.TWIST else []
         self.true = [self.truth, *wind] if self.truth else []
         self.true_sources = _with_origins(reader, self.true)
-        self.outputs = {output_topic(name): name for name in self.navigators if output_topic(name) in reader.types}
         taken = {source for navigator in self.navigators.values() for source in navigator.inputs}
         replaced = {topic for name in self.navigators for topic in fused_topics(name)}
         self.fed = sorted(s for s in taken - replaced if s in reader.types)
         check_sources(options.withhold, self.fed)
         self.sources = _with_origins(reader, self.fed)
-        self.decode_s = 0.0
+
+    def stream(self) -> Iterator[Measurement]:
+        """What is fed, in recorded order; map origins, which the decoder learns, are not handed out.
+
+        Raises
+        ------
+        BagError
+            When nothing usable is in it.
+        """
+        stream = (m for m in self.reader.measurements(self.sources) if m.source in self.fed)
+        head = next(stream, None)
+        if head is None:
+            raise self.reader.nothing(self.fed)
+        return itertools.chain([head], stream)
+
+    def true_states(self, step_ns: int) -> Truth | None:
+        """All true states and winds, one each ``step_ns``; None where the bag has no truth."""
+        truth, last = Truth(), dict.fromkeys(self.true, -(2**62))
+        tracks, kept = {source: truth.winds if source == TRUE_WIND else truth.states for source in self.true}, []
+        for source, stamp_ns, raw in self.reference.stream(self.true_sources) if self.true else ():
+            if stamp_ns - last.get(source, stamp_ns - step_ns) >= step_ns:
+                state = self.reference.decoder.decode(source, self.reference.types[source], raw)
+                if source in self.true and isinstance(state, NavSolution):
+                    last[source] = stamp_ns
+                    kept.append(state)
+        for source, track in tracks.items():
+            track.add(columns_of([state for state in kept if state.source == source]))
+        return truth if self.true else None
+
+
+class _Replay(Cast):
+    """One replay of one bag; a third reader gives what the aircraft recorded."""
+
+    def __init__(self, reader: BagReader, recorded: BagReader, reference: BagReader, options: ReplayOptions) -> None:
+        super().__init__(reader, reference, options)
+        self.recorded, self.decode_s = recorded, 0.0
+        self.outputs = {output_topic(name): name for name in self.navigators if output_topic(name) in reader.types}
 
     def run(self) -> ReplayResult:
         """Read, feed, compare, sum up."""
         began = perf_counter()
-        stream = self._timed(self.reader.measurements(self.sources))
-        head = next((m for m in stream if m.source in self.fed), None)
-        if head is None:
-            raise self.reader.nothing(self.fed)
+        stream = self._timed(self.stream())
+        head = next(stream)
         first_ns = first_stamp(head)
         windows = [resolve(w, first_ns) for w in self.options.withhold]
         rules = self.reader.decoder.rules
@@ -128,13 +174,12 @@ class _Replay:
         true = ((m.stamp_ns, (m,)) for m in self.reference.measurements(self.true_sources) if m.source in self.true)
         alongside = _Alongside(session.feed_truth, true), _Alongside(session.feed_recorded, _recorded(self.recorded, self.outputs))
         for measurement in itertools.chain([head], stream):
-            if measurement.source in self.fed:  # the rest are map origins, which the decoder has learned
-                session.feed(measurement)
-                for reader in alongside:
-                    reader.advance(session.newest_ns)
-                if self.options.on_progress is not None:
-                    span = max(1, self.reader.end_ns - self.reader.start_ns)
-                    self.options.on_progress(min(1.0, (session.newest_ns - first_ns) / span))
+            session.feed(measurement)
+            for reader in alongside:
+                reader.advance(session.newest_ns)
+            if self.options.on_progress is not None:
+                span = max(1, self.reader.end_ns - self.reader.start_ns)
+                self.options.on_progress(min(1.0, (session.newest_ns - first_ns) / span))
         for reader in alongside:
             reader.advance(math.inf)
         result = session.finish()

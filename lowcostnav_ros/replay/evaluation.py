@@ -33,12 +33,14 @@ class Track:
             self._parts.append(columns)
             self.newest_ns = int(columns.stamps_ns[-1])
 
-    def at(self, stamps_ns: np.ndarray) -> NavColumns | None:
-        """Interpolate at ``stamps_ns``, None while empty."""
-        if not self._parts:
-            return None
+    def at(self, stamps_ns: np.ndarray, max_gap_ns: int = MAX_GAP_NS) -> NavColumns | None:
+        """Interpolate at ``stamps_ns`` over gaps of no more than ``max_gap_ns``, None while empty."""
+        return interpolate(self.whole(), stamps_ns, max_gap_ns) if self._parts else None
+
+    def whole(self) -> NavColumns:
+        """All states that are kept; there must be some."""
         self._parts = [concatenate(self._parts)]
-        return interpolate(self._parts[0], stamps_ns, MAX_GAP_NS)
+        return self._parts[0]
 
     def trim(self, before_ns: int) -> None:
         """Forget what is older than ``before_ns`` by more than one bridgeable gap."""

@@ -1,15 +1,24 @@
 """How one navigator receives another's solution in a replay: through the very messages that carry its solution in flight."""
 
+import copy
+import itertools
 from collections.abc import Callable, Collection, Iterator, Mapping
+from time import perf_counter
 from typing import Any
 
-from lowcostnav_ros.base.measurements import Measurement, NavSolution
+import numpy as np
+
+from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay.digest import imu_record, odometry_record
+
+LONGEST_BURST_NS = 50_000_000
+"""Where one navigator takes another's solution, inertial blocks are fed in pieces no longer than this: of a second of samples at once the
+first would publish a whole second before the other publishes anything, which is late by the horizon and never happens in flight."""
 
 
 def output_topic(name: str) -> str:
@@ -32,6 +41,11 @@ class Link:
     navigator : Navigator
     rules : DecodeRules
         Shared by all links, so that the map origin is known wherever an odometry is decoded.
+
+    Attributes
+    ----------
+    seconds : float
+        Time the navigator has taken, s.
     """
 
     def __init__(self, name: str, navigator: Navigator, rules: DecodeRules) -> None:
@@ -43,6 +57,18 @@ class Link:
         self._decoder = Decoder(rules)
         navigator.map_origins = rules.origins
         self._origin: Any = None
+        self.seconds = 0.0
+
+    def feed(self, measurement: Measurement) -> list[NavSolution]:
+        """Feed the navigator, and note the time it takes."""
+        start = perf_counter()
+        solutions = self.navigator.feed(measurement)
+        self.seconds += perf_counter() - start
+        return solutions
+
+    def sends(self, wanted: Collection[str]) -> bool:
+        """Whether any of ``wanted`` is a topic of its fused solution."""
+        return not {self.topic, self._health_topic, f"{self._room}/wind_fused"}.isdisjoint(wanted)
 
     def message(self, solution: NavSolution) -> Any:
         """The fused message of a solution, as the live node would publish it; None while there is nothing to publish."""
@@ -77,6 +103,66 @@ class Link:
                 measurement = self._decoder.decode(topic, msgtype, to_cdr(sent))
                 if not isinstance(measurement, Rejected):
                     yield measurement
+
+
+class Chain:
+    """Navigators of which some take others' solutions, fed as one.
+
+    Parameters
+    ----------
+    navigators : mapping of name to Navigator
+    rules : DecodeRules, optional
+    every_message : bool
+        Whether a message is made of solutions that no navigator takes, too.
+
+    Attributes
+    ----------
+    links : dict of name to Link
+        In the order in which they are fed, each after those whose solutions it takes.
+    """
+
+    def __init__(self, navigators: Mapping[str, Navigator], rules: DecodeRules | None = None, every_message: bool = False) -> None:
+        rules = rules or DecodeRules()
+        self.links = {name: Link(name, navigators[name], rules) for name in in_order(navigators)}
+        self._wanted = {source for link in self.links.values() for source in link.navigator.inputs}
+        self._replaced = {topic for name in self.links for topic in fused_topics(name)}
+        self._is_linked = not self._replaced.isdisjoint(self._wanted)
+        self._sending = {name for name, link in self.links.items() if every_message or link.sends(self._wanted)}
+
+    def takes(self, measurement: Measurement) -> bool:
+        """Whether a measurement is fed at all: solutions of its own navigators it makes anew."""
+        return measurement.source not in self._replaced
+
+    def feed(self, measurement: Measurement) -> Iterator[tuple[str, NavSolution, Any]]:
+        """Feed one measurement to all that take its source; yield name, solution and message (None where none was made) in order."""
+        if self.takes(measurement):
+            for piece in _pieces(measurement) if self._is_linked else (measurement,):
+                yield from self._distribute(piece)
+
+    def fork(self) -> "Chain":
+        """Return a copy that flies on from the present state on its own; settings and stations, which do not change, are shared."""
+        kept = [part for link in self.links.values() for part in (link.navigator.settings, link.navigator.stations)]
+        return copy.deepcopy(self, {id(part): part for part in kept})
+
+    def _distribute(self, measurement: Measurement) -> Iterator[tuple[str, NavSolution, Any]]:
+        for name, link in self.links.items():
+            if measurement.source in link.navigator.inputs:
+                for solution in link.feed(measurement):
+                    message = link.message(solution) if name in self._sending else None
+                    yield name, solution, message
+                    if message is not None:
+                        for published in link.received(solution, message, self._wanted):
+                            yield from self._distribute(published)
+
+
+def _pieces(measurement: Measurement) -> Iterator[Measurement]:
+    """Inertial blocks in pieces of :data:`LONGEST_BURST_NS`, on multiples of it; anything else as it is."""
+    if not isinstance(measurement, ImuBlock) or measurement.stamp_ns - measurement.stamps_ns[0] < LONGEST_BURST_NS:
+        yield measurement
+        return
+    cuts = np.flatnonzero(np.diff(measurement.stamps_ns // LONGEST_BURST_NS)) + 1
+    for first, last in itertools.pairwise([0, *cuts.tolist(), len(measurement)]):
+        yield measurement[first:last]
 
 
 def in_order(navigators: Mapping[str, Navigator]) -> list[str]:

@@ -2,14 +2,13 @@
 
 import dataclasses
 from collections import Counter, defaultdict
-from collections.abc import Collection
 from pathlib import Path
-from time import perf_counter
+from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.estimation.aiding import AidStatus, Reason
 from lowcostnav_ros.navigators.base import Navigator
@@ -148,7 +147,6 @@ class NavigatorRun:
         if smoothed is not None:
             self.navigator.keep_history()
             smoothed.listeners += [out.add_smoothed_errors] if out is not None else []
-        self.seconds = 0.0
         self.solutions = 0
         self.mode_seconds: dict[str, float] = defaultdict(float)
         self.aids: dict[str, AidStatistics] = {}
@@ -159,21 +157,8 @@ class NavigatorRun:
         self._innovations: dict[str, np.ndarray | None] = {}
         self.navigator.on_aid = self._on_aid
 
-    def feed(self, measurement: Measurement, wanted: Collection[str]) -> list[Measurement]:
-        """Feed the navigator; return its solutions as the other navigators receive them.
-
-        Parameters
-        ----------
-        measurement : Measurement
-        wanted : collection of str
-            Topics that some navigator of the replay takes.
-        """
-        start = perf_counter()
-        solutions = self.navigator.feed(measurement)
-        self.seconds += perf_counter() - start
-        return [m for s in solutions for m in self._take(s, wanted)]
-
-    def _take(self, solution: NavSolution, wanted: Collection[str]) -> list[Measurement]:
+    def take(self, solution: NavSolution, message: Any) -> None:
+        """Take in a solution of the navigator and the fused message of it, None where there is nothing to publish."""
         self.solutions += 1
         self.contradictions.add(solution.stamp_ns, 1e-9 * self.navigator.output_period_ns, self.navigator.contradictions())
         if self._last is not None:
@@ -182,11 +167,8 @@ class NavigatorRun:
             self.mode_seconds[self._last[1] if since_s <= longest_s else Mode.SILENT] += since_s
         self._last = (solution.stamp_ns, solution.mode)
         self._pending.append(solution)
-        message = self.link.message(solution)
-        if message is None:
-            return []
-        self.comparison.add_replayed(solution.stamp_ns, self._pack(message))
-        return list(self.link.received(solution, message, wanted))
+        if message is not None:
+            self.comparison.add_replayed(solution.stamp_ns, self._pack(message))
 
     def flush(self) -> None:
         """Write and evaluate what has come since the last flush."""
@@ -230,7 +212,7 @@ class NavigatorRun:
             self.integrity.result(),
             {name: statistics.result(self.labels[name]) for name, statistics in sorted(self.aids.items())},
             {i.source: InputSummary(i.required, i.received, dict(sorted(i.rejected.items()))) for i in status.inputs},
-            self.seconds,
+            self.link.seconds,
             None if self.smoothed is None else self.smoothed.result(end_ns),
             self.contradictions.result(),
         )

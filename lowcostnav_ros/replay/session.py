@@ -15,7 +15,6 @@ from lowcostnav_ros import __version__
 from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.settings import settings_hash, to_mapping
 from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.estimation.clocks import TIME_JUMPED, Clocks
 from lowcostnav_ros.estimation.horizon import TIME_JUMP_NS
 from lowcostnav_ros.messages.decode import DecodeRules
@@ -23,7 +22,7 @@ from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
 from lowcostnav_ros.replay.columns import NavColumns, blank_columns, columns_of
 from lowcostnav_ros.replay.evaluation import Evaluation, Truth, fix_columns, truth_columns
-from lowcostnav_ros.replay.links import Link, in_order, recorder_of
+from lowcostnav_ros.replay.links import Chain, recorder_of
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.result import Place, ReplayResult, Times, WithoutGps
 from lowcostnav_ros.replay.runs import NavigatorFiles, NavigatorRun
@@ -31,10 +30,6 @@ from lowcostnav_ros.replay.withhold import Window, Withhold, WithholdError, reso
 
 FLUSH_NS = 5_000_000_000
 """Results are written and evaluated whenever the stream has moved on this far."""
-
-LONGEST_BURST_NS = 50_000_000
-"""Where one navigator takes another's solution, inertial blocks are fed in pieces no longer than this: of a second of samples at once the
-first would publish a whole second before the other publishes anything, which is late by the horizon and never happens in flight."""
 
 LATEST_NS = 1_000_000_000
 """Messages of one instant are recorded within this long; what is further off tells no time."""
@@ -129,17 +124,14 @@ class Session:
         self._flushed_ns: int | None = None
         self._true_states: list[NavSolution] = []
         self._true_winds: list[NavSolution] = []
-        rules, recorded = rules or DecodeRules(), set(recorded)
+        recorded = set(recorded)
         self.runs: dict[str, NavigatorRun] = {}
-        for name in in_order(navigators):
-            link = Link(name, navigators[name], rules)
+        self.chain = Chain(navigators, rules, every_message=True)
+        for name, link in self.chain.links.items():
             smoothed = Evaluation(self.kept, self.gaps, self.windows) if smooth and navigators[name].smooths else None
             out_files = self.files.navigator(name, smoothed is not None)
             evaluation = Evaluation(self.truth, self.gaps, self.windows)
             self.runs[name] = NavigatorRun(link, evaluation, out_files, link.topic in recorded, smoothed)
-        self.replaced = {topic for name in self.runs for topic in fused_topics(name)}
-        self._is_chain = any(topic in run.navigator.inputs for topic in self.replaced for run in self.runs.values())
-        self._wanted = {source for run in self.runs.values() for source in run.navigator.inputs}
 
     def feed(self, measurement: Measurement) -> None:
         """Feed one measurement, less what is withheld, to every navigator that takes its source."""
@@ -147,14 +139,14 @@ class Session:
         given, held = split(measurement, self.windows) if self.windows else (measurement, None)
         if held is not None:
             self._withhold(held)
-        if given is not None and given.source not in self.replaced:
+        if given is not None and self.chain.takes(given):
             if isinstance(given, GpsPosition) and plausible:
                 self.gaps.add(given.stamp_ns)
                 self._write_fix(given, withheld=False)
             elif isinstance(given, GnssEpoch) and plausible:
                 self.gaps.add_epoch(given.stamp_ns, int(np.count_nonzero(given.range_valid)))
-            for piece in _pieces(given) if self._is_chain else (given,):
-                self._distribute(piece)
+            for name, solution, message in self.chain.feed(given):
+                self.runs[name].take(solution, message)
         if self._flushed_ns is None or self.newest_ns - self._flushed_ns > FLUSH_NS:
             self.flush()
 
@@ -224,12 +216,6 @@ class Session:
     def _write_fix(self, fix: GpsPosition, withheld: bool) -> None:
         if self.files.gps is not None:
             self.files.gps.rows([files.gps_row(fix.stamp_ns, fix.lat, fix.lon, fix.height if fix.has_height else math.nan, withheld)])
-
-    def _distribute(self, measurement: Measurement) -> None:
-        for run in self.runs.values():
-            if measurement.source in run.navigator.inputs:
-                for published in run.feed(measurement, self._wanted):
-                    self._distribute(published)
 
     def flush(self) -> None:
         """Write and evaluate what has come; forget what is no longer needed."""
@@ -351,16 +337,6 @@ def simulated(blocks: Iterable[tuple[TruthBlock, list[Measurement]]]) -> Iterato
                     inertial[k] = block[n:]
             yield aid
         yield from (block for block in inertial if len(block))
-
-
-def _pieces(measurement: Measurement) -> Iterator[Measurement]:
-    """Inertial blocks in pieces of :data:`LONGEST_BURST_NS`, on multiples of it; anything else as it is."""
-    if not isinstance(measurement, ImuBlock) or measurement.stamp_ns - measurement.stamps_ns[0] < LONGEST_BURST_NS:
-        yield measurement
-        return
-    cuts = np.flatnonzero(np.diff(measurement.stamps_ns // LONGEST_BURST_NS)) + 1
-    for first, last in itertools.pairwise([0, *cuts.tolist(), len(measurement)]):
-        yield measurement[first:last]
 
 
 def timed(result: ReplayResult, wall_s: float, decode_s: float) -> ReplayResult:

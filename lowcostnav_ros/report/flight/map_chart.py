@@ -20,7 +20,7 @@ FARTHEST_NM = 200.0
 
 @dataclasses.dataclass(frozen=True)
 class Track:
-    """A ground track: degrees, with how to draw it."""
+    """A ground track: degrees, with how to draw it; ``size`` is that of its dots."""
 
     lat_deg: np.ndarray
     lon_deg: np.ndarray
@@ -29,6 +29,7 @@ class Track:
     width: float = 1.8
     dash: str | None = None
     dots: bool = False
+    size: float = 3.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,7 +101,7 @@ def _track(ground: _Ground, track: Track) -> str:
     step = max(1, math.ceil(len(track.lat_deg) / MAX_POINTS))
     x, y = ground.pixels(track.lat_deg[::step], track.lon_deg[::step])
     if track.dots:
-        return svg.path(svg.dots_data(x, y), fill="none", stroke=track.colour, stroke_width=3.2, stroke_linecap="round")
+        return svg.path(svg.dots_data(x, y), fill="none", stroke=track.colour, stroke_width=track.size, stroke_linecap="round")
     data = svg.path_data(x, y)
     return svg.path(data, fill="none", stroke=track.colour, stroke_width=track.width, stroke_dasharray=track.dash, stroke_linejoin="round")
 

@@ -1,0 +1,143 @@
+"""One pass over a recording that loses GPS at many instants: at each the navigators are copied as they fly, and the copies fly on without.
+
+Up to the first measurement that a window holds back a replay with that window and one without are the same; there the copy is taken,
+so that its solutions equal those of a replay from the start to the last bit.
+"""
+
+from collections import defaultdict, deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.replay.links import Chain
+from lowcostnav_ros.replay.outages import GAP_NS
+from lowcostnav_ros.replay.withhold import Window, split
+
+SETTLED_NS = 2_000_000_000
+"""A window is over once the flight's fused solutions are this far beyond its end; longer than any horizon of a chain."""
+BEFORE_NS = 3_000_000_000
+"""Solutions from this long before a loss are kept, so that there is one on either side of it."""
+
+STEADY_NS = 10_000_000_000
+"""GPS must have been there for so long to be lost; right after an outage the navigators still recover from that one."""
+
+Solutions = dict[str, list[NavSolution]]
+"""By navigator, oldest first."""
+
+
+@dataclass(slots=True, eq=False)
+class Loss:
+    """One window without GPS.
+
+    Attributes
+    ----------
+    window : Window
+    chain : Chain
+        The copy that flies through it.
+    lost : dict of navigator to list of NavSolution
+        What the copy published, preceded by what was published before the loss.
+    kept : dict of navigator to list of NavSolution
+        What was published with GPS, over the same time.
+    is_whole : bool
+        False where the recording ended first.
+    """
+
+    window: Window
+    chain: Chain
+    lost: Solutions
+    kept: Solutions = field(default_factory=dict)
+    is_whole: bool = False
+    _withheld: Window = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._withheld = replace(self.window, end_ns=2**62)  # what comes after its end must not pull at the error there
+
+    def feed(self, measurement: Measurement) -> int:
+        """Feed the copy all but what is withheld from the start of the window on; return the newest stamp of its solutions."""
+        given, _ = split(measurement, (self._withheld,))
+        newest_ns = -(2**62)
+        for name, solution, _ in self.chain.feed(given) if given is not None else ():
+            self.lost[name].append(solution)
+            newest_ns = max(newest_ns, solution.stamp_ns)
+        return newest_ns
+
+
+class Losses:
+    """The pass.
+
+    Parameters
+    ----------
+    chain : Chain
+        Fresh navigators; they fly with GPS.
+    windows : sequence of Window
+        In order of their starts.
+    to_the_end : bool
+        Whether the flight with GPS goes on to the end of the last window, to be compared with, or to the last loss only.
+
+    Attributes
+    ----------
+    skipped : list of Window
+        There was no GPS to lose: nothing that would be held back came within 3 s of the start, or not steadily for 10 s before it.
+    """
+
+    def __init__(self, chain: Chain, windows: Sequence[Window], to_the_end: bool = True) -> None:
+        self.chain, self.skipped, self.to_the_end = chain, list[Window](), to_the_end
+        self._waiting, self._flying = deque(windows), list[Loss]()
+        self._kept: Solutions = defaultdict(list)
+        self._newest_ns = self._heard_ns = self._steady_ns = -(2**62)
+
+    def fly(self, measurements: Iterable[Measurement]) -> Iterator[Loss]:
+        """Feed a recording, as far as there are windows; yield each when it is over, or with the recording."""
+        for measurement in measurements:
+            self._lose(measurement)
+            for loss in self._flying:
+                self._newest_ns = max(self._newest_ns, loss.feed(measurement))
+            for name, solution, _ in self.chain.feed(measurement) if self._waiting or self.to_the_end else ():
+                self._kept[name].append(solution)
+                self._newest_ns = max(self._newest_ns, solution.stamp_ns)
+            yield from self._over(self._newest_ns)
+            if not self._waiting and not self._flying:
+                return
+        self.skipped += self._waiting
+        yield from self._over(2**62)
+
+    def _lose(self, measurement: Measurement) -> None:
+        """Copy the navigators for every window that this measurement is the first to be held back by."""
+        while self._waiting and self._newest_ns > self._waiting[0].start_ns + GAP_NS:
+            self.skipped.append(self._waiting.popleft())
+        if not self._waiting or measurement.source not in self._waiting[0].sources:
+            return
+        stamp_ns = measurement.stamp_ns
+        while self._waiting and 0 <= stamp_ns - self._waiting[0].start_ns <= GAP_NS:
+            window = self._waiting.popleft()
+            if window.start_ns - self._steady_ns < STEADY_NS or abs(stamp_ns - self._heard_ns) > GAP_NS:
+                self.skipped.append(window)
+            else:
+                before = {name: list(solutions) for name, solutions in self._kept.items()}
+                self._flying.append(Loss(window, self.chain.fork(), defaultdict(list, before)))
+        if abs(stamp_ns - self._heard_ns) > GAP_NS:  # one bad stamp costs a few starts, not all
+            self._steady_ns = stamp_ns
+        self._heard_ns = stamp_ns
+
+    def _over(self, now_ns: int) -> Iterator[Loss]:
+        done = [loss for loss in self._flying if loss.window.end_ns + SETTLED_NS <= now_ns]
+        for loss in done:
+            span = loss.window.start_ns - BEFORE_NS, loss.window.end_ns
+            loss.lost, loss.kept, loss.is_whole = _within(loss.lost, *span), _within(self._kept, *span), now_ns < 2**62
+            yield loss
+        if done:
+            self._flying = [loss for loss in self._flying if loss not in done]
+        if done or not self._flying:
+            self._forget()
+
+    def _forget(self) -> None:
+        """Drop solutions that no window asks for any more."""
+        starts = [loss.window.start_ns for loss in self._flying] + [window.start_ns for window in list(self._waiting)[:1]]
+        oldest_ns = min([*starts, self._newest_ns]) - BEFORE_NS
+        for solutions in self._kept.values():
+            if len(solutions) > 100 and solutions[50].stamp_ns < oldest_ns:
+                solutions[:] = [s for s in solutions if s.stamp_ns >= oldest_ns]
+
+
+def _within(solutions: Solutions, first_ns: int, end_ns: int) -> Solutions:
+    return {name: [s for s in those if first_ns <= s.stamp_ns < end_ns + SETTLED_NS] for name, those in solutions.items()}

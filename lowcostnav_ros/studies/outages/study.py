@@ -1,0 +1,218 @@
+"""A study of outages over a recording: windows by the clock, one pass for each share of them and each set of settings, on all cores."""
+
+import dataclasses
+import itertools
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lowcostnav_ros import __version__
+from lowcostnav_ros.base.measurements import Attitude, GnssEpoch, GpsPosition, GpsVelocity, Measurement
+from lowcostnav_ros.base.settings import settings_hash
+from lowcostnav_ros.catalogue.config_files import config_dir
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.rules import DecodeRules
+from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.replay.bag_replay import Cast, ReplayOptions
+from lowcostnav_ros.replay.evaluation import Truth
+from lowcostnav_ros.replay.links import Chain
+from lowcostnav_ros.replay.session import first_stamp
+from lowcostnav_ros.replay.withhold import NS, Window, Withhold, check_sources
+from lowcostnav_ros.studies.campaign import CampaignError, run_campaign
+from lowcostnav_ros.studies.outages.flight import Losses
+from lowcostnav_ros.studies.outages.judge import Reference, judge
+from lowcostnav_ros.studies.outages.result import Flown, Outage, OutageStudy, statistics_of
+from lowcostnav_ros.studies.outages.words import worst_sentence
+
+TRUTH_STEP_NS = 95_000_000
+"""Of the truth one state is taken in so long a time: between them it is as good as straight."""
+SHIPPED = "shipped"
+
+
+class OutageError(ValueError):
+    """A study that cannot be made; the message is one sentence that says what to do."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """When GPS is lost and for how long.
+
+    Attributes
+    ----------
+    lengths_s : tuple of float
+    every_s, after_s : float
+        Time between two losses, and from the start of the recording to the first, s.
+    until_s : float or None
+        No outage ends later than this after the start; None: the end of the recording.
+    withhold : tuple of str or None
+        Topics; None: all that carry position, velocity, attitude or raw observations of GPS.
+    """
+
+    lengths_s: tuple[float, ...] = (10.0, 60.0, 120.0)
+    every_s: float = 15.0
+    after_s: float = 60.0
+    until_s: float | None = None
+    withhold: tuple[str, ...] | None = None
+
+    def windows(self, first_ns: int, end_ns: int, withheld: Sequence[str]) -> list[Window]:
+        """Windows on the clock of a recording, in order, each of the greatest length that fits."""
+        last_ns = end_ns if self.until_s is None else min(end_ns, first_ns + round(NS * self.until_s))
+        last_s = (last_ns - first_ns) / NS - min(self.lengths_s)
+        starts_ns = [first_ns + round(NS * s) for s in np.arange(self.after_s, last_s + 1e-6, self.every_s).tolist()]
+        lengths_ns, sources = sorted((round(NS * length) for length in self.lengths_s), reverse=True), frozenset(withheld)
+        fitting = [(start, next((n for n in lengths_ns if start + n <= last_ns), lengths_ns[-1])) for start in starts_ns]
+        return [Window(sources, start, start + n, f"without GPS for {n / NS:g} s from {start / NS:.3f} s on") for start, n in fitting]
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A pass: a recording, navigators with their settings, and every ``of``-th window from the ``share``-th on."""
+
+    bag: Path
+    plan: Plan
+    navigators: tuple[str, ...] | None = None
+    config: Path | None = None
+    truth: str | None = None
+    share: int = 0
+    of: int = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Pass:
+    """What one pass found: the study without its statistics."""
+
+    study: OutageStudy
+    skipped_s: tuple[float, ...]
+
+
+def study_outages(case: Case, configs: Sequence[Path | None] = (None,), workers: int | None = None) -> OutageStudy:
+    """Study a recording with one or several sets of settings.
+
+    Parameters
+    ----------
+    case : Case
+        Its ``config`` and share are not used.
+    configs : sequence of Path or None
+        Folders of ``<navigator>.yaml``; None takes those the recording carries, else the shipped ones.
+    workers : int, optional
+        Processes; all cores where None.  The numbers do not depend on it.
+
+    Raises
+    ------
+    ValueError
+        (OutageError, BagError, SelectionError, SettingsError, WithholdError) each with one sentence that says what to do.
+    """
+    workers = workers or len(os.sched_getaffinity(0))
+    shares = max(1, workers // len(configs))
+    cases = [dataclasses.replace(case, config=config, share=k, of=shares) for config in configs for k in range(shares)]
+    try:
+        passes = run_campaign(fly_case, cases, workers, label="outages")
+    except CampaignError as error:
+        raise error.__cause__ or error from None
+    return _joined(passes)
+
+
+def fly_case(case: Case) -> Pass:
+    """Fly one pass."""
+    options = ReplayOptions(case.navigators, case.config, truth=case.truth)
+    with BagReader(case.bag) as reader, BagReader(case.bag) as true_reader:
+        cast = Cast(reader, true_reader, options)
+        stream = cast.stream()
+        head = next(stream)
+        first_ns = first_stamp(head)
+        withheld = _withheld(cast, case.plan.withhold)
+        windows = case.plan.windows(first_ns, first_ns + reader.end_ns - reader.start_ns, withheld)
+        if not windows:
+            span = f"the recording lasts {reader.duration_s:.0f} s and the first loss is to come after {case.plan.after_s:g} s"
+            raise OutageError(f"No outage of {min(case.plan.lengths_s):g} s fits: {span}; shorten one of them.")
+        settings = {name: settings_hash(navigator.settings) for name, navigator in cast.navigators.items()}
+        chain, reference = Chain(cast.navigators, reader.decoder.rules), Reference(cast.true_states(TRUTH_STEP_NS))
+        losses = Losses(chain, windows[case.share :: case.of], not reference.is_whole)
+        found = outages_of(losses, itertools.chain([head], stream), reference, case.plan.lengths_s, first_ns)
+        label = settings_label(case.config, reader)
+        flown = tuple(Flown(name, label, settings[name], outages) for name, outages in found.items())
+        study = OutageStudy(
+            case.bag.name,
+            __version__,
+            first_ns / NS,
+            first_ns / NS + reader.duration_s,
+            reference.words,
+            tuple(sorted(withheld)),
+            case.plan.lengths_s,
+            case.plan.every_s,
+            (),
+            cast.selection.left_out,
+            flown,
+            reference.track_deg(),
+        )
+    return Pass(study, tuple((window.start_ns - first_ns) / NS for window in losses.skipped))
+
+
+def outages_of(
+    losses: Losses, measurements: Iterable[Measurement], reference: Reference, lengths_s: Sequence[float], first_ns: int
+) -> dict[str, tuple[Outage, ...]]:
+    """Fly a pass and judge its windows, each as soon as it is over: outages by navigator, in the order of the chain."""
+    judged = [judge(loss, reference, lengths_s, first_ns) for loss in losses.fly(reference.watch(m) for m in measurements)]
+    found = {name: tuple(one[name] for one in judged if name in one) for name in losses.chain.links}
+    return {name: outages for name, outages in found.items() if outages}
+
+
+def stream_outages(
+    measurements: Sequence[Measurement],
+    navigators: Mapping[str, Navigator],
+    plan: Plan,
+    withheld: Sequence[str],
+    truth: Truth | None = None,
+) -> dict[str, tuple[Outage, ...]]:
+    """Lose GPS in a stream of measurements: outages by navigator; errors are formed against the truth, else against the fixes."""
+    first_ns = first_stamp(measurements[0])
+    windows, reference = plan.windows(first_ns, max(m.stamp_ns for m in measurements), withheld), Reference(truth)
+    losses = Losses(Chain(navigators), windows, not reference.is_whole)
+    return outages_of(losses, measurements, reference, plan.lengths_s, first_ns)
+
+
+def settings_label(config: Path | None, reader: BagReader) -> str:
+    """What the settings are called: ``shipped``, ``recorded`` (the recording carries them), or the name of their folder."""
+    if config is None:
+        return SHIPPED if reader.settings_folder is None else "recorded"
+    return SHIPPED if config.resolve() == config_dir().resolve() else config.resolve().name
+
+
+def _withheld(cast: Cast, wanted: Sequence[str] | None) -> list[str]:
+    if wanted is not None:
+        check_sources([Withhold(tuple(wanted))], cast.fed)
+        return list(wanted)
+    found = [source for source in cast.fed if is_of_gps(source, cast.reader.decoder.rules)]
+    if not found:
+        raise OutageError(f"The recording has no GPS that could be lost, only {', '.join(cast.fed)}; name topics with --withhold.")
+    return found
+
+
+def is_of_gps(source: str, rules: DecodeRules) -> bool:
+    """Whether a topic carries a position, velocity, attitude or raw observations of GPS."""
+    kind = rules.kind_of(source)
+    if kind is None or kind.measurement is None:
+        return False
+    first = rules.kinds.get(source, source).partition("/")[0].rstrip("0123456789")
+    return kind.measurement in (GpsPosition, GpsVelocity, GnssEpoch) or (kind.measurement is Attitude and first == "gps")
+
+
+def _joined(passes: Sequence[Pass]) -> OutageStudy:
+    """Put the shares together, and sum up."""
+    lengths_s, merged = passes[0].study.lengths_s, dict[tuple[str, str], Flown]()
+    for flown in (f for one in passes for f in one.study.flown):
+        before = merged.get((flown.navigator, flown.settings))
+        outages = flown.outages if before is None else before.outages + flown.outages
+        merged[flown.navigator, flown.settings] = dataclasses.replace(flown, outages=tuple(sorted(outages, key=lambda o: o.start_s)))
+    summed = []
+    for flown in merged.values():
+        statistics = tuple(s for length_s in lengths_s if (s := statistics_of(flown.outages, length_s)) is not None)
+        worst = tuple(worst_sentence(flown, s.length_s) for s in statistics)
+        summed.append(dataclasses.replace(flown, statistics=statistics, worst=worst))
+    if not summed:
+        raise OutageError("No navigator had a position when GPS was lost; look at the replay, or let the first loss come later (--after).")
+    longest = max(passes, key=lambda one: len(one.study.track_deg)).study
+    skipped = tuple(sorted({s for one in passes for s in one.skipped_s}))
+    return dataclasses.replace(longest, flown=tuple(summed), without_gps=skipped)
