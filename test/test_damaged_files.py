@@ -91,7 +91,7 @@ def test_settings_that_no_navigator_can_fly_are_refused(values, words):
     [
         ({"executable": "ins_gps", "config": 5}, "must name a file"),
         ({"executable": ["ins_gps"]}, "unknown executable"),
-        ({"executable": "ins_gps", "name": "../x"}, "cannot be a node's name"),
+        ({"executable": "ins_gps", "name": "../x"}, "must be letters, digits and _"),
         ({"executable": "ins_gps", "respawn": "yes"}, "must be true or false"),
     ],
 )
