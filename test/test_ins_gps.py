@@ -301,7 +301,8 @@ def _steps_back(solutions):
 @pytest.mark.parametrize("step_s", [3600.0, -3600.0, 5.0])
 def test_inertial_data_with_a_wrong_clock_is_named_and_the_navigator_is_not_well(truth, step_s):
     stream = measurements(truth[:9000], 6, rate_hz=5.0)
-    air = [AirVelocity(t, "air/velocity", np.array([50.0, 0.0, 0.0]), np.eye(3)) for t in range(truth.stamps_ns[0], truth.stamps_ns[8999], 100_000_000)]
+    stamps = range(truth.stamps_ns[0], truth.stamps_ns[8999], 100_000_000)
+    air = [AirVelocity(t, "air/velocity", np.array([50.0, 0.0, 0.0]), np.eye(3)) for t in stamps]
     start = truth.stamps_ns[0]
     wrong = [restamped(m, round(step_s * 1e9)) if isinstance(m, ImuBlock) and m.stamp_ns - start > 60e9 else m for m in stream]
     order = sorted([*zip(stream, wrong, strict=True), *zip(air, air, strict=True)], key=lambda pair: pair[0].stamp_ns)

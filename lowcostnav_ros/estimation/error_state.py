@@ -6,6 +6,7 @@ accelerometer bias turns velocity, a wind moves position) is its ``kind``; the c
 so blocks come and go without new code.
 """
 
+import copy
 import enum
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -158,6 +159,12 @@ class Layout:
     def is_paced(self) -> bool:
         """Whether any state varies along the way flown."""
         return bool(self._along_way)
+
+    def branch(self) -> "Layout":
+        """A copy that may be paced alone."""
+        twin = copy.copy(self)
+        twin.rate, twin.psd = self.rate.copy(), self.psd.copy()
+        return twin
 
     def pace(self, speed_mps: float) -> None:
         """Give states that vary along the way flown the rate and the driving noise of a speed."""

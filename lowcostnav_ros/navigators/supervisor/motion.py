@@ -44,8 +44,8 @@ class Motion:
         last = self._seen[-1] if self._seen else None
         if last is not None:
             dt_s = 1e-9 * (attitude.stamp_ns - last.stamp_ns)
-            self._rate.see(last.angular_rate_b, attitude.angular_rate_b, dt_s)
-            self._force.see(last.specific_force_b, attitude.specific_force_b, dt_s)
+            self._rate = self._rate.after(last.angular_rate_b, attitude.angular_rate_b, dt_s)
+            self._force = self._force.after(last.specific_force_b, attitude.specific_force_b, dt_s)
         self._seen.append(attitude)
         while attitude.stamp_ns - self._seen[0].stamp_ns > KEPT_NS:
             self._seen.popleft()
@@ -54,7 +54,7 @@ class Motion:
         """A copy that has seen further attitudes."""
         twin = Motion()
         twin._seen = deque(self._seen)
-        twin._rate, twin._force = replace(self._rate), replace(self._force)
+        twin._rate, twin._force = self._rate, self._force
         for attitude in attitudes:
             twin.see(attitude)
         return twin
