@@ -29,6 +29,8 @@ from lowcostnav_ros.physics.stochastic import correlation_factor
 
 STEADY = 3.0
 """Sigmas by which the innovation of a velocity that stepped may change while the prediction is sound."""
+SURE = 2.0
+"""Sigmas of the prediction that a step must be: one that coasts on a poor IMU, or after a hole in its data, contradicts nobody for long."""
 LONGER = 1.2
 """Times the memory of its receiver, after which the prediction is the less credible."""
 STEPPED = "velocity stepped without a motion"
@@ -157,6 +159,8 @@ class VelocityAid(Aid):
             return ""
         since_ns, first = self._stepped
         change, variance = self.status.innovation - first, self.status.innovation_variance
+        if first @ first < SURE**2 * variance.sum():
+            return ""
         drifted = float(np.mean(change**2 / variance)) > STEADY**2  # by more than a sound prediction may have drifted since
         lasting = not drifted and stamp_ns - since_ns < 1e9 * LONGER * self.settings.memory_s
         return STEPPED if lasting else ""

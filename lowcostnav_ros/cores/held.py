@@ -35,7 +35,7 @@ def turn_sigma(rate_b: np.ndarray, change: float, age_s: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Unsteadiness:
-    """How fast a vector changes, per second: the largest change seen lately.  A value: what is carried ahead must not change what is fused."""
+    """How fast a vector changes, per second: the largest change seen lately; a value that twins of a state may share."""
 
     value: float = 0.0
 
