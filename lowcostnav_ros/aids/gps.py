@@ -29,8 +29,8 @@ from lowcostnav_ros.physics.stochastic import correlation_factor
 
 STEADY = 3.0
 """Sigmas by which the innovation of a velocity that stepped may change while the prediction is sound."""
-SURE = 2.0
-"""Sigmas of the prediction that a step must be: one that coasts on a poor IMU, or after a hole in its data, contradicts nobody for long."""
+SETTLED_S = 30.0
+"""A prediction that has agreed for so long, no hole in its data, contradicts a velocity that steps; a young or poor one nobody."""
 LONGER = 1.2
 """Times the memory of its receiver, after which the prediction is the less credible."""
 STEPPED = "velocity stepped without a motion"
@@ -138,6 +138,7 @@ class VelocityAid(Aid):
         super().attach(host)
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
         self._stepped: tuple[int, np.ndarray] | None = None
+        self.sound_since_ns: int | None = None
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; keeps the first innovation that was rejected while GPS was good."""
@@ -149,8 +150,13 @@ class VelocityAid(Aid):
         decision = super().control(stamp_ns, test_ratio, host)
         if decision[0] is not Decision.REJECT:
             self._stepped = None
-        elif self._stepped is None and held and y is not None:
+            if decision[0] is not Decision.FUSE or self.sound_since_ns is None:
+                self.sound_since_ns = stamp_ns
+            return decision
+        settled = self.sound_since_ns is not None and stamp_ns - self.sound_since_ns >= 1e9 * SETTLED_S
+        if self._stepped is None and held and settled and y is not None:
             self._stepped = stamp_ns, y
+        self.sound_since_ns = None
         return decision
 
     def doubt(self, stamp_ns: int, host: Host) -> str:
@@ -159,8 +165,6 @@ class VelocityAid(Aid):
             return ""
         since_ns, first = self._stepped
         change, variance = self.status.innovation - first, self.status.innovation_variance
-        if first @ first < SURE**2 * variance.sum():
-            return ""
         drifted = float(np.mean(change**2 / variance)) > STEADY**2  # by more than a sound prediction may have drifted since
         lasting = not drifted and stamp_ns - since_ns < 1e9 * LONGER * self.settings.memory_s
         return STEPPED if lasting else ""

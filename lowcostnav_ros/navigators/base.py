@@ -338,6 +338,7 @@ class Navigator(ABC):
     def _source_checks(self) -> SourceChecks:
         """The checks of its sources among each other."""
         self._receivers: dict[Aid, ReceiverCheck] = {}
+        self._latches = [latch for aid in self.aids for latch in aid.latches]
         for velocity in self.aids_of(VelocityAid):
             fix = next((aid for aid in self.aids if aid.measurement is GpsPosition and aid.key == velocity.key), None)
             source = FIX if fix is None and FIX in self.inputs else fix.source if fix is not None else ""
@@ -353,7 +354,7 @@ class Navigator(ABC):
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """What contradicts what, for longer than a moment."""
-        latched = (latch.held for aid in self.aids for latch in aid.latches if latch.held is not None)
+        latched = (latch.held for latch in self._latches if latch.held is not None)
         return (*self.horizon.clocks.contradictions(), *self.checks.held(), *self._unresolved(), *latched)
 
     def _unresolved(self) -> Iterable[Contradiction]:

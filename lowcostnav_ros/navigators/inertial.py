@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.aids.gps import VelocityAid
 from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
@@ -211,6 +212,8 @@ class InertialNavigator(Navigator):
 
     def _end_hole(self) -> None:
         """Go on with the inertial data; but a tilt that is hardly known makes a filter wrong: with GPS it is levelled first."""
+        for aid in self.aids_of(VelocityAid):
+            aid.sound_since_ns = None
         sigma, last = math.sqrt(max(self.P[6, 6], self.P[7, 7])), self._fused_fix_ns
         if sigma > VAGUE_TILT and last is not None and self.core.t_ns - last <= 1e9 * self.settings.gps.timeout_s:
             self._levelling_until_ns = self.core.t_ns + LEVELLING_NS

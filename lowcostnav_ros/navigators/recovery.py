@@ -26,9 +26,11 @@ CALM_NS = 120_000_000_000
 COMPASS_NS, COMPASS_LATEST_NS = 30_000_000_000, 180_000_000_000
 HEADING_SIGMA = 4.0 * DEGREE
 """The magnetometer waits until GPS has shown the heading to this, between these times after the alignment."""
-EXCEEDED = 3.0
+EXCEEDED, FAR_EXCEEDED = 3.0, 6.0
+"""Sigmas of its setting by which a bias is too large: after an alignment anew; and where it was learnt without one."""
 NEVER_NS = -(10**18)
 SETTINGS = "its settings"
+LOOK_NS = 1_000_000_000
 
 
 class Recovery:
@@ -49,7 +51,9 @@ class Recovery:
     def __init__(self, imu: ImuSettings, layout: Layout) -> None:
         self._layout, self._psd = layout, layout.psd.copy()
         self._steps = 0
-        self._since_ns = NEVER_NS
+        self._since_ns, self._is_far = NEVER_NS, False
+        self._looked, self._looked_steps = -1, 0
+        self._found: Contradiction | None = None
         self._sensors = np.isin(layout.kind, [int(kind) for kind in (Kind.ACCEL_BIAS, Kind.GYRO_BIAS, Kind.ACCEL_SCALE, Kind.GYRO_SCALE)])
         accel, gyro = (("imu.accel_turn_on_mg", MILLI_G, "mg"), ("imu.gyro_turn_on_dps", DEGREE, "deg/s"))
         self._named = {
@@ -125,9 +129,14 @@ class Recovery:
         return since_ns < COMPASS_NS or (since_ns < COMPASS_LATEST_NS and P[8, 8] > HEADING_SIGMA**2)
 
     def contradiction(self, estimate: np.ndarray) -> Contradiction | None:
-        """The IMU against its settings, while it is taken for worse: which number is by how many sigmas too small."""
-        if not self._steps:
-            return None
+        """The IMU against its settings, while it is taken for worse or a bias is far too large; looked at once a second."""
+        if self._now_ns // LOOK_NS != self._looked or self._looked_steps != self._steps:
+            self._looked, self._looked_steps = self._now_ns // LOOK_NS, self._steps
+            self._found = self._look(estimate)
+        return self._found
+
+    def _look(self, estimate: np.ndarray) -> Contradiction | None:
+        """Which setting is by how many sigmas too small."""
         totals = {kind: np.zeros(3) for kind in self._named}
         for row in np.flatnonzero(np.isin(self._layout.kind, list(totals))):
             totals[int(self._layout.kind[row])][self._layout.axis[row]] += estimate[row]
@@ -140,5 +149,10 @@ class Recovery:
                 advice = f"{'xyz'[axis]} is off by {value:.3g} {word}, {ratio:.0f} sigmas of {name}: set it to {value:.2g} or more"
             worst = max(worst, ratio)
         self._calm = worst <= EXCEEDED
+        if not self._steps:
+            self._since_ns = self._since_ns if worst > FAR_EXCEEDED and self._is_far else self._now_ns
+            self._is_far = worst > FAR_EXCEEDED
+            if not self._is_far:
+                return None
         parties = "imu/data_raw", SETTINGS
         return Contradiction("inertial data and settings disagree", parties, worst, "sigma", self._since_ns, SETTINGS, advice)

@@ -200,7 +200,12 @@ class ReceiverCheck:
 
     def held(self) -> list[Contradiction]:
         """Contradictions that last."""
-        return [latch.held for latch in (*self.frozen.values(), self.disagreement, self.scatter) if latch.held is not None]
+        return [latch.held for latch in self.latches if latch.held is not None]
+
+    @property
+    def latches(self) -> tuple[Latch, ...]:
+        """All its checks."""
+        return (*self.frozen.values(), self.disagreement, self.scatter)
 
     # repetition --------------------------------------------------------------------------------------------------------------
 

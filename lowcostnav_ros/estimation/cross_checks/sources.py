@@ -31,6 +31,8 @@ class SourceChecks:
         first = self.receivers[0] if self.receivers else None
         self.airspeed = AirspeedCheck(air, first.velocity) if air and first else None
         self.climb = ClimbCheck(pressure, first.fix) if pressure and first else None
+        own = (latch for latch in (self.sky, self.airspeed, self.climb) if latch is not None)
+        self._latches = [*(latch for receiver in self.receivers for latch in receiver.latches), *own]
         self.clear()
 
     def clear(self) -> None:
@@ -88,5 +90,4 @@ class SourceChecks:
 
     def held(self) -> list[Contradiction]:
         """Contradictions that last, of GPS first."""
-        found = [held for receiver in self.receivers for held in receiver.held()]
-        return found + [check.held for check in (self.sky, self.airspeed, self.climb) if check is not None and check.held is not None]
+        return [latch.held for latch in self._latches if latch.held is not None]
