@@ -29,6 +29,8 @@ from lowcostnav_ros.physics.stochastic import correlation_factor
 
 STEADY = 3.0
 """Sigmas by which the innovation of a velocity that stepped may change while the prediction is sound."""
+BRIEF_NS = 2_000_000_000
+"""Rejections for no longer than this are chance, and leave a prediction settled."""
 SETTLED_S = 30.0
 """A prediction that has agreed for so long, no hole in its data, contradicts a velocity that steps; a young or poor one nobody."""
 LONGER = 1.2
@@ -139,6 +141,7 @@ class VelocityAid(Aid):
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
         self._stepped: tuple[int, np.ndarray] | None = None
         self.sound_since_ns: int | None = None
+        self._off_since_ns: int | None = None
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; keeps the first innovation that was rejected while GPS was good."""
@@ -149,14 +152,15 @@ class VelocityAid(Aid):
                 return Decision.REJECT, STEPPED
         decision = super().control(stamp_ns, test_ratio, host)
         if decision[0] is not Decision.REJECT:
-            self._stepped = None
-            if decision[0] is not Decision.FUSE or self.sound_since_ns is None:
+            lasted_ns = 0 if self._off_since_ns is None else stamp_ns - self._off_since_ns
+            if decision[0] is Decision.RECOVER or lasted_ns > BRIEF_NS or self.sound_since_ns is None:
                 self.sound_since_ns = stamp_ns
+            self._stepped = self._off_since_ns = None
             return decision
-        settled = self.sound_since_ns is not None and stamp_ns - self.sound_since_ns >= 1e9 * SETTLED_S
+        self._off_since_ns = self._off_since_ns or stamp_ns
+        settled = self.sound_since_ns is not None and self._off_since_ns - self.sound_since_ns >= 1e9 * SETTLED_S
         if self._stepped is None and held and settled and y is not None:
             self._stepped = stamp_ns, y
-        self.sound_since_ns = None
         return decision
 
     def doubt(self, stamp_ns: int, host: Host) -> str:
