@@ -238,3 +238,21 @@ def test_velocity_of_a_lever_arm_depends_on_every_gyro_bias_as_differences_say(s
         core.estimate[i] = 1e-4
         assert (seen().swing_n - before.swing_n) / 1e-4 == pytest.approx(before.H[:, i], abs=1e-9)
         core.estimate[i] = 0.0
+
+
+def shown(force_n, tilt_rad):
+    """What :func:`heading_shown` makes of a horizontal force, m/s^2, that lasts 0.1 s, with tilts known so well."""
+    layout = layout_of()
+    P = np.zeros((layout.size, layout.size))
+    P[6:8, 6:8] = tilt_rad**2 * np.eye(2)
+    sums = np.zeros(21)
+    sums[0], sums[1:4] = 0.1, 0.1 * np.array([*force_n, -9.81])
+    F = inertial.inertial_dynamics(NAV, sums[1:4] / 0.1, np.zeros(3), np.zeros(3), np.eye(3), layout.kind, layout.axis, layout.rate)
+    return inertial.heading_shown(F, P, sums, np.zeros(layout.size))
+
+
+def test_a_force_within_the_doubt_of_it_shows_no_heading():
+    doubt = 9.81 * 0.005 * np.sqrt(2.0)  # of both tilts, by gravity
+    assert shown((0.0, 0.0), 0.005) == shown((0.9 * inertial.DOUBTS * doubt, 0.0), 0.005) == 0.0
+    assert shown((0.0, 2.0 * inertial.DOUBTS * doubt), 0.005) == pytest.approx(0.75, abs=1e-3)
+    assert shown((3.0, -4.0), 1e-4) == pytest.approx(1.0, abs=1e-4)

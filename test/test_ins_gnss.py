@@ -22,7 +22,7 @@ from lowcostnav_ros.gnss.observables import range_and_rate
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS, process_noise, transition
 from lowcostnav_ros.navigators.ins_gnss import SOLUTION, InsGnss, InsGnssSettings, LooseSettings
 from lowcostnav_ros.physics.earth import dcm_ne, displace, geodetic_to_ecef, radii
-from lowcostnav_ros.physics.rotation import euler_to_quat, quat_apply_phi_n, quat_to_dcm
+from lowcostnav_ros.physics.rotation import euler_to_quat, quat_apply_phi_n, quat_to_dcm, wrap
 from lowcostnav_ros.reproduce.solimeno.flights import (
     Case,
     epochs_of,
@@ -141,6 +141,13 @@ def test_a_large_heading_error_leaves_the_attitude_inside_its_sigmas():
     low, high = acceptance_band(3, 8, 0.999)
     assert low < np.mean([f.nees[-300:, 2].mean() for f in flights]) < high
     assert max(abs(np.degrees(f.error[-1, 8])) for f in flights) < 1.0
+
+
+def test_straight_flight_shows_no_heading_and_the_sigma_says_so():
+    """The gyro bias of a low-cost unit turns the estimated heading away; nothing brings it back before the first turn."""
+    flight = fly(Case("tight", "STR", seed=2, duration_s=120.0))
+    error_deg, sigma_deg = (np.degrees(wrap(rows[-1, 8])) for rows in (flight.error, flight.sigma))
+    assert 30.0 < abs(error_deg) < 2.0 * sigma_deg
 
 
 def test_innovations_are_as_large_as_predicted():

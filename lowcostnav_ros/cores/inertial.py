@@ -30,6 +30,9 @@ POS, VEL, ATT = slice(0, 3), slice(3, 6), slice(6, 9)
 CORE = 9
 COVARIANCE_STEP_NS, NO_OUTPUT_NS = 100_000_000, 2**62
 GAP_NS = HOLE_NS
+SMOOTHED_S = 2.0
+DOUBTS = 2.0
+"""Sigmas; with 4 a straight flight is no better covered, and weak accelerations are thrown away."""
 ACCEL_BIAS, GYRO_BIAS, ACCEL_SCALE, GYRO_SCALE, CHAIN = map(
     int, (Kind.ACCEL_BIAS, Kind.GYRO_BIAS, Kind.ACCEL_SCALE, Kind.GYRO_SCALE, Kind.CHAIN)
 )
@@ -133,16 +136,51 @@ def without_errors(f, w, estimate, kind, axis):
 
 
 @kernel
+def heading_shown(F, P, sums, psd):
+    """Share 0..1 of the horizontal specific force that is more than the filter's own doubt of it, and shows the heading.
+
+    The force that turns with a heading error is the true one; the estimated one is wrong by tilt, sensor errors and noise.  In straight
+    flight nothing else is left of it, and a filter that takes it as it is gathers information about a heading which nothing shows: of a
+    low-cost unit whose heading wandered off by 100 deg it said 8 deg.  Judged on the mean of the interval and on one of ``SMOOTHED_S``,
+    in which noise falls and a long weak acceleration stays; what reaches ``DOUBTS`` sigmas counts by what it is beyond them.
+    """
+    dt, n = sums[0], P.shape[0]
+    doubt = 0.0
+    for r in range(3, 5):
+        for i in range(6, n):
+            if i != 8 and F[r, i] != 0.0:
+                for j in range(6, n):
+                    if j != 8:
+                        doubt += F[r, i] * P[i, j] * F[r, j]
+    noise = psd[3] + psd[4]
+    weight = np.exp(-dt / SMOOTHED_S)
+    now, long = 0.0, 0.0
+    for r in range(2):
+        mean = sums[1 + r] / dt
+        sums[19 + r] = weight * sums[19 + r] + (1.0 - weight) * mean
+        now += mean * mean
+        long += sums[19 + r] * sums[19 + r]
+    least = DOUBTS * DOUBTS
+    shown = 1.0 - least * (doubt + noise / dt) / max(now, 1e-12)
+    shown = max(shown, 1.0 - least * (doubt + 0.5 * noise / SMOOTHED_S) / max(long, 1e-12))
+    return max(shown, 0.0)
+
+
+@kernel
 def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track):
     """Carry P over the interval gathered in ``sums`` and clear it; estimates of Gauss-Markov states decay, those of a chain add up.
 
-    ``sums`` (19,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3); ``track``: see :func:`.kalman.lead`.
+    ``sums`` (21,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3); the horizontal force smoothed (2) stays.
+    ``track``: see :func:`.kalman.lead`.
     """
     dt = sums[0]
     if dt <= 0.0:
         return
     C = sums[4:13].reshape(3, 3) / dt
     F = inertial_dynamics(nav, sums[1:4] / dt, sums[13:16] / dt, sums[16:19] / dt, C, kind, axis, rate)
+    share = heading_shown(F, P, sums, psd)
+    F[3, 8] *= share
+    F[4, 8] *= share
     Phi = kalman.transition(F, dt)
     kalman.predict_covariance(P, Phi, noise_density(C, psd), dt)
     kalman.lead(track, Phi)
@@ -151,7 +189,7 @@ def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track):
             estimate[i] *= np.exp(-rate[i] * dt)
         if kind[i] == CHAIN and axis[i] > 0:
             estimate[i - 1] += estimate[i] * dt
-    sums[:] = 0.0
+    sums[:19] = 0.0
 
 
 @kernel
@@ -243,7 +281,7 @@ class InertialCore:
         self._newest: ImuBlock | None = None
         self.rest()
         self._last = np.zeros(6)
-        self._sums = np.zeros(19)
+        self._sums = np.zeros(21)
         self._motion: LastMotion | None = None  # that a hole began with
         self._floor = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2
         self._ceiling = np.full(layout.size, 1e14) if variance_ceiling is None else variance_ceiling

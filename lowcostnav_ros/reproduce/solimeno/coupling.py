@@ -171,8 +171,7 @@ def straight(context: Context) -> Outcome:
     text += f"{len(flights)} seeds, its sigma {sigma_30:.0f} deg), "
     text += f"RMS {rms[2]:.0f} deg (its sigma at the end {sigma_end:.0f} deg); roll and pitch RMS {rms[0]:.2f} and {rms[1]:.2f} deg"
     at_end = float(np.sqrt(np.mean([np.degrees(wrap(f.error[-1, 8])) ** 2 for f in flights])))
-    why = "the error is the thesis's, but our filter does not know of it: relinearised about a heading that wanders, it takes for observed "
-    why += f"what is not ({at_end:.0f} deg RMS at the end, its sigma {sigma_end:.0f} deg)"
+    why = f"the filter does not know of its error, which is {at_end:.0f} deg RMS at the end"
     good = bool(np.sqrt(np.mean(at_30**2)) > 10.0 and rms[:2].max() < 1.0 and sigma_end >= 0.5 * at_end)
     return judged(text, good, why, partial(draw_heading, flights[0]))
 
