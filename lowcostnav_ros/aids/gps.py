@@ -1,6 +1,7 @@
 """GPS receiver: position and velocity of its antenna."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from lowcostnav_ros.estimation.aiding import (
     reset_to,
 )
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
+from lowcostnav_ros.estimation.innovation_watch import InnovationWatch
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import skew
 from lowcostnav_ros.physics.stochastic import correlation_factor
@@ -35,6 +37,8 @@ SETTLED_S = 30.0
 """A prediction that has agreed for so long, no hole in its data, contradicts a velocity that steps; a young or poor one nobody."""
 LONGER = 1.2
 """Times the memory of its receiver, after which the prediction is the less credible."""
+WATCHED_S, SMALL_MPS, RARE = (5.0, 10.0), 0.05, 1e-3
+"""Times over which innovations are watched, s, what their mean may be off by, m/s, and how rarely a sound one is suspected."""
 STEPPED = "velocity stepped without a motion"
 
 
@@ -88,6 +92,7 @@ class PositionAid(Aid):
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
         self._bias = host.layout.get(self.own("gps_position_bias"))
         self._attitude = host.core.attitude_rows if isinstance(host.core, Attitude) else None
+        self._velocity = next((aid for aid in host.aids_of(VelocityAid) if aid.key == self.key), None)
 
     def noise(self, fix: GpsPosition) -> np.ndarray:
         """Covariance (3, 3) of one fix, m^2, scaled, with the floor on its variances."""
@@ -109,11 +114,11 @@ class PositionAid(Aid):
         if not measurement.has_height:
             y[2], H[2] = 0.0, 0.0
         factor = correlation_factor(self.since_s(measurement), self.settings.correlation_s)
-        return Innovation(y, H, factor * host.noise_factor(self) * self.noise(measurement), observation)
+        return Innovation(y, H, factor * host.trust.noise_factor(self) * self.noise(measurement), observation)
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; not used while the velocity of the same receiver is off by a step: it would pull the velocity after it."""
-        velocity = next((aid for aid in host.aids_of(VelocityAid) if aid.key == self.key), None)
+        velocity = self._velocity
         stepped = "" if velocity is None or velocity.rejecting_since_ns is None else velocity.doubt(stamp_ns, host)
         if stepped and not host.excluded(self):
             self.rejecting_since_ns = self.rejecting_since_ns or stamp_ns
@@ -135,6 +140,10 @@ class VelocityAid(Aid):
     name, labels = "gps_velocity", ("north_mps", "east_mps", "down_mps")
     measurement, topic, views, needs_rate = GpsVelocity, "gps/vel", (Velocity,), True
 
+    def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
+        super().__init__(settings, key, stations)
+        self.watch = InnovationWatch(WATCHED_S, [SMALL_MPS] * 3, RARE)
+
     def attach(self, host: Host) -> None:
         """Take the lever arm."""
         super().attach(host)
@@ -143,9 +152,21 @@ class VelocityAid(Aid):
         self.sound_since_ns: int | None = None
         self._off_since_ns: int | None = None
 
+    @property
+    def drifts(self) -> bool:
+        """Whether innovations of some seconds together are larger than those of a sound receiver and state."""
+        return self.watch.ratio > 1.0
+
+    def restart(self) -> None:
+        """As every aid."""
+        super().restart()
+        self.watch.clear()
+
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; keeps the first innovation that was rejected while GPS was good."""
         held, y = self.is_fresh(stamp_ns), self.status.innovation
+        if y is not None and self.status.innovation_variance is not None:
+            self.watch.observe(stamp_ns, y, np.eye(3), np.diag(self.status.innovation_variance))
         if self._stepped is not None and y is not None and not host.excluded(self) and self.doubt(stamp_ns, host):
             first = self._stepped[1]
             if y @ y > BACK**2 * first @ first:  # that the gate has grown to its size is no agreement
@@ -153,6 +174,8 @@ class VelocityAid(Aid):
         decision = super().control(stamp_ns, test_ratio, host)
         if decision[0] is not Decision.REJECT:
             lasted_ns = 0 if self._off_since_ns is None else stamp_ns - self._off_since_ns
+            if decision[0] is Decision.RECOVER:
+                self.watch.clear()
             if decision[0] is Decision.RECOVER or lasted_ns > BRIEF_NS or self.sound_since_ns is None:
                 self.sound_since_ns = stamp_ns
             self._stepped = self._off_since_ns = None
