@@ -1,7 +1,7 @@
 """GPS receiver: position and velocity of its antenna."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -37,8 +37,9 @@ SETTLED_S = 30.0
 """A prediction that has agreed for so long, no hole in its data, contradicts a velocity that steps; a young or poor one nobody."""
 LONGER = 1.2
 """Times the memory of its receiver, after which the prediction is the less credible."""
-WATCHED_S, SMALL_MPS, RARE = (5.0, 10.0), 0.05, 1e-3
-"""Times over which innovations are watched, s, what their mean may be off by, m/s, and how rarely a sound one is suspected."""
+WATCHED_S, RARE = (5.0, 10.0), 1e-3
+"""Times over which innovations are watched, s, and how rarely a sound one is suspected."""
+AXES, LEAST = np.eye(3), 1e-12
 STEPPED = "velocity stepped without a motion"
 
 
@@ -72,11 +73,46 @@ class GpsSettings(GpsVelocitySettings):
     position_bias_tau_s: float = setting(300.0, "Correlation time of the slow position error.", unit="s", minimum=1.0)
 
 
-class PositionAid(Aid):
+class ReceiverAid(Aid):
+    """What a GPS receiver measures: its accepted innovations are watched over some seconds.
+
+    Attributes
+    ----------
+    small : float
+        What their mean may be off by while receiver and state are sound, in their unit.
+    """
+
+    small: ClassVar[float]
+
+    def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
+        super().__init__(settings, key, stations)
+        self._watch = InnovationWatch(WATCHED_S, [self.small] * 3, RARE)
+
+    @property
+    def drift(self) -> float:
+        """Squared size of its innovations of some seconds together, over what one in a thousand sound ones exceeds."""
+        return self._watch.ratio
+
+    def restart(self) -> None:
+        """As every aid."""
+        super().restart()
+        self._watch.clear()
+
+    def process(self, measurement: Any, host: Host) -> bool:
+        """As every aid."""
+        used, status = super().process(measurement, host), self.status
+        if self.decision is Decision.RECOVER:
+            self._watch.clear()
+        elif used and status.innovation is not None and status.innovation_variance is not None:
+            self._watch.observe(status.stamp_ns, status.innovation, AXES, np.diag(np.maximum(status.innovation_variance, LEAST)))
+        return used
+
+
+class PositionAid(ReceiverAid):
     """GPS position of the antenna against the estimated position and lever arm, metres NED."""
 
     name, labels = "gps_position", ("north_m", "east_m", "down_m")
-    measurement, topic, views, is_fix = GpsPosition, "gps/fix", (Place,), True
+    measurement, topic, views, is_fix, small = GpsPosition, "gps/fix", (Place,), True, 1.0
 
     def blocks(self) -> list[Block]:
         """Slow error of the receiver, m NED, where it is modelled."""
@@ -131,18 +167,14 @@ class PositionAid(Aid):
         reset_to(host, slice(POS.start, POS.start + size), innovation.y[:size], self.noise(measurement)[:size, :size])
 
 
-class VelocityAid(Aid):
+class VelocityAid(ReceiverAid):
     """GPS velocity of the antenna against the estimated velocity plus rotation of the lever arm, m/s NED.
 
     A velocity that steps while GPS is good, and from then on is off by the same, is no motion: the inertial sensors would have felt it.
     """
 
     name, labels = "gps_velocity", ("north_mps", "east_mps", "down_mps")
-    measurement, topic, views, needs_rate = GpsVelocity, "gps/vel", (Velocity,), True
-
-    def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
-        super().__init__(settings, key, stations)
-        self.watch = InnovationWatch(WATCHED_S, [SMALL_MPS] * 3, RARE)
+    measurement, topic, views, needs_rate, small = GpsVelocity, "gps/vel", (Velocity,), True, 0.01
 
     def attach(self, host: Host) -> None:
         """Take the lever arm."""
@@ -152,21 +184,9 @@ class VelocityAid(Aid):
         self.sound_since_ns: int | None = None
         self._off_since_ns: int | None = None
 
-    @property
-    def drifts(self) -> bool:
-        """Whether innovations of some seconds together are larger than those of a sound receiver and state."""
-        return self.watch.ratio > 1.0
-
-    def restart(self) -> None:
-        """As every aid."""
-        super().restart()
-        self.watch.clear()
-
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; keeps the first innovation that was rejected while GPS was good."""
         held, y = self.is_fresh(stamp_ns), self.status.innovation
-        if y is not None and self.status.innovation_variance is not None:
-            self.watch.observe(stamp_ns, y, np.eye(3), np.diag(self.status.innovation_variance))
         if self._stepped is not None and y is not None and not host.excluded(self) and self.doubt(stamp_ns, host):
             first = self._stepped[1]
             if y @ y > BACK**2 * first @ first:  # that the gate has grown to its size is no agreement
@@ -174,8 +194,6 @@ class VelocityAid(Aid):
         decision = super().control(stamp_ns, test_ratio, host)
         if decision[0] is not Decision.REJECT:
             lasted_ns = 0 if self._off_since_ns is None else stamp_ns - self._off_since_ns
-            if decision[0] is Decision.RECOVER:
-                self.watch.clear()
             if decision[0] is Decision.RECOVER or lasted_ns > BRIEF_NS or self.sound_since_ns is None:
                 self.sound_since_ns = stamp_ns
             self._stepped = self._off_since_ns = None

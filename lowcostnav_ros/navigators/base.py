@@ -304,8 +304,8 @@ class Navigator(ABC):
     # what its trust asks -----------------------------------------------------------------------------------------------------
 
     def recoveries(self) -> int:
-        """How often the solution has recovered to GPS."""
-        return sum(aid.status.rejected[RECOVERED] for aid in self.trust.receivers)
+        """How often the solution has recovered to GPS or begun anew."""
+        return self.restarts.total() + sum(aid.status.rejected[RECOVERED] for aid in self.trust.receivers)
 
     def gps_alarm(self) -> bool:
         """Whether GPS is under suspicion beyond what cross-checks and innovations show."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lowcostnav_ros.aids.gps import VelocityAid
+from lowcostnav_ros.aids.gps import ReceiverAid, VelocityAid
 from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import GpsPosition
 from lowcostnav_ros.cores.views import Motion
@@ -39,6 +39,8 @@ PENDING_NS = 30_000_000_000
 """Copies are kept so long while GPS is refused and it is known why."""
 SLOW_NS = 6_000_000_000
 """What shows in innovations over some seconds began so long before."""
+FAR = 1.6
+"""Size of watched innovations that is no chance: that of one in a hundred thousand sound ones."""
 APART = 16.0
 """Squared distance of witness and solution over both covariances, of position, velocity or attitude, above which they disagree."""
 LOOKS_NS, LASTS_NS, RETURNS_NS = 20_000_000_000, 120_000_000_000, 2_000_000_000
@@ -73,8 +75,8 @@ class Trust:
         self.host = host
         self.receivers: dict[Aid, ReceiverCheck] = {}
         self._latches = [latch for aid in host.aids for latch in aid.latches]
-        self._velocities = host.aids_of(VelocityAid)
-        for velocity in self._velocities:
+        self._watched = [aid for aid in host.aids if isinstance(aid, ReceiverAid)]
+        for velocity in host.aids_of(VelocityAid):
             fix = next((aid for aid in host.aids if aid.measurement is GpsPosition and aid.key == velocity.key), None)
             source = FIX if fix is None and FIX in host.inputs else fix.source if fix is not None else ""
             if source:
@@ -98,7 +100,7 @@ class Trust:
         self._good_since_ns: int | None = None
         self._good_ns = self._heard_ns = self._recoveries = 0
         self._back_since_ns: int | None = None
-        self._unit, self._largest = "m", 0.0
+        self._unit, self._largest, self._far = "m", 0.0, FAR
         self._apart, self._added = np.zeros(9), np.zeros((9, 9))
 
     # of one source -----------------------------------------------------------------------------------------------------------
@@ -190,6 +192,7 @@ class Trust:
         host, since_ns = self.host, self._suspected_since(now_ns)
         if since_ns is not None and self.witness.call(since_ns, now_ns):
             self._heard_ns, self._recoveries = now_ns, host.recoveries()
+            self._far = FAR if self._drift() > 1.0 else 1.0  # what was refused at first is not taken after all
             self._hear(now_ns)
         elif not host.inertial_is_suspect and host.gps_good(now_ns) and not host.gps_alarm() and since_ns is None:
             self._good_ns, self._good_since_ns = now_ns, now_ns if self._good_since_ns is None else self._good_since_ns
@@ -202,9 +205,13 @@ class Trust:
     def _suspected_since(self, now_ns: int) -> int | None:
         """Since when GPS is under suspicion, None where it is not."""
         since = [found.since_ns for found in self._unresolved()]
-        if self.host.gps_alarm() or any(aid.drifts for aid in self._velocities):
+        if self.host.gps_alarm() or self._drift() > 1.0:
             since.append(now_ns - SLOW_NS)
         return min(since, default=None)
+
+    def _drift(self) -> float:
+        """By how much what is taken from GPS differs from the prediction over some seconds, 1: as it rarely does."""
+        return max((aid.drift for aid in self._watched), default=0.0)
 
     def _hear(self, now_ns: int) -> None:
         """Compare the navigator's state with the witness."""
@@ -222,7 +229,7 @@ class Trust:
         if self.led_away is None:
             self._unit = unit
         size = float(np.linalg.norm(apart[ROWS[self._unit]]))
-        if ratio > APART or self.led_away is not None or host.recoveries() > self._recoveries:
+        if self.led_away is not None or ratio > APART or self._drift() > self._far or host.recoveries() > self._recoveries:
             self._largest = max(self._largest, size)
             since_ns = now_ns if self.led_away is None else self.led_away.since_ns
             self.led_away = Contradiction(LED_AWAY, (self._gps(), host.inertial or host.name), size, self._unit, since_ns)
@@ -241,10 +248,9 @@ class Trust:
 
     def _is_settled(self, now_ns: int, ratio: float, size: float) -> bool:
         """Whether the witness need not be heard any longer."""
-        if self.led_away is None:
-            return now_ns - self._heard_ns > LOOKS_NS
-        together = ratio < APART and size < BACK * self._largest
-        return together or self.host.explains() or now_ns - self._heard_ns > LASTS_NS
+        quiet_ns = now_ns - self._heard_ns
+        together = self.led_away is None or (ratio < APART and size < BACK * self._largest)
+        return (together and quiet_ns > LOOKS_NS) or self.host.explains() or quiet_ns > LASTS_NS
 
     def _is_back(self, now_ns: int, other: Motion) -> bool:
         """Whether GPS, refused, has agreed with the witness for a while where it disagrees with the state."""
