@@ -269,7 +269,7 @@ class ReceiverCheck:
             return held.suspect
         if self._agreed_s < AGREED_S or self.stuck(GpsVelocity):
             return self.velocity
-        return self.velocity if trusted.get(GpsPosition, False) and not trusted.get(GpsVelocity, True) else self.fix
+        return self.velocity if trusted.get(GpsPosition, True) and not trusted.get(GpsVelocity, True) else self.fix
 
     def _watch_scatter(self, fix: GpsPosition, last: GpsPosition, step: np.ndarray, variance: np.ndarray, velocity_variance: float) -> None:
         if self.disagreement.held is not None and self.disagreement.held.suspect == self.velocity:
