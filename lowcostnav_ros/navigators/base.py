@@ -375,7 +375,7 @@ class Navigator(ABC):
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
         for item in self.horizon.take():
-            refusal = self.trust.checks.take(item, self.trust.agreement)
+            refusal = self.trust.take(item)
             if refusal:
                 self.input_status[item.source].reject(refusal)
             elif isinstance(item, ImuBlock):

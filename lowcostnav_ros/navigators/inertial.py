@@ -26,6 +26,7 @@ from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
+from lowcostnav_ros.starts.point_solution import SlopeVelocity
 
 IMU = "imu/data_raw"
 COAST_NS = 30_000_000_000
@@ -78,6 +79,7 @@ class InertialNavigator(Navigator):
         self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float)
         self._attach(layout, InertialCore(layout))
         self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
+        self.slope = SlopeVelocity()
         self.axes, self.recovery = AxesCheck(IMU), Recovery(settings.imu, layout)
         self._wind_aids = [aid for aid in self.aids if "wind" in aid.teaches]
         self._restart()
@@ -135,6 +137,7 @@ class InertialNavigator(Navigator):
         self.start_is_fed = False
         self.restart_channels()
         self.core.rest()
+        self.slope.clear()
         self.start.clear()
 
     def _fuse(self, item: Measurement) -> None:
@@ -143,8 +146,7 @@ class InertialNavigator(Navigator):
         elif item.source == self.settings.alignment.master and isinstance(item, NavSolution):
             self._transfer(item)
         elif not self._aligned or (self.core.t_ns != item.stamp_ns and not self._coast(item.stamp_ns)):
-            if not self.checks_exclude(item):
-                self._prepare(item)
+            self._begin_with(item)
         else:
             self.core.settle()
             self._aid(item)
@@ -153,11 +155,6 @@ class InertialNavigator(Navigator):
             else:
                 self._recover(item)
             self._judge()
-
-    def checks_exclude(self, item: Measurement) -> str:
-        """Why a measurement of GPS is not to be aligned with."""
-        reasons = (check.excluded(type(item)) for check in self.trust.checks.receivers if item.source in check.sources)
-        return next(filter(None, reasons), "")
 
     def _recover(self, item: Measurement) -> None:
         """Follow what became of GPS; begin anew in motion when it has been recovered to again and again."""
@@ -171,7 +168,7 @@ class InertialNavigator(Navigator):
                     decision = Decision.REJECT  # where the velocity agrees it is not the IMU
                 recovery.note(item.stamp_ns, decision)
                 self.inertial_is_suspect = recovery.is_widened
-        start = None if self.checks_exclude(item) else self._gather(item)
+        start = None if self.trust.excludes(item) else self._gather(item)
         if recovery.is_lost and start is not None:
             self._begin_anew(start)
 
@@ -311,6 +308,16 @@ class InertialNavigator(Navigator):
         return math.sqrt(max(P[0, 0] + P[1, 1], 0.0))
 
     # alignment ---------------------------------------------------------------------------------------------------------------
+
+    def _begin_with(self, item: Measurement) -> None:
+        """Align with what is not excluded; where the velocity is, the slope of the fixes serves."""
+        if self.trust.excludes(item):
+            return
+        self._prepare(item)
+        if isinstance(item, GpsPosition) and any(check.excluded(GpsVelocity) for check in self.trust.checks.receivers):
+            velocity = self.slope.add(item)
+            if velocity is not None and not self._aligned:
+                self._prepare(velocity)
 
     def _prepare(self, item: Measurement) -> None:
         """Gather what alignment needs; begin when there is a first state."""

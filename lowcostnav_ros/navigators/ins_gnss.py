@@ -32,7 +32,7 @@ from lowcostnav_ros.navigators.inertial import IMU, InertialNavigator, InertialS
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.starts.gps_start import Start
-from lowcostnav_ros.starts.point_solution import SlopeVelocity, point_solution
+from lowcostnav_ros.starts.point_solution import point_solution
 
 SOLUTION = "gnss_only/odometry_fused"
 SOURCES = {"epochs": EPOCH, "gnss_only": SOLUTION, "receiver": ""}
@@ -87,7 +87,6 @@ class InsGnss(InertialNavigator):
         self.solution_source = "" if self.tight else SOURCES[settings.loose_source]
         self.fix_word = "satellites" if self.tight else "GPS fix"
         self.receiver: Receiver | None = None
-        self.slope = SlopeVelocity()
         super().__init__(settings, stations, settings.loose.behind_s if self.solution_source == SOLUTION else 0.0)
         self._lost_limit = chi_square.threshold(settings.gnss.gate.probability, 3) if self.tight else 0.0
         self._screen = RangeAid(settings.gnss)
@@ -125,7 +124,6 @@ class InsGnss(InertialNavigator):
         for aid in self._ranges if self.tight else ():
             aid.receiver.restart()
         self.receiver = self._ranges[0].receiver if self.tight else None
-        self.slope.clear()
         self._away_since_ns: int | None = None
         self._solved_ns = -(10**18)
 
@@ -134,7 +132,7 @@ class InsGnss(InertialNavigator):
     def _fuse(self, item: Measurement) -> None:
         if not self.tight and item.source == self.solution_source:
             for part in self._adapted(item):
-                self.trust.checks.take(part, self.trust.agreement)
+                self.trust.take(part)
                 super()._fuse(part)
         else:
             super()._fuse(item)

@@ -14,7 +14,7 @@ import numpy as np
 
 from lowcostnav_ros.aids.gps import ReceiverAid, VelocityAid
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import GpsPosition
+from lowcostnav_ros.base.measurements import GpsPosition, Measurement
 from lowcostnav_ros.cores.views import Motion
 from lowcostnav_ros.estimation.aiding import BACK, Aid
 from lowcostnav_ros.estimation.cross_checks.receiver import DISAGREE, FROZEN, ReceiverCheck
@@ -67,6 +67,8 @@ class Trust:
     witness : Witness
     led_away : Contradiction or None
         Of the solution with the witness.
+    told : bool
+        Whether a navigator that can tell better says that GPS leads away.
     away : (int, ndarray (3,), ndarray (3,)) or None
         Stamp, position and velocity of satellites that agree among themselves less those of the state, m and m/s NED.
     """
@@ -84,7 +86,7 @@ class Trust:
                 self.receivers |= {aid: check for aid in (velocity, fix) if aid is not None}
         topics = (topic if topic in host.inputs else "" for topic in (AIR, STATIC, EPOCHS))
         self.checks = SourceChecks(list(dict.fromkeys(self.receivers.values())), *topics)
-        self.witness = Witness(host.output_period_ns)
+        self.witness, self.told = Witness(host.output_period_ns), False
         self.forget_state()
 
     def clear(self) -> None:
@@ -102,6 +104,23 @@ class Trust:
         self._back_since_ns: int | None = None
         self._unit, self._largest, self._far = "m", 0.0, FAR
         self._apart, self._added = np.zeros(9), np.zeros((9, 9))
+
+    def take(self, item: Measurement) -> str:
+        """Check a measurement against the other sources; return why it is none.
+
+        A velocity that contradicts the fixes and never agreed with them has spoilt what was begun with it.
+        """
+        before = [check.disagreement.held for check in self.checks.receivers]
+        refusal = self.checks.take(item, self.agreement)
+        for check, held in zip(self.checks.receivers, before, strict=True):
+            if held is None and check.never_agreed:
+                self.host.realign("begun with a velocity that contradicts the fixes")
+        return refusal
+
+    def excludes(self, item: Measurement) -> str:
+        """Why a measurement of GPS is not to be begun with."""
+        reasons = (check.excluded(type(item)) for check in self.checks.receivers if item.source in check.sources)
+        return next(filter(None, reasons), "")
 
     # of one source -----------------------------------------------------------------------------------------------------------
 
@@ -146,6 +165,11 @@ class Trust:
                 continue
             size = float(np.linalg.norm(aid.unresolved[1]))
             yield Contradiction(GPS_DISAGREES, (aid.source, self.host.inertial or self.host.name), size, unit_of(aid), since_ns)
+
+    @property
+    def suspects_gps(self) -> bool:
+        """Whether the prediction contradicts GPS, and no check can tell which of them is wrong."""
+        return self.led_away is not None or next(iter(self._unresolved()), None) is not None
 
     def suspicion(self) -> str:
         """What speaks against the position of GPS or of the solution, in words; a frozen receiver is merely lost."""
@@ -205,7 +229,7 @@ class Trust:
     def _suspected_since(self, now_ns: int) -> int | None:
         """Since when GPS is under suspicion, None where it is not."""
         since = [found.since_ns for found in self._unresolved()]
-        if self.host.gps_alarm() or self._drift() > 1.0:
+        if self.told or self.host.gps_alarm() or self._drift() > 1.0:
             since.append(now_ns - SLOW_NS)
         return min(since, default=None)
 
@@ -229,7 +253,7 @@ class Trust:
         if self.led_away is None:
             self._unit = unit
         size = float(np.linalg.norm(apart[ROWS[self._unit]]))
-        if self.led_away is not None or ratio > APART or self._drift() > self._far or host.recoveries() > self._recoveries:
+        if self.led_away is not None or self.told or ratio > APART or self._drift() > self._far or host.recoveries() > self._recoveries:
             self._largest = max(self._largest, size)
             since_ns = now_ns if self.led_away is None else self.led_away.since_ns
             self.led_away = Contradiction(LED_AWAY, (self._gps(), host.inertial or host.name), size, self._unit, since_ns)

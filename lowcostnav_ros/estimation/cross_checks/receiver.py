@@ -194,6 +194,12 @@ class ReceiverCheck:
         return DISAGREE if held is not None and held.suspect == (self.fix if kind is GpsPosition else self.velocity) else ""
 
     @property
+    def never_agreed(self) -> bool:
+        """Whether the velocity contradicts the fixes, and has from the beginning."""
+        held = self.disagreement.held
+        return held is not None and held.suspect == self.velocity and self._agreed_s < AGREED_S
+
+    @property
     def noise_factor(self) -> float:
         """By what the stated variance of a fix is to be multiplied."""
         return self.scatter.held.size ** 2 if self.scatter.held is not None else 1.0

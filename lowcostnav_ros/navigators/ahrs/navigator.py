@@ -158,6 +158,8 @@ class Ahrs(Navigator):
             self.input_status[item.source].reject("inertial data missing")
         elif not all(np.isfinite(getattr(item, name)).all() for name in NUMBERS.get(type(item), ())):
             self.input_status[item.source].reject("not finite")
+        elif not self._aligned and self.trust.excludes(item):
+            pass
         elif not self._aligned:
             if isinstance(item, MagneticField):
                 self.magnetic.follow(item.stamp_ns)
@@ -285,7 +287,7 @@ class Ahrs(Navigator):
         else:
             has_heading = self.filter.fresh("magnetic", self.core.t_ns, HEADING_TIMEOUT_S)
             self.mode, self.reason = self.filter.mode(self.core.t_ns, "" if has_heading else ", no magnetic heading")
-            if self.trust.led_away is not None:
+            if self.trust.suspects_gps:
                 self.mode, self.reason = Mode.SUSPECT, self.trust.suspicion()
 
     def _predict(self) -> NavSolution | None:

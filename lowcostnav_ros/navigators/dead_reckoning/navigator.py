@@ -16,7 +16,7 @@ from lowcostnav_ros.aids.gps import GPS, PositionAid
 from lowcostnav_ros.aids.radar import RADAR
 from lowcostnav_ros.aids.vor import VOR, VorAid
 from lowcostnav_ros.aids.wind_uplink import WIND_UPLINK
-from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsPosition, Measurement, NavSolution, SlantRange
+from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsPosition, Health, Measurement, NavSolution, SlantRange
 from lowcostnav_ros.base.modes import Level, Mode
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.cores.reckoning import ReckoningCore, core_blocks
@@ -28,7 +28,7 @@ from lowcostnav_ros.navigators.dead_reckoning.geometry import ReceivedStations
 from lowcostnav_ros.navigators.dead_reckoning.settings import DeadReckoningOwnSettings, baro_walk
 from lowcostnav_ros.navigators.registry import navigator
 
-AIR = "air/velocity"
+AIR, AHRS_HEALTH = "air/velocity", "ahrs/health"
 STATES = ("heading_bias_rad", "airspeed_scale", "airspeed_bias_mps")
 """Estimates beside position, velocity and wind that a solution carries, each the sum of its states."""
 RECEIVED_S = 120.0
@@ -73,13 +73,14 @@ class DeadReckoning(Navigator):
         self._others = [aid for aid in self.aids if not isinstance(aid, StationAid)]
         self._restart()
 
-    def own_inputs(self) -> tuple[str, str]:
-        """Attitude and air data."""
-        return (self.settings.attitude_topic, AIR)
+    def own_inputs(self) -> tuple[str, ...]:
+        """Attitude, air data, and what our own attitude reference says of itself: its gyros know a slow spoofer, the wind does not."""
+        health = (AHRS_HEALTH,) if self.settings.attitude_topic == "imu/data_fused" else ()
+        return (self.settings.attitude_topic, AIR, *health)
 
-    def required_sources(self) -> tuple[str, str]:
-        """Both of them."""
-        return self.own_inputs()
+    def required_sources(self) -> tuple[str, ...]:
+        """Attitude and air data."""
+        return self.own_inputs()[:2]
 
     def blocks(self) -> list[Block]:
         """The list of state blocks: the core's and what the aids need; errors of stations are noise in the reduced model."""
@@ -115,7 +116,9 @@ class DeadReckoning(Navigator):
             self._align(item)
             return
         self._advance(item.stamp_ns)
-        if self._hold(item, self.core):
+        if isinstance(item, Health):
+            self.trust.told = item.mode == Mode.SUSPECT
+        elif self._hold(item, self.core):
             self.trust.witness.take(item)
         else:
             self._aid(item)
