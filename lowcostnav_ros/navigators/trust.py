@@ -279,13 +279,13 @@ class Trust:
     def _is_back(self, now_ns: int, other: Motion) -> bool:
         """Whether GPS, refused, has agreed with the witness for a while where it disagrees with the state."""
         refused = [(aid, aid.unresolved) for aid in self.receivers if aid.unresolved and now_ns - aid.unresolved[0] < RETURNS_NS]
-        agrees = bool(refused) and self.led_away is not None
+        agrees, nearer = bool(refused) and self.led_away is not None, {}
         for aid, (_, y) in refused:
-            unit = unit_of(aid)
-            apart = self._apart[ROWS[unit]]
-            rest = y - apart
-            near = normalised(rest, other.P[ROWS[unit], ROWS[unit]] + FLOORS[unit] ** 2 * np.eye(3)) < APART
-            agrees &= near and float(rest @ rest) < NEARER**2 * float(apart @ apart)
+            rows, floor = ROWS[unit_of(aid)], FLOORS[unit_of(aid)]
+            rest = y - self._apart[rows]
+            agrees &= normalised(rest, other.P[rows, rows] + floor**2 * np.eye(3)) < APART
+            nearer[unit_of(aid)] = np.linalg.norm(rest) < NEARER * np.linalg.norm(self._apart[rows])
+        agrees &= bool(nearer.get("m", nearer.get("m/s", False)))
         if not agrees:
             self._back_since_ns = None
             return False
