@@ -316,7 +316,7 @@ def test_a_blocked_pitot_tube_in_flight_does_not_land_the_dead_reckoning():
     ]
     nav = quiet()
     out = nav.feed_all(in_order(flight.attitudes(), air, gps_until(flight, 90.0)))
-    assert any(c.suspect == "air/velocity" for c in nav.checks.held()) or nav.mode == "coasting"
+    assert any(c.suspect == "air/velocity" for c in nav.trust.checks.held()) or nav.mode == "coasting"
     speed = float(np.hypot(*flight.vel[-1]))
     late = [s for s in out if s.stamp_ns - start > 62 * SECOND]
     assert min(math.sqrt(s.cov_vel[0, 0]) for s in late) > 0.5 * speed

@@ -1,6 +1,7 @@
 """GPS receiver: position and velocity of its antenna."""
 
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from lowcostnav_ros.estimation.aiding import (
     reset_to,
 )
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
+from lowcostnav_ros.estimation.innovation_watch import InnovationWatch
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import skew
 from lowcostnav_ros.physics.stochastic import correlation_factor
@@ -35,6 +37,9 @@ SETTLED_S = 30.0
 """A prediction that has agreed for so long, no hole in its data, contradicts a velocity that steps; a young or poor one nobody."""
 LONGER = 1.2
 """Times the memory of its receiver, after which the prediction is the less credible."""
+WATCHED_S, RARE = (5.0, 10.0), 1e-3
+"""Times over which innovations are watched, s, and how rarely a sound one is suspected."""
+AXES, LEAST = np.eye(3), 1e-12
 STEPPED = "velocity stepped without a motion"
 
 
@@ -68,11 +73,46 @@ class GpsSettings(GpsVelocitySettings):
     position_bias_tau_s: float = setting(300.0, "Correlation time of the slow position error.", unit="s", minimum=1.0)
 
 
-class PositionAid(Aid):
+class ReceiverAid(Aid):
+    """What a GPS receiver measures: its accepted innovations are watched over some seconds.
+
+    Attributes
+    ----------
+    small : float
+        What their mean may be off by while receiver and state are sound, in their unit.
+    """
+
+    small: ClassVar[float]
+
+    def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
+        super().__init__(settings, key, stations)
+        self._watch = InnovationWatch(WATCHED_S, [self.small] * 3, RARE)
+
+    @property
+    def drift(self) -> float:
+        """Squared size of its innovations of some seconds together, over what one in a thousand sound ones exceeds."""
+        return self._watch.ratio
+
+    def restart(self) -> None:
+        """As every aid."""
+        super().restart()
+        self._watch.clear()
+
+    def process(self, measurement: Any, host: Host) -> bool:
+        """As every aid."""
+        used, status = super().process(measurement, host), self.status
+        if self.decision is Decision.RECOVER:
+            self._watch.clear()
+        elif used and status.innovation is not None and status.innovation_variance is not None:
+            self._watch.observe(status.stamp_ns, status.innovation, AXES, np.diag(np.maximum(status.innovation_variance, LEAST)))
+        return used
+
+
+class PositionAid(ReceiverAid):
     """GPS position of the antenna against the estimated position and lever arm, metres NED."""
 
     name, labels = "gps_position", ("north_m", "east_m", "down_m")
-    measurement, topic, views, is_fix = GpsPosition, "gps/fix", (Place,), True
+    measurement, topic, views, is_fix, small = GpsPosition, "gps/fix", (Place,), True, 1.0
 
     def blocks(self) -> list[Block]:
         """Slow error of the receiver, m NED, where it is modelled."""
@@ -88,6 +128,7 @@ class PositionAid(Aid):
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
         self._bias = host.layout.get(self.own("gps_position_bias"))
         self._attitude = host.core.attitude_rows if isinstance(host.core, Attitude) else None
+        self._velocity = next((aid for aid in host.aids_of(VelocityAid) if aid.key == self.key), None)
 
     def noise(self, fix: GpsPosition) -> np.ndarray:
         """Covariance (3, 3) of one fix, m^2, scaled, with the floor on its variances."""
@@ -109,11 +150,11 @@ class PositionAid(Aid):
         if not measurement.has_height:
             y[2], H[2] = 0.0, 0.0
         factor = correlation_factor(self.since_s(measurement), self.settings.correlation_s)
-        return Innovation(y, H, factor * host.noise_factor(self) * self.noise(measurement), observation)
+        return Innovation(y, H, factor * host.trust.noise_factor(self) * self.noise(measurement), observation)
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; not used while the velocity of the same receiver is off by a step: it would pull the velocity after it."""
-        velocity = next((aid for aid in host.aids_of(VelocityAid) if aid.key == self.key), None)
+        velocity = self._velocity
         stepped = "" if velocity is None or velocity.rejecting_since_ns is None else velocity.doubt(stamp_ns, host)
         if stepped and not host.excluded(self):
             self.rejecting_since_ns = self.rejecting_since_ns or stamp_ns
@@ -126,14 +167,14 @@ class PositionAid(Aid):
         reset_to(host, slice(POS.start, POS.start + size), innovation.y[:size], self.noise(measurement)[:size, :size])
 
 
-class VelocityAid(Aid):
+class VelocityAid(ReceiverAid):
     """GPS velocity of the antenna against the estimated velocity plus rotation of the lever arm, m/s NED.
 
     A velocity that steps while GPS is good, and from then on is off by the same, is no motion: the inertial sensors would have felt it.
     """
 
     name, labels = "gps_velocity", ("north_mps", "east_mps", "down_mps")
-    measurement, topic, views, needs_rate = GpsVelocity, "gps/vel", (Velocity,), True
+    measurement, topic, views, needs_rate, small = GpsVelocity, "gps/vel", (Velocity,), True, 0.01
 
     def attach(self, host: Host) -> None:
         """Take the lever arm."""

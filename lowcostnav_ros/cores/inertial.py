@@ -11,13 +11,15 @@ The blocks are the linearised navigation equations in metres (Solimeno (3-47), (
 corrected), checked against differences of the strapdown step in the tests.
 """
 
+import copy
+
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.small_matrices import matvec, turned
 from lowcostnav_ros.cores.bridging import LastMotion
-from lowcostnav_ros.cores.views import VelocitySeen
+from lowcostnav_ros.cores.views import Motion, VelocitySeen
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS
@@ -311,6 +313,34 @@ class InertialCore:
         if self.history is not None:
             self.history.end(self.P)
         return following
+
+    def branch(self) -> "InertialCore":
+        """A copy that may be flown on alone."""
+        twin = copy.copy(self)
+        twin.history, twin.layout, twin._newest = None, self.layout.branch(), None
+        twin.nav, twin.estimate, twin.P = self.nav.copy(), self.estimate.copy(), self.P.copy()
+        twin._last, twin._sums = self._last.copy(), self._sums.copy()
+        return twin
+
+    def fly(self, block: ImuBlock, until_ns: int, output_ns: int) -> bool:
+        """Run the samples of a block that are later than the state, and no later than ``until_ns``; return whether none is left."""
+        stop = int(np.searchsorted(block.stamps_ns, until_ns, side="right"))
+        part, first = block[:stop], int(np.searchsorted(block.stamps_ns[:stop], self.t_ns, side="right"))
+        while first < stop:
+            first = self.advance(part, first, output_ns)
+        return stop == len(block)
+
+    def arrive(self, t_ns: int) -> None:
+        """Come to a time that no sample bears: as they are pieced together, one always does."""
+
+    def become(self, other: "InertialCore") -> None:
+        """Take over the state of another core of the same layout and time."""
+        self.nav[:], self.estimate[:], self.P[:] = other.nav, other.estimate, other.P
+        self._last[:], self._sums[:] = other._last, other._sums
+
+    def motion(self) -> Motion:
+        """Place, velocity and attitude with their covariance."""
+        return Motion((self.nav[0], self.nav[1], self.nav[2]), self.nav[VEL], self.nav[6:10], self.P[:CORE, :CORE])
 
     def settle(self) -> None:
         """Bring the covariance to the time of the mean (before an aid)."""

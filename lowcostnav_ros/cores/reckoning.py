@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude, Measurement
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores import reckoning_model as model
 from lowcostnav_ros.cores.held import Unsteadiness, turn_sigma, turned_on
 from lowcostnav_ros.cores.reckoning_model import CLIMB, CORE, POS
-from lowcostnav_ros.cores.views import VelocitySeen
+from lowcostnav_ros.cores.views import Motion, VelocitySeen
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Reason
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
@@ -240,6 +240,40 @@ class ReckoningCore:
         twin._mean_rate = twin.layout.rate if is_paced else self._mean_rate
         twin.P, twin.nav, twin.estimate, twin._sums = self.P.copy(), self.nav.copy(), self.estimate.copy(), self._sums.copy()
         return twin
+
+    def hold(self, item: Measurement) -> None:
+        """Hold the attitude or the air data that carry it from now on."""
+        if isinstance(item, Attitude):
+            self.held.take_attitude(item)
+            if self.started:
+                self.heed_climb()
+        elif isinstance(item, AirVelocity):
+            self.held.take_air(item, self.settings.airspeed)
+
+    def fly(self, item: Measurement, until_ns: int, output_ns: int) -> bool:
+        """Move to the stamp of what carries it and hold that, if it is no later than ``until_ns``; return whether it was."""
+        if item.stamp_ns > until_ns:
+            return False
+        self.move(item.stamp_ns)
+        self.hold(item)
+        return True
+
+    def arrive(self, t_ns: int) -> None:
+        """Come to a time with what is held."""
+        self.move(t_ns)
+        self.settle()
+
+    def become(self, other: "ReckoningCore") -> None:
+        """Take over the state of another core of the same layout and time."""
+        self.nav[:], self.estimate[:], self.P[:] = other.nav, other.estimate, other.P
+        self._sums[:], self.held, self._down_mps = other._sums, copy.copy(other.held), other._down_mps
+
+    def motion(self) -> Motion:
+        """Place and velocity with their covariance; the attitude is not its own."""
+        velocity, G, noise = self.velocity()
+        P = np.zeros((9, 9))
+        P[0:3, 0:3], P[3:6, 3:6] = self.P[POS, POS], G @ self.P @ G.T + noise
+        return Motion((self.nav[0], self.nav[1], self.nav[2]), velocity, self.held.q_nb, P)
 
     def move(self, to_ns: int) -> None:
         """Move the mean to ``to_ns`` with what is held; the covariance follows in :meth:`settle`."""

@@ -5,6 +5,15 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 
+class Motion(NamedTuple):
+    """Place (lat, lon [rad], height [m]), velocity (3,) m/s NED, attitude, and their covariance (9, 9), m, m/s, rad; zero: not its own."""
+
+    place: tuple[float, float, float]
+    vel_n: np.ndarray
+    q_nb: np.ndarray
+    P: np.ndarray
+
+
 @runtime_checkable
 class Place(Protocol):
     """A position.

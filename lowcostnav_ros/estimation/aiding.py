@@ -129,6 +129,18 @@ class AidStatus:
         return None if self.accepted_ns is None else 1e-9 * (now_ns - self.accepted_ns)
 
 
+class Trust(Protocol):
+    """What an aid asks of the beliefs of its host.
+
+    ``agrees_again(aid)`` tells that an excluded source is sound again; ``is_frozen(aid)``: why a source that contradicts the prediction is
+    no measurement; ``noise_factor(aid)``: what its stated variance is to be multiplied by.
+    """
+
+    def agrees_again(self, aid: "Aid") -> None: ...
+    def is_frozen(self, aid: "Aid") -> str: ...
+    def noise_factor(self, aid: "Aid") -> float: ...
+
+
 class Host(Protocol):
     """What an aid asks of the navigator it serves.
 
@@ -136,9 +148,7 @@ class Host(Protocol):
     :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,), or raises
     :class:`CorrectionNotFinite`; ``gps_good(stamp_ns)``: GPS holds the solution.
     ``inertial_is_suspect``: the IMU is known to be worse than set.  ``excluded(aid)``: why its source contradicts others and is not to be
-    used; ``agrees_again(aid)`` tells that it is sound again; ``is_frozen(aid)``: why a source that contradicts the prediction is no
-    measurement; ``doubts(aid, stamp_ns)``: why the solution is not to recover to it, though it has been rejected for
-    ``recovery_s(aid, stamp_ns)``; ``noise_factor(aid)``: what its stated variance is to be multiplied by.
+    used; ``recovery_s(aid, stamp_ns)``: how long it must be rejected before the solution recovers to it.
     """
 
     name: str
@@ -147,14 +157,12 @@ class Host(Protocol):
     inertial_is_suspect: bool
 
     @property
+    def trust(self) -> Trust: ...
+    @property
     def P(self) -> np.ndarray: ...
     def correct(self, dx: np.ndarray) -> None: ...
     def gps_good(self, stamp_ns: int) -> bool: ...
     def excluded(self, aid: "Aid") -> str: ...
-    def agrees_again(self, aid: "Aid") -> None: ...
-    def is_frozen(self, aid: "Aid") -> str: ...
-    def doubts(self, aid: "Aid", stamp_ns: int) -> str: ...
-    def noise_factor(self, aid: "Aid") -> float: ...
     def aids_of(self, kind: type) -> list: ...
     def recovery_s(self, aid: "Aid", stamp_ns: int) -> float: ...
 
@@ -330,12 +338,12 @@ class Aid(ABC):
             return Decision.LIMIT, LIMITED
         if self.rejecting_since_ns is None:
             self.rejecting_since_ns = stamp_ns
-        frozen = host.is_frozen(self)
+        frozen = host.trust.is_frozen(self)
         if frozen:
             return Decision.REJECT, frozen
         if stamp_ns - self.rejecting_since_ns < 1e9 * host.recovery_s(self, stamp_ns):
             return Decision.REJECT, BEYOND_GATE
-        doubt = host.doubts(self, stamp_ns)
+        doubt = self.doubt(stamp_ns, host)
         if doubt:
             return Decision.REJECT, doubt
         self.rejecting_since_ns = None
@@ -354,7 +362,7 @@ class Aid(ABC):
             self._agreeing_since_ns = stamp_ns
         elif stamp_ns - self._agreeing_since_ns >= AGREE_NS:
             self._strayed, self._agreeing_since_ns = 0.0, None
-            host.agrees_again(self)
+            host.trust.agrees_again(self)
 
     def doubt(self, stamp_ns: int, host: Host) -> str:
         """Why its host is not to recover to it, though it has been rejected for long; empty: it may."""

@@ -10,22 +10,20 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from lowcostnav_ros.aids.gps import VelocityAid
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import GpsPosition, Health, ImuBlock, Integrity, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Health, ImuBlock, Integrity, MagneticField, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import NO_CORRECTION, RECOVERED, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
 from lowcostnav_ros.estimation.clocks import HELD
-from lowcostnav_ros.estimation.cross_checks.receiver import DISAGREE, FROZEN, ReceiverCheck
-from lowcostnav_ros.estimation.cross_checks.sources import SourceChecks
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS, TIME_JUMPED, FusionHorizon, unbroken
 from lowcostnav_ros.estimation.inertial_spikes import InertialSpikes, Jolt
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
+from lowcostnav_ros.navigators.trust import Trust
 from lowcostnav_ros.physics.earth import LocalFrame
 
 SILENT_NS = 2_000_000_000
@@ -36,15 +34,6 @@ ALL_REFUSED = 100
 AidType = TypeVar("AidType", bound=Aid)
 HEALTH_NS = 1_000_000_000
 """A navigator says how it is at least once in this time of stamps."""
-FIX = "gps/fix"
-AIR, STATIC, EPOCHS = "air/velocity", "air/static_pressure", "gnss/raw"
-COVERED = 0.5
-"""Sigma of a solution that GPS contradicts, as a share of what the two are apart: whichever is right is within two sigmas."""
-LAG_S, LONGEST_S = 1.0, 60.0
-"""A velocity that is off has been so, unnoticed, for a while, and moves the position for as long as nothing else does, within reason."""
-DISAGREES_NS = 3_000_000_000
-GPS_DISAGREES = "GPS and prediction disagree"
-
 
 @dataclass(frozen=True)
 class HorizonSettings:
@@ -207,7 +196,7 @@ class Navigator(ABC):
         self._said: tuple[int, str, Level, str] | None = None
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
-        self.checks = self._source_checks()
+        self.trust = Trust(self)
 
     # its list ----------------------------------------------------------------------------------------------------------------
 
@@ -306,94 +295,36 @@ class Navigator(ABC):
 
     def excluded(self, aid: Aid) -> str:
         """Why what an aid measures contradicts other sources and is not to be used; empty for nothing."""
-        receiver = self._receivers.get(aid)
-        return "" if receiver is None else receiver.excluded(aid.measurement)
-
-    def agrees_again(self, aid: Aid) -> None:
-        """Believe an excluded receiver again: it has strayed and come back to the prediction."""
-        receiver = self._receivers.get(aid)
-        if receiver is not None:
-            receiver.forget()
-
-    def noise_factor(self, aid: Aid) -> float:
-        """By what the stated variance of an aid's measurements is to be multiplied: they scatter more than they state."""
-        receiver = self._receivers.get(aid)
-        return 1.0 if receiver is None else receiver.noise_factor
-
-    def is_frozen(self, aid: Aid) -> str:
-        """Why what contradicts the prediction is no measurement: it repeats old values; empty for nothing."""
-        receiver = self._receivers.get(aid)
-        return FROZEN if receiver is not None and receiver.contradicted(aid.measurement) else ""
-
-    def doubts(self, aid: Aid, stamp_ns: int) -> str:
-        """Why the solution is not to recover to an aid that it has rejected for long; empty: let it."""
-        return aid.doubt(stamp_ns, self)
+        return self.trust.excluded(aid)
 
     def recovery_s(self, aid: Aid, stamp_ns: int) -> float:
         """How long an aid must have been rejected before the solution recovers to it."""
         return aid.gate.recovery_s
 
-    # contradictions ----------------------------------------------------------------------------------------------------------
+    # what its trust asks -----------------------------------------------------------------------------------------------------
 
-    def _source_checks(self) -> SourceChecks:
-        """The checks of its sources among each other."""
-        self._receivers: dict[Aid, ReceiverCheck] = {}
-        self._latches = [latch for aid in self.aids for latch in aid.latches]
-        for velocity in self.aids_of(VelocityAid):
-            fix = next((aid for aid in self.aids if aid.measurement is GpsPosition and aid.key == velocity.key), None)
-            source = FIX if fix is None and FIX in self.inputs else fix.source if fix is not None else ""
-            if source:
-                check = ReceiverCheck(source, velocity.source, velocity.settings.memory_s)
-                self._receivers |= {aid: check for aid in (velocity, fix) if aid is not None}
-        topics = (topic if topic in self.inputs else "" for topic in (AIR, STATIC, EPOCHS))
-        return SourceChecks(list(dict.fromkeys(self._receivers.values())), *topics)
+    def recoveries(self) -> int:
+        """How often the solution has recovered to GPS or begun anew."""
+        return self.restarts.total() + sum(aid.status.rejected[RECOVERED] for aid in self.trust.receivers)
 
-    def _trusted(self) -> dict[type, bool]:
-        """Whether the state agrees with GPS position and velocity, where it has been compared."""
-        return {aid.measurement: aid.status.test_ratio <= 1.0 for aid in self._receivers if aid.status.innovation is not None}
+    def gps_alarm(self) -> bool:
+        """Whether GPS is under suspicion beyond what cross-checks and innovations show."""
+        return False
+
+    def explains(self) -> bool:
+        """Whether a fault of what carries the state is known, so that it was right to follow GPS."""
+        return False
+
+    def return_to(self, core: Any) -> None:
+        """Go back to a state from which GPS has led away."""
+        self.restarts["GPS is back where it was expected"] += 1
+        if self.history is not None:
+            self.history.cut()
+        self.core.become(core)
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """What contradicts what, for longer than a moment."""
-        latched = (latch.held for latch in self._latches if latch.held is not None)
-        return (*self.horizon.clocks.contradictions(), *self.checks.held(), *self._unresolved(), *latched)
-
-    def _unresolved(self) -> Iterable[Contradiction]:
-        """GPS that the state contradicts, and no check can tell which of them is wrong."""
-        for aid in self._receivers:
-            since_ns = aid.rejecting_since_ns
-            if aid.unresolved is None or since_ns is None or aid.unresolved[0] - since_ns < DISAGREES_NS or self.excluded(aid):
-                continue
-            size, unit = float(np.linalg.norm(aid.unresolved[1])), "m" if aid.measurement is GpsPosition else "m/s"
-            yield Contradiction(GPS_DISAGREES, (aid.source, self.inertial or self.name), size, unit, since_ns)
-
-    def suspicion(self) -> str:
-        """What speaks against the position of GPS or of the solution, in words; a frozen receiver is merely lost."""
-        of_gps = (held for check in self.checks.receivers for held in check.held() if held.name == DISAGREE)
-        found = next(chain(of_gps, self._unresolved()), None)
-        return "" if found is None else found.words(self.horizon.passed_ns or found.since_ns)
-
-    def doubt(self, stamp_ns: int) -> tuple[np.ndarray, np.ndarray]:
-        """What unresolved contradictions add to the covariance of position (3, 3) and velocity (3, 3), m^2 and (m/s)^2.
-
-        A frozen receiver adds nothing: it is known to be wrong.
-        """
-        position, velocity = np.zeros((3, 3)), np.zeros((3, 3))
-        if all(aid.unresolved is None for aid in self._receivers):
-            return position, velocity
-        for key in dict.fromkeys(aid.key for aid in self._receivers):
-            offset = np.zeros(3)
-            for aid, check in self._receivers.items():
-                if aid.key != key or aid.unresolved is None or check.is_frozen(aid.measurement):
-                    continue
-                seen_ns, y = aid.unresolved
-                if aid.measurement is GpsPosition:
-                    offset += y
-                    continue
-                velocity += COVERED**2 * np.outer(y, y)
-                seen_ns = next((a.unresolved[0] for a in self._receivers if a is not aid and a.key == key and a.unresolved), seen_ns)
-                offset += y * min(1e-9 * max(stamp_ns - seen_ns, 0) + LAG_S, LONGEST_S)
-            position += COVERED**2 * np.outer(offset, offset)
-        return position, velocity
+        return self.trust.contradictions()
 
     def all_channels(self) -> list[Channel]:
         """The channels of all sources, those applied at the outputs first."""
@@ -444,7 +375,7 @@ class Navigator(ABC):
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
         for item in self.horizon.take():
-            refusal = self.checks.take(item, self._trusted)
+            refusal = self.trust.take(item)
             if refusal:
                 self.input_status[item.source].reject(refusal)
             elif isinstance(item, ImuBlock):
@@ -534,13 +465,14 @@ class Navigator(ABC):
         self.horizon.clear()
         self._out_ns = None
         self.spikes.clear()
-        self.checks.clear()
+        self.trust.clear()
         self.realign(reason)
 
     def realign(self, reason: str) -> None:
         """Forget the state alone; what the horizon holds is used to align anew (so that this, too, repeats to the bit)."""
         self.restarts[reason] += 1
         self.mode, self.reason = Mode.INITIALISING, reason
+        self.trust.forget_state()
         self._restart()
         if self.history is not None:
             self.history.cut()
@@ -560,8 +492,7 @@ class Navigator(ABC):
             self.history.output(solution, self.P, self.core.output_rows())
 
     def _health(self, stamp_ns: int) -> Health:
-        recovered = sum(aid.status.rejected[RECOVERED] for aid in self.aids if aid.is_fix)
-        counts = self.restarts.total() + recovered, len(self.contradictions())
+        counts = self.restarts.total() + sum(aid.status.rejected[RECOVERED] for aid in self.aids if aid.is_fix), len(self.contradictions())
         return Health(stamp_ns, self.name, str(self.mode), int(self._level()), self.reason, *counts)
 
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
@@ -580,11 +511,11 @@ class Navigator(ABC):
 
     def _solution_at(self, t_ns: int, nav: np.ndarray, P: np.ndarray, rows: range, **further: Any) -> NavSolution:
         """Solution with position, velocity and the states ``rows``; ``nav`` begins with lat, lon, height, velocity and ``P`` likewise."""
-        in_position, in_velocity = self.doubt(t_ns)
+        doubt = self.trust.doubt(t_ns)
         return NavSolution(
             *(int(t_ns), self.name, float(nav[0]), float(nav[1]), float(nav[2]), nav[3:6].copy()),
-            cov_pos=P[0:3, 0:3] + in_position,
-            cov_vel=P[3:6, 3:6] + in_velocity,
+            cov_pos=P[0:3, 0:3] + doubt[0:3, 0:3],
+            cov_vel=P[3:6, 3:6] + doubt[3:6, 3:6],
             mode=self.mode,
             states=self._states(P, rows),
             integrity=self._integrity(),

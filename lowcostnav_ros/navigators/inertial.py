@@ -15,17 +15,18 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
-from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, POS, VEL, InertialCore
+from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator, position_sigmas
-from lowcostnav_ros.navigators.recovery import Recovery
+from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
+from lowcostnav_ros.starts.point_solution import SlopeVelocity
 
 IMU = "imu/data_raw"
 COAST_NS = 30_000_000_000
@@ -78,6 +79,7 @@ class InertialNavigator(Navigator):
         self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float)
         self._attach(layout, InertialCore(layout))
         self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
+        self.slope = SlopeVelocity()
         self.axes, self.recovery = AxesCheck(IMU), Recovery(settings.imu, layout)
         self._wind_aids = [aid for aid in self.aids if "wind" in aid.teaches]
         self._restart()
@@ -95,7 +97,18 @@ class InertialNavigator(Navigator):
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether GPS holds the solution."""
-        return self.mode == Mode.GPS
+        return self.mode == Mode.GPS or self._led_away
+
+    def explains(self) -> bool:
+        """Whether a bias was found to be so large that the inertial sensors were wrong; what a spoofer pretends is smaller."""
+        found = self.recovery.contradiction(self.core.estimate)
+        return found is not None and found.size > BEYOND_SPOOFING
+
+    def return_to(self, core: InertialCore) -> None:
+        """As every navigator; what was learnt of the IMU was learnt of GPS."""
+        super().return_to(core)
+        self.recovery.acquit()
+        self.inertial_is_suspect = False
 
     def excluded(self, aid: Aid) -> str:
         """As every navigator; after an alignment without it the magnetometer waits until GPS has shown the heading."""
@@ -105,7 +118,7 @@ class InertialNavigator(Navigator):
 
     def recovery_s(self, aid: Aid, stamp_ns: int) -> float:
         """A second recovery to GPS within a minute comes sooner, and is another one."""
-        return self.recovery.patience_s(stamp_ns, aid.gate.recovery_s) if aid in self._receivers else aid.gate.recovery_s
+        return self.recovery.patience_s(stamp_ns, aid.gate.recovery_s) if aid in self.trust.receivers else aid.gate.recovery_s
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity and with its settings."""
@@ -115,7 +128,7 @@ class InertialNavigator(Navigator):
     # measurements ------------------------------------------------------------------------------------------------------------
 
     def _restart(self) -> None:
-        self._aligned = False
+        self._aligned = self._led_away = False
         self.axes.clear()
         self.recovery.restart()
         self._emitted = -1
@@ -124,6 +137,7 @@ class InertialNavigator(Navigator):
         self.start_is_fed = False
         self.restart_channels()
         self.core.rest()
+        self.slope.clear()
         self.start.clear()
 
     def _fuse(self, item: Measurement) -> None:
@@ -132,8 +146,7 @@ class InertialNavigator(Navigator):
         elif item.source == self.settings.alignment.master and isinstance(item, NavSolution):
             self._transfer(item)
         elif not self._aligned or (self.core.t_ns != item.stamp_ns and not self._coast(item.stamp_ns)):
-            if not self.checks_exclude(item):
-                self._prepare(item)
+            self._begin_with(item)
         else:
             self.core.settle()
             self._aid(item)
@@ -143,24 +156,19 @@ class InertialNavigator(Navigator):
                 self._recover(item)
             self._judge()
 
-    def checks_exclude(self, item: Measurement) -> str:
-        """Why a measurement of GPS is not to be aligned with."""
-        reasons = (check.excluded(type(item)) for check in self.checks.receivers if item.source in check.sources)
-        return next(filter(None, reasons), "")
-
     def _recover(self, item: Measurement) -> None:
         """Follow what became of GPS; begin anew in motion when it has been recovered to again and again."""
         recovery = self.recovery
-        for aid in self._receivers:
+        for aid in self.trust.receivers:
             if type(item) is aid.measurement and item.source == aid.source and aid.decision is not None:
                 decision: Decision | None = aid.decision
                 if decision is Decision.REJECT and self.excluded(aid):
                     decision = None
-                elif decision is Decision.RECOVER and aid.measurement is GpsPosition and self._trusted().get(GpsVelocity, False):
+                elif decision is Decision.RECOVER and aid.measurement is GpsPosition and self.trust.agreement().get(GpsVelocity, False):
                     decision = Decision.REJECT  # where the velocity agrees it is not the IMU
                 recovery.note(item.stamp_ns, decision)
                 self.inertial_is_suspect = recovery.is_widened
-        start = None if self.checks_exclude(item) else self._gather(item)
+        start = None if self.trust.excludes(item) else self._gather(item)
         if recovery.is_lost and start is not None:
             self._begin_anew(start)
 
@@ -184,11 +192,12 @@ class InertialNavigator(Navigator):
         self.recovery.begin(start.stamp_ns, self.P, moving=self.start.moving)
         self.inertial_is_suspect = True
         self._fused_fix_ns, self._sampled_ns = start.fix_ns, start.stamp_ns
-        for aid in self._receivers:
+        for aid in self.trust.receivers:
             aid.rejecting_since_ns = aid.unresolved = None
 
     def _run(self, block: ImuBlock) -> None:
         first = 0
+        self.trust.witness.take(block)
         in_hole = self._aligned and not self._levelling_until_ns and block.stamps_ns[0] - self._sampled_ns > GAP_NS
         if in_hole and self._coast(int(block.stamps_ns[0])):
             first = 1  # the sample says nothing about all of the hole before it
@@ -257,6 +266,7 @@ class InertialNavigator(Navigator):
         self._emitted = self.core.t_ns // self.output_period_ns
         for channel in self.clocked:
             self.use_channel(channel, Measurement(self.core.t_ns, IMU))
+        self.trust.look(self.core.t_ns)
         self._judge()
         self.publish(self._solution(self.core.t_ns, self.core.nav, self.P, self.core.force_b, self.core.rate_b))
 
@@ -273,17 +283,19 @@ class InertialNavigator(Navigator):
     def _judge(self) -> None:
         """Keep mode and reason in step with what was fused."""
         now, last = self.core.t_ns, self._fused_fix_ns
-        sigma = self._horizontal_sigma()
+        sigma, self._led_away = self._horizontal_sigma(), False
         if sigma > self.settings.failed_sigma_m:
             self.mode, self.reason = Mode.FAILED, f"horizontal sigma {sigma:.0f} m is above {self.settings.failed_sigma_m:.0f} m"
         elif now - self._sampled_ns > GAP_NS:
             self.mode, self.reason = Mode.COASTING, f"no inertial data for {1e-9 * (now - self._sampled_ns):.1f} s: the last motion goes on"
         elif last is not None and now - last <= 1e9 * self.settings.gps.timeout_s:
             self.mode, self.reason = Mode.GPS, "GPS position accepted"
+            if self.trust.led_away is not None:
+                self.mode, self.reason, self._led_away = Mode.SUSPECT, self.trust.suspicion(), True
         else:
             since = 0.0 if last is None else 1e-9 * (now - last)
             self.mode, self.reason = Mode.COASTING, f"{self._why_no_fix(now)} for {since:.0f} s{self.outage_words(now)}"
-            found = self.suspicion()
+            found = self.trust.suspicion()
             if found:
                 self.mode, self.reason = Mode.SUSPECT, found
 
@@ -296,6 +308,16 @@ class InertialNavigator(Navigator):
         return math.sqrt(max(P[0, 0] + P[1, 1], 0.0))
 
     # alignment ---------------------------------------------------------------------------------------------------------------
+
+    def _begin_with(self, item: Measurement) -> None:
+        """Align with what is not excluded; where the velocity is, the slope of the fixes serves."""
+        if self.trust.excludes(item):
+            return
+        self._prepare(item)
+        if isinstance(item, GpsPosition) and any(check.excluded(GpsVelocity) for check in self.trust.checks.receivers):
+            velocity = self.slope.add(item)
+            if velocity is not None and not self._aligned:
+                self._prepare(velocity)
 
     def _prepare(self, item: Measurement) -> None:
         """Gather what alignment needs; begin when there is a first state."""
@@ -340,6 +362,7 @@ class InertialNavigator(Navigator):
     def _disturb(self, jolt: Jolt) -> None:
         """As every navigator, once aligned."""
         if self._aligned:
+            self.trust.witness.disturb(jolt, self.core.t_ns)
             self.core.disturb(jolt.kick, jolt.variance)
 
     # outputs -----------------------------------------------------------------------------------------------------------------
@@ -357,7 +380,7 @@ class InertialNavigator(Navigator):
             q_nb=nav[6:10].copy(),
             angular_rate_b=rate_b,
             specific_force_b=force_b,
-            cov_att=P[ATT, ATT].copy(),
+            cov_att=P[ATT, ATT] + self.trust.doubt(t_ns)[ATT, ATT],
             wind_n=None if wind is None else self.core.estimate[wind].copy(),
             cov_wind=None if wind is None else P[wind, wind].copy(),
         )
@@ -365,9 +388,6 @@ class InertialNavigator(Navigator):
     def _sigmas(self) -> dict[str, float]:
         if not self._aligned:
             return {}
-        north, east, down = np.sqrt(np.maximum(np.diag(self.P)[ATT], 0.0)) / DEGREE
-        P = self.P.copy()
-        in_position, in_velocity = self.doubt(self.core.t_ns)
-        P[POS, POS] += in_position
-        P[VEL, VEL] += in_velocity
+        P = self.P[:CORE, :CORE] + self.trust.doubt(self.core.t_ns)
+        north, east, down = np.sqrt(np.maximum(np.diag(P)[ATT], 0.0)) / DEGREE
         return position_sigmas(P) | {"tilt_deg": float(np.hypot(north, east)), "heading_deg": float(down)}

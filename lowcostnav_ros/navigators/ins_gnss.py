@@ -28,12 +28,11 @@ from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.error_state import Block
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.navigators.base import COVERED, LAG_S, LONGEST_S
 from lowcostnav_ros.navigators.inertial import IMU, InertialNavigator, InertialSettings
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.starts.gps_start import Start
-from lowcostnav_ros.starts.point_solution import SlopeVelocity, point_solution
+from lowcostnav_ros.starts.point_solution import point_solution
 
 SOLUTION = "gnss_only/odometry_fused"
 SOURCES = {"epochs": EPOCH, "gnss_only": SOLUTION, "receiver": ""}
@@ -88,7 +87,6 @@ class InsGnss(InertialNavigator):
         self.solution_source = "" if self.tight else SOURCES[settings.loose_source]
         self.fix_word = "satellites" if self.tight else "GPS fix"
         self.receiver: Receiver | None = None
-        self.slope = SlopeVelocity()
         super().__init__(settings, stations, settings.loose.behind_s if self.solution_source == SOLUTION else 0.0)
         self._lost_limit = chi_square.threshold(settings.gnss.gate.probability, 3) if self.tight else 0.0
         self._screen = RangeAid(settings.gnss)
@@ -126,8 +124,6 @@ class InsGnss(InertialNavigator):
         for aid in self._ranges if self.tight else ():
             aid.receiver.restart()
         self.receiver = self._ranges[0].receiver if self.tight else None
-        self.slope.clear()
-        self._away: tuple[int, np.ndarray, np.ndarray] | None = None  # stamp, position and velocity of the satellites less the state
         self._away_since_ns: int | None = None
         self._solved_ns = -(10**18)
 
@@ -136,7 +132,7 @@ class InsGnss(InertialNavigator):
     def _fuse(self, item: Measurement) -> None:
         if not self.tight and item.source == self.solution_source:
             for part in self._adapted(item):
-                self.checks.take(part, self._trusted)
+                self.trust.take(part)
                 super()._fuse(part)
         else:
             super()._fuse(item)
@@ -207,7 +203,7 @@ class InsGnss(InertialNavigator):
         """Where satellites are refused: do they agree among themselves and not with the state, it is the state that is lost."""
         first = self._ranges[0]
         if self._is_sound(epoch, first):
-            self._away, self._away_since_ns = None, None
+            self.trust.away, self._away_since_ns = None, None
             return
         try:
             fix, velocity = self._solve(epoch)
@@ -216,11 +212,11 @@ class InsGnss(InertialNavigator):
         lever_n, P, nav = self.core.lever_n(self.lever_b), self.core.P, self.core.nav
         apart = difference_n(fix.lat, fix.lon, fix.height, nav[0], nav[1], nav[2]) - lever_n
         if kalman.normalised_innovation_squared(apart, P[POS, POS] + fix.cov_n) <= self._lost_limit:
-            self._away, self._away_since_ns = None, None
+            self.trust.away, self._away_since_ns = None, None
             return
         stamp_ns = epoch.stamp_ns
         drift = np.zeros(3) if velocity is None else velocity.vel_n - nav[3:6]
-        self._away, self._away_since_ns = (stamp_ns, apart, drift), self._away_since_ns or stamp_ns
+        self.trust.away, self._away_since_ns = (stamp_ns, apart, drift), self._away_since_ns or stamp_ns
         self.recovery.note(stamp_ns, Decision.REJECT)
         starts = [self._gather(part) for part in (fix, velocity) if part is not None]
         if stamp_ns - self._away_since_ns >= 1e9 * self.recovery.patience_s(stamp_ns, first.gate.recovery_s) and starts[-1] is not None:
@@ -240,19 +236,13 @@ class InsGnss(InertialNavigator):
             alarm = self.receiver.integrity.status
             self.receiver.restart()
             self.receiver.integrity.status.alarm, self.receiver.integrity.status.alarm_ns = alarm.alarm, alarm.alarm_ns
-            self._away, self._away_since_ns = None, None
+            self.trust.away, self._away_since_ns = None, None
             for aid in (*self._ranges, *self._rates):
                 aid.rejecting_since_ns = None
 
-    def doubt(self, stamp_ns: int) -> tuple[np.ndarray, np.ndarray]:
-        """As every navigator; also covers satellites that agree among themselves and not with the state."""
-        position, velocity = super().doubt(stamp_ns)
-        if self._away is not None:
-            seen_ns, apart, drift = self._away
-            offset = apart + drift * min(1e-9 * max(stamp_ns - seen_ns, 0) + LAG_S, LONGEST_S)
-            position = position + COVERED**2 * np.outer(offset, offset)
-            velocity = velocity + COVERED**2 * np.outer(drift, drift)
-        return position, velocity
+    def gps_alarm(self) -> bool:
+        """Whether the satellites' integrity tests say so."""
+        return self.receiver is not None and bool(self.receiver.integrity.status.alarm)
 
     def _judge(self) -> None:
         super()._judge()

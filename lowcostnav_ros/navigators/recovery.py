@@ -28,6 +28,8 @@ HEADING_SIGMA = 4.0 * DEGREE
 """The magnetometer waits until GPS has shown the heading to this, between these times after the alignment."""
 EXCEEDED, FAR_EXCEEDED = 3.0, 6.0
 """Sigmas of its setting by which a bias is too large: after an alignment anew; and where it was learnt without one."""
+BEYOND_SPOOFING = 20.0
+"""Sigmas of its setting that no bias learnt from a spoofer reaches."""
 NEVER_NS = -(10**18)
 SETTINGS = "its settings"
 LOOK_NS = 1_000_000_000
@@ -67,6 +69,12 @@ class Recovery:
         self.is_lost = False
         self._recovered_ns = self._rejected_ns = self._compass_off_ns = NEVER_NS
         self._now_ns = 0
+
+    def acquit(self) -> None:
+        """Take the IMU for as good as set: it was GPS that was wrong."""
+        self._steps, self._found, self._is_far = 0, None, False
+        self._widen(1.0)
+        self.restart()
 
     @property
     def is_widened(self) -> bool:

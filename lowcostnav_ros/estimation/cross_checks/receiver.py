@@ -194,6 +194,12 @@ class ReceiverCheck:
         return DISAGREE if held is not None and held.suspect == (self.fix if kind is GpsPosition else self.velocity) else ""
 
     @property
+    def never_agreed(self) -> bool:
+        """Whether the velocity contradicts the fixes, and has from the beginning."""
+        held = self.disagreement.held
+        return held is not None and held.suspect == self.velocity and self._agreed_s < AGREED_S
+
+    @property
     def noise_factor(self) -> float:
         """By what the stated variance of a fix is to be multiplied."""
         return self.scatter.held.size ** 2 if self.scatter.held is not None else 1.0
@@ -269,7 +275,7 @@ class ReceiverCheck:
             return held.suspect
         if self._agreed_s < AGREED_S or self.stuck(GpsVelocity):
             return self.velocity
-        return self.velocity if trusted.get(GpsPosition, False) and not trusted.get(GpsVelocity, True) else self.fix
+        return self.velocity if trusted.get(GpsPosition, True) and not trusted.get(GpsVelocity, True) else self.fix
 
     def _watch_scatter(self, fix: GpsPosition, last: GpsPosition, step: np.ndarray, variance: np.ndarray, velocity_variance: float) -> None:
         if self.disagreement.held is not None and self.disagreement.held.suspect == self.velocity:

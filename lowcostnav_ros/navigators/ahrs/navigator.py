@@ -158,6 +158,8 @@ class Ahrs(Navigator):
             self.input_status[item.source].reject("inertial data missing")
         elif not all(np.isfinite(getattr(item, name)).all() for name in NUMBERS.get(type(item), ())):
             self.input_status[item.source].reject("not finite")
+        elif not self._aligned and self.trust.excludes(item):
+            pass
         elif not self._aligned:
             if isinstance(item, MagneticField):
                 self.magnetic.follow(item.stamp_ns)
@@ -177,6 +179,7 @@ class Ahrs(Navigator):
 
     def _run(self, block: ImuBlock) -> None:
         block, start = self._finite(block), 0
+        self.trust.witness.take(block)
         while start < len(block):
             if self._in_gap(block, start):
                 start += 1
@@ -211,6 +214,7 @@ class Ahrs(Navigator):
         sensors = sensor_rows(self.core)
         self._kept = (self.core.estimate[sensors].copy(), self.P[sensors, sensors].copy())
         self._aligned = False
+        self.trust.forget_state()
         self.mode, self.reason = Mode.ALIGNING, reason
 
     # alignment ---------------------------------------------------------------------------------------------------------------
@@ -264,11 +268,13 @@ class Ahrs(Navigator):
         self.filter.keep(now)
         for channel in self.clocked:
             self.use_channel(channel, Measurement(now, IMU))
+        self.trust.look(now)
         self._judge()
 
     def _disturb(self, jolt: Jolt) -> None:
         """As every navigator, once aligned."""
         if self._aligned:
+            self.trust.witness.disturb(jolt, self.core.t_ns)
             self.core.disturb(jolt.kick, jolt.variance)
 
     # outputs -----------------------------------------------------------------------------------------------------------------
@@ -281,6 +287,8 @@ class Ahrs(Navigator):
         else:
             has_heading = self.filter.fresh("magnetic", self.core.t_ns, HEADING_TIMEOUT_S)
             self.mode, self.reason = self.filter.mode(self.core.t_ns, "" if has_heading else ", no magnetic heading")
+            if self.trust.suspects_gps:
+                self.mode, self.reason = Mode.SUSPECT, self.trust.suspicion()
 
     def _predict(self) -> NavSolution | None:
         if not self._aligned:
@@ -296,7 +304,7 @@ class Ahrs(Navigator):
             q_nb=nav[6:10].copy(),
             angular_rate_b=rate_b,
             specific_force_b=force_b,
-            cov_att=P[ATT, ATT].copy(),
+            cov_att=P[ATT, ATT] + self.trust.doubt(t_ns)[ATT, ATT],
             mode=self.mode,
             states=self._states(P, range(CORE, self.layout[last].stop)),
         )
@@ -305,7 +313,8 @@ class Ahrs(Navigator):
         if not self._aligned:
             return {}
         J = euler_jacobian_n(*quat_to_euler(self.core.nav[6:10]))
-        euler = np.sqrt(np.maximum(np.diag(J @ self.P[ATT, ATT] @ J.T), 0.0)) / DEGREE
+        P = self.P[ATT, ATT] + self.trust.doubt(self.core.t_ns)[ATT, ATT]
+        euler = np.sqrt(np.maximum(np.diag(J @ P @ J.T), 0.0)) / DEGREE
         bias = np.sqrt(np.diag(self.P)[self.layout["gyro_bias"]].max()) / DEGREE
         return {"roll_deg": float(euler[0]), "pitch_deg": float(euler[1]), "heading_deg": float(euler[2]), "gyro_bias_dps": float(bias)}
 

@@ -16,7 +16,7 @@ from lowcostnav_ros.aids.gps import GPS, PositionAid
 from lowcostnav_ros.aids.radar import RADAR
 from lowcostnav_ros.aids.vor import VOR, VorAid
 from lowcostnav_ros.aids.wind_uplink import WIND_UPLINK
-from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsPosition, Measurement, NavSolution, SlantRange
+from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsPosition, Health, Measurement, NavSolution, SlantRange
 from lowcostnav_ros.base.modes import Level, Mode
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.cores.reckoning import ReckoningCore, core_blocks
@@ -28,7 +28,7 @@ from lowcostnav_ros.navigators.dead_reckoning.geometry import ReceivedStations
 from lowcostnav_ros.navigators.dead_reckoning.settings import DeadReckoningOwnSettings, baro_walk
 from lowcostnav_ros.navigators.registry import navigator
 
-AIR = "air/velocity"
+AIR, AHRS_HEALTH = "air/velocity", "ahrs/health"
 STATES = ("heading_bias_rad", "airspeed_scale", "airspeed_bias_mps")
 """Estimates beside position, velocity and wind that a solution carries, each the sum of its states."""
 RECEIVED_S = 120.0
@@ -73,13 +73,14 @@ class DeadReckoning(Navigator):
         self._others = [aid for aid in self.aids if not isinstance(aid, StationAid)]
         self._restart()
 
-    def own_inputs(self) -> tuple[str, str]:
-        """Attitude and air data."""
-        return (self.settings.attitude_topic, AIR)
+    def own_inputs(self) -> tuple[str, ...]:
+        """Attitude, air data, and what our own attitude reference says of itself: its gyros know a slow spoofer, the wind does not."""
+        health = (AHRS_HEALTH,) if self.settings.attitude_topic == "imu/data_fused" else ()
+        return (self.settings.attitude_topic, AIR, *health)
 
-    def required_sources(self) -> tuple[str, str]:
-        """Both of them."""
-        return self.own_inputs()
+    def required_sources(self) -> tuple[str, ...]:
+        """Attitude and air data."""
+        return self.own_inputs()[:2]
 
     def blocks(self) -> list[Block]:
         """The list of state blocks: the core's and what the aids need; errors of stations are noise in the reduced model."""
@@ -115,19 +116,19 @@ class DeadReckoning(Navigator):
             self._align(item)
             return
         self._advance(item.stamp_ns)
-        if not self._hold(item, self.core):
+        if isinstance(item, Health):
+            self.trust.told = item.mode == Mode.SUSPECT
+        elif self._hold(item, self.core):
+            self.trust.witness.take(item)
+        else:
             self._aid(item)
 
     def _hold(self, item: Measurement, core: ReckoningCore) -> bool:
         """Let the core hold what carries it; return whether this does."""
-        if item.source == self.settings.attitude_topic and isinstance(item, Attitude):
-            core.held.take_attitude(item)
-            if core.started:
-                core.heed_climb()
-        elif item.source == AIR and isinstance(item, AirVelocity):
-            core.held.take_air(item, self.settings.airspeed)
-        else:
+        kind = {self.settings.attitude_topic: Attitude, AIR: AirVelocity}.get(item.source)
+        if kind is None or not isinstance(item, kind):
             return False
+        core.hold(item)
         return True
 
     def _align(self, item: Measurement) -> None:
@@ -155,7 +156,7 @@ class DeadReckoning(Navigator):
 
     def _stands(self, stamp_ns: int) -> bool:
         """Whether airspeed and GPS both say so: airspeed alone may be a blocked pitot tube."""
-        ground = self.checks.ground_speed(stamp_ns)
+        ground = self.trust.checks.ground_speed(stamp_ns)
         return not self.core.held.airborne and (ground is None or ground < self.settings.airspeed.minimum_mps)
 
     def _advance(self, stamp_ns: int) -> None:
@@ -168,6 +169,7 @@ class DeadReckoning(Navigator):
             if due != self._last_out_ns:
                 for channel in self.clocked:
                     self.use_channel(channel, Measurement(due, self.name))
+                self.trust.look(due)
                 self._judge()
                 self.publish(self._solution(core))
                 self._last_out_ns = due
@@ -179,7 +181,7 @@ class DeadReckoning(Navigator):
     def _judge(self) -> None:
         """Find the mode and its reason."""
         core = self.core
-        outdated, found = core.timed_out(), self.suspicion()
+        outdated, found = core.timed_out(), self.trust.suspicion()
         if outdated:
             self.mode, self.reason = Mode.FAILED, f"{outdated}: last value held, error unbounded"
         elif self.gps_good(core.t_ns):
@@ -187,6 +189,8 @@ class DeadReckoning(Navigator):
             self.mode = Mode.CALIBRATING
             failed = "airspeed failed" if core.held.fastest > 0.0 else "on the ground"
             self.reason = "GPS good" if core.held.airborne else f"GPS good, {failed}: wind is not observable"
+            if self.trust.led_away is not None:
+                self.mode, self.reason = Mode.SUSPECT, found
         else:
             self._judge_outage(core.t_ns)
             if found:
@@ -252,14 +256,14 @@ class DeadReckoning(Navigator):
         velocity, G, noise = core.velocity()
         total, held = core.totals(), core.held
         q_nb, swing = held.attitude(core.t_ns)
-        in_position, in_velocity = self.doubt(core.t_ns)
+        doubt = self.trust.doubt(core.t_ns)
         return NavSolution(
             *(core.t_ns, self.name, float(core.nav[0]), float(core.nav[1]), float(core.nav[2]), velocity),
             q_nb=q_nb,
             angular_rate_b=held.rate_b,
             specific_force_b=held.force_b,
-            cov_pos=core.P[POS, POS] + in_position,
-            cov_vel=G @ core.P @ G.T + noise + in_velocity,
+            cov_pos=core.P[POS, POS] + doubt[0:3, 0:3],
+            cov_vel=G @ core.P @ G.T + noise + doubt[3:6, 3:6],
             cov_att=held.cov_att + swing**2 * np.eye(3),
             wind_n=total[0:2],
             cov_wind=core.wind_covariance(),
@@ -271,7 +275,7 @@ class DeadReckoning(Navigator):
         core = self.core
         if not core.started:
             return {}
-        north, east, down = np.sqrt(core.P.diagonal()[POS] + self.doubt(core.t_ns)[0].diagonal()).tolist()
+        north, east, down = np.sqrt(core.P.diagonal()[POS] + self.trust.doubt(core.t_ns).diagonal()[POS]).tolist()
         wind = core.wind_covariance()
         return {
             "position_horizontal_m": math.hypot(north, east),

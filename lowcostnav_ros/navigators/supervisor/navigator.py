@@ -264,13 +264,21 @@ class Supervisor(Navigator):
     def _cover(self, active: str, alive: dict[str, NavSolution], now_ns: int) -> np.ndarray:
         """What the contradictions that are known add to the covariance of the position, (3, 3): the solution flown may be the wrong one."""
         offsets, own = [self._candidates[active].offset_n], alive[active]
+        doubt = self._doubt_of_gps(active, alive)
         others = {name: solution for name, solution in alive.items() if name != active}
         if self._apart is not None and self._apart.suspect in ("", active):
             offsets += [difference_n(*own.place, *other.place) for other in others.values()]
         fixed = self._candidates[GPS].newest
         if active in self._strays and self._trust(GPS) == TRUSTED and fixed is not None and self._fix_is_fresh(now_ns):
             offsets.append(difference_n(*own.place, *self._motion.carried(fixed, now_ns).place))
-        return sum((np.outer(offset, offset) for offset in offsets), np.zeros((3, 3)))
+        return sum((np.outer(offset, offset) for offset in offsets), doubt)
+
+    def _doubt_of_gps(self, active: str, alive: dict[str, NavSolution]) -> np.ndarray:
+        """Covariance (3, 3) of another solution held by GPS whose navigator suspects GPS, where that of the one flown does not."""
+        own = self._candidates[active].health
+        others = (name for name in alive if name != active and self._trust(name) == SUSPECT and name not in self._strays)
+        doubting = next(others, None) if own is not None and own.mode in (Mode.CALIBRATING, Mode.GPS) else None
+        return np.zeros((3, 3)) if doubting is None else alive[doubting].place_cov
 
     def _flies(self, alive: dict[str, NavSolution]) -> bool:
         chosen = alive.get(self.active or "") or next(iter(alive.values()), None)
