@@ -16,7 +16,7 @@ from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.base.units import DEGREE
-from lowcostnav_ros.cores.inertial import VEL
+from lowcostnav_ros.cores.inertial import POS, VEL
 from lowcostnav_ros.cores.views import Place, Velocity
 from lowcostnav_ros.estimation import aiding, kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings
@@ -152,6 +152,7 @@ class SatelliteAid(Aid):
         super().attach(host)
         self._clock = host.layout[self.own("clock")].start
         self._offset = host.layout.get(self.own("system_offset"))
+        self.seeds = (POS, host.core.velocity_rows)
 
     def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
         """Innovations of the usable satellites, and why the others are not usable.  Changes nothing."""

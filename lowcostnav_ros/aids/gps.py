@@ -86,7 +86,7 @@ class PositionAid(Aid):
         """Find the receiver's slow error and the attitude states."""
         super().attach(host)
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
-        self._bias = host.layout.get(self.own("gps_position_bias"))
+        self._bias, self.seeds = host.layout.get(self.own("gps_position_bias")), (POS,)
         self._attitude = host.core.attitude_rows if isinstance(host.core, Attitude) else None
 
     def noise(self, fix: GpsPosition) -> np.ndarray:
@@ -138,6 +138,7 @@ class VelocityAid(Aid):
     def attach(self, host: Host) -> None:
         """Take the lever arm."""
         super().attach(host)
+        self.seeds = (host.core.velocity_rows,) if host.core.velocity_rows else ()
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
         self._stepped: tuple[int, np.ndarray] | None = None
         self.sound_since_ns: int | None = None
@@ -182,7 +183,7 @@ class VelocityAid(Aid):
         if seen.noise is not None:
             R = R + seen.noise
         factor = correlation_factor(self.since_s(measurement), max(self.settings.correlation_s, seen.tau_s))
-        return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n)
+        return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n, rate=seen.rate_n)
 
     def recover(self, measurement: GpsVelocity, innovation: Innovation, host: Host) -> None:
         """Reset the velocity to that of GPS; attitude and biases stay."""

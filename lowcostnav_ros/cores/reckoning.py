@@ -354,6 +354,12 @@ class ReckoningCore:
             return max(2.0 * LOST_S * self.held.fastest**2, settings.ground_walk_mps**2)
         return 2.0 * settings.wind.gust_mps**2 * settings.wind.gust_tau_s
 
+    def motion(self) -> np.ndarray:
+        """How fast the true state moves, in the coordinates of the error state (n,) per second."""
+        out = np.zeros(self.layout.size)
+        out[POS] = self.velocity()[0]
+        return out
+
     def output_rows(self) -> dict[str, np.ndarray]:
         """Quantities of a solution by the error states, (m, n) each, for the smoother."""
         return {"pos": np.eye(self.layout.size)[POS], "vel": self.velocity()[1], "wind": self.wind_rows}
@@ -382,7 +388,9 @@ class ReckoningCore:
             return outdated
         vel_n, H, noise = self.velocity()
         swing_n = quat_rotate(self.held.q_nb, np.cross(self.held.rate_b, lever_b)) if lever_b.any() else np.zeros(3)
-        return VelocitySeen(vel_n, swing_n, H, noise, self.settings.wind.gust_tau_s)
+        rate_n = np.cross(quat_rotate(self.held.q_nb, self.held.rate_b), self.held.air_n(self.t_ns))
+        rate_n[2] = 0.0  # the vertical velocity is a state of its own
+        return VelocitySeen(vel_n, swing_n, H, noise, self.settings.wind.gust_tau_s, rate_n)
 
     def wind_n(self) -> np.ndarray:
         """Estimated wind (2,), m/s, north and east."""

@@ -26,6 +26,7 @@ from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Layout
+from lowcostnav_ros.estimation.time_offsets import TimeOffsets
 
 
 class Reason(str):
@@ -93,7 +94,9 @@ class Innovation:
     """Measured minus predicted, with what is needed to fuse it.
 
     ``y`` (m,), ``H`` (m, n), ``R`` (m, m); ``observation`` (m,) is what was measured, in the units of ``Aid.labels``; ``free`` (n,) holds
-    0 for states that are considered, not moved; None moves all.
+    0 for states that are considered, not moved; None moves all.  ``rate`` (m,) is how fast
+    the predicted changes, per second, where it is not ``H`` times the motion of the core; ``late`` (m, m) the covariance that an uncertain
+    offset of its stamp adds, where that matters.
     """
 
     y: np.ndarray
@@ -101,6 +104,8 @@ class Innovation:
     R: np.ndarray
     observation: np.ndarray
     free: np.ndarray | None = None
+    rate: np.ndarray | None = None
+    late: np.ndarray | None = None
 
 
 @dataclass(slots=True)
@@ -135,7 +140,8 @@ class Host(Protocol):
     ``layout`` names the states; ``P`` (n, n) is their covariance; ``core`` holds the mean and offers the views of
     :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,), or raises
     :class:`CorrectionNotFinite`; ``gps_good(stamp_ns)``: GPS holds the solution.
-    ``inertial_is_suspect``: the IMU is known to be worse than set.  ``excluded(aid)``: why its source contradicts others and is not to be
+    ``inertial_is_suspect``: the IMU is known to be worse than set.  ``offsets``: of the stamps, where they can be seen.
+     ``excluded(aid)``: why its source contradicts others and is not to be
     used; ``agrees_again(aid)`` tells that it is sound again; ``is_frozen(aid)``: why a source that contradicts the prediction is no
     measurement; ``doubts(aid, stamp_ns)``: why the solution is not to recover to it, though it has been rejected for
     ``recovery_s(aid, stamp_ns)``; ``noise_factor(aid)``: what its stated variance is to be multiplied by.
@@ -145,6 +151,7 @@ class Host(Protocol):
     layout: Layout
     core: Any
     inertial_is_suspect: bool
+    offsets: TimeOffsets | None
 
     @property
     def P(self) -> np.ndarray: ...
@@ -208,6 +215,8 @@ class Aid(ABC):
         Innovation in sigmas of the measurement's own noise, root mean square over its components.
     latches : list of Latch
         Contradictions that it finds itself.
+    seeds : tuple of slice
+        States that a navigator may begin with from what it measures.
     """
 
     name: ClassVar[str]
@@ -220,6 +229,7 @@ class Aid(ABC):
     last_resort: ClassVar[bool] = False
     thins_itself: ClassVar[bool] = False
     needs_rate: ClassVar[bool] = False
+    seeds: tuple[slice, ...] = ()
 
     def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
         self.settings, self.key, self.stations = settings, key, stations
@@ -367,7 +377,11 @@ class Aid(ABC):
     def fuse(self, innovation: Innovation, host: Host) -> None:
         """Apply: update the covariance, inject the correction."""
         free = np.ones(len(host.P)) if innovation.free is None else innovation.free
-        host.correct(kalman.update(host.P, innovation.y, innovation.H, innovation.R, free))
+        if host.offsets is None:
+            dx = kalman.update(host.P, innovation.y, innovation.H, innovation.R, free)
+        else:
+            dx = host.offsets.update(self, innovation, free, host, learn=self.decision is Decision.FUSE)
+        host.correct(dx)
 
     def recover(self, measurement: Any, innovation: Innovation, host: Host) -> None:
         """After a long run of rejections: widen the noise until the innovation passes the gate, and fuse."""
@@ -385,6 +399,8 @@ class Aid(ABC):
             return self.refuse(NOT_FINITE)
         S = kalman.innovation_covariance(host.P, innovation.H, innovation.R)
         nis = kalman.normalised_innovation_squared(innovation.y, S)
+        if nis > self.threshold and host.offsets is not None:
+            S, nis = self._considered(innovation, S, nis, host.offsets, host)
         status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
         status.nis, status.test_ratio = nis, nis / self.threshold
         self.size = math.sqrt(float(innovation.y @ (innovation.y / (innovation.R.diagonal() + 1e-300))) / len(innovation.y))
@@ -399,6 +415,8 @@ class Aid(ABC):
         if decision is Decision.RECOVER:
             status.rejected[reason] += 1
             self.recover(measurement, innovation, host)
+            if host.offsets is not None:
+                host.offsets.recovered(self, host)
         else:
             if decision is Decision.LIMIT:
                 status.rejected[reason] += 1
@@ -407,6 +425,17 @@ class Aid(ABC):
         status.accepted, status.reason, status.accepted_ns = True, reason, measurement.stamp_ns
         status.fused += 1
         return True
+
+    def _considered(
+        self, innovation: Innovation, S: np.ndarray, nis: float, offsets: TimeOffsets, host: Host
+    ) -> tuple[np.ndarray, float]:
+        """Covariance and normalised square of an innovation that passes the gate once the offset of its stamp is as uncertain as it is."""
+        late = offsets.uncertainty(self, innovation, host)
+        widened = kalman.normalised_innovation_squared(innovation.y, S + late)
+        if widened > self.threshold:
+            return S, nis
+        innovation.late = late
+        return S + late, widened
 
     def refuse(self, reason: str) -> bool:
         """Note that the measurement is not used, and count it under the phrase of its reason; return False."""

@@ -25,6 +25,7 @@ from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS, TIME_JUMPED, FusionHorizon, unbroken
 from lowcostnav_ros.estimation.inertial_spikes import InertialSpikes, Jolt
 from lowcostnav_ros.estimation.smoothing import History
+from lowcostnav_ros.estimation.time_offsets import TimeOffsets
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
 
@@ -55,6 +56,10 @@ class HorizonSettings:
     jump_s: float = setting(
         10.0, "Stamps this far off are implausible; a time base that moves so far is a fresh start.", unit="s", minimum=1.0, maximum=3600.0
     )
+    stamps: str = setting(
+        "correct", "Offsets of stamps: correct them once they are sure, estimate them alone, or trust all stamps.",
+        choices=("correct", "estimate", "trust"),
+    )  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -175,6 +180,7 @@ class Navigator(ABC):
     layout: Layout
     core: Any = None
     history: History | None = None
+    offsets: TimeOffsets | None = None
     inputs: Mapping[str, bool] = {}
     frames: Mapping[str, tuple[str, ...]] = {}
     kinds: Mapping[str, str] = {}
@@ -280,6 +286,8 @@ class Navigator(ABC):
     def _attach(self, layout: Layout, core: Any) -> None:
         """Take error states and core, and let the aids find theirs in them."""
         self.layout, self.core = layout, core
+        if self.settings.horizon.stamps != "trust" and hasattr(core, "motion"):
+            self.offsets = core.history = TimeOffsets(layout.size)
         for aid in self.aids:
             aid.attach(self)
 
@@ -378,6 +386,9 @@ class Navigator(ABC):
         A frozen receiver adds nothing: it is known to be wrong.
         """
         position, velocity = np.zeros((3, 3)), np.zeros((3, 3))
+        if self.offsets is not None and self.offsets.known:
+            position += self.offsets.doubt(slice(0, 3))
+            velocity += self.offsets.doubt(self.core.velocity_rows)
         if all(aid.unresolved is None for aid in self._receivers):
             return position, velocity
         for key in dict.fromkeys(aid.key for aid in self._receivers):
@@ -425,7 +436,28 @@ class Navigator(ABC):
     def use(self, measurement: Measurement) -> list[Aid]:
         """Give a measurement to all aids of its source; return those that used it."""
         channels = (c for c in self.channels.get(measurement.source, ()) if isinstance(measurement, c.aids[0].measurement))
-        return [aid for channel in channels for aid in self.use_channel(channel, measurement)]
+        used = [aid for channel in channels for aid in self.use_channel(channel, measurement)]
+        if self.offsets is not None:
+            self._judge_stamps(self.offsets, measurement.stamp_ns)
+        return used
+
+    def _judge_stamps(self, offsets: TimeOffsets, stamp_ns: int) -> None:
+        """Have the stamps of sources corrected whose offset has become sure."""
+        for offset, from_ns in offsets.judge(stamp_ns, corrects=self.settings.horizon.stamps == "correct"):
+            late_s = offset.late_s + offset.change_s
+            lag_ns = round(1e9 * (self.settings.horizon.lag_s + late_s))
+            for source in offset.sources:
+                self.horizon.correct_stamps(source, from_ns, round(1e9 * late_s), lag_ns)
+
+    def _forget_rejections(self, source: str) -> None:
+        """What a device contradicted while its stamps were wrong means nothing once they are corrected."""
+        device = source.partition("/")[0]
+        for aid in self.aids:
+            if aid.source.partition("/")[0] == device:
+                aid.rejecting_since_ns = aid.unresolved = None
+        for receiver in self.checks.receivers:
+            if source in receiver.sources:
+                receiver.forget()
 
     def outage_words(self, now_ns: int) -> str:
         """What the aids contribute without GPS, for people (``; DME OAK, SJC; VOR OAK``)."""
@@ -444,6 +476,8 @@ class Navigator(ABC):
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
         for item in self.horizon.take():
+            if self.offsets is not None and self.offsets.is_changing and self.offsets.change(item.source, item.stamp_ns, self):
+                self._forget_rejections(item.source)
             refusal = self.checks.take(item, self._trusted)
             if refusal:
                 self.input_status[item.source].reject(refusal)
@@ -544,11 +578,19 @@ class Navigator(ABC):
         self._restart()
         if self.history is not None:
             self.history.cut()
-            self.core.history = self.history
+        self._report_to_history()
 
     def keep_history(self) -> None:
         """Keep, from now on, what the smoother needs; the solutions stay the same to the bit."""
-        self.history = self.core.history = History()
+        self.history = History()
+        self._report_to_history()
+
+    def _report_to_history(self) -> None:
+        """Let the core, which may be new, report to what follows it."""
+        self.core.history = self.history
+        if self.offsets is not None:
+            self.offsets.history, self.core.history = self.history, self.offsets
+            self.offsets.restart()
 
     def publish(self, solution: NavSolution) -> None:
         """Give out the fused solution of the present state, with what there is to say of it."""
@@ -576,7 +618,9 @@ class Navigator(ABC):
 
     def _details(self) -> Mapping[str, str]:
         """Further values for diagnostics, by name."""
-        return {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark}
+        known = {} if self.offsets is None else self.offsets.known
+        stamps = {f"stamps of {device}": offset.words() for device, offset in known.items()}
+        return {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark} | stamps
 
     def _solution_at(self, t_ns: int, nav: np.ndarray, P: np.ndarray, rows: range, **further: Any) -> NavSolution:
         """Solution with position, velocity and the states ``rows``; ``nav`` begins with lat, lon, height, velocity and ``P`` likewise."""
