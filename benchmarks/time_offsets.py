@@ -4,12 +4,14 @@ Every flight is flown with GPS that is stamped as much later as its messages com
 offset, seed and way of treating stamps.  Errors are those of the last two thirds of the flight: first the offset is learned.
 """
 
+import heapq
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 from common import run
 
-from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, Measurement
+from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.building import build_navigators
 from lowcostnav_ros.navigators.registry import NAVIGATORS
@@ -23,7 +25,7 @@ sensors: [imu, magnetometer, air_data, gps{gnss}]
 imu: {{profile: automotive, rate_hz: 100.0}}
 magnetometer: {{rate_hz: 20.0, calibrated: true, calibration_residual_mg: 4.0, noise_mg: 1.0}}
 air_data: {{rate_hz: 10.0}}
-gps: {{rate_hz: 5.0, latency_s: {latency}}}
+gps: {{rate_hz: 5.0}}
 {further}
 """
 FLIGHTS = {
@@ -44,32 +46,53 @@ truth: {kind: aerobatics, start: {height_m: 1500.0, airspeed_mps: 80.0}, wind: {
 """,
 }
 GPS = GpsPosition | GpsVelocity | GnssEpoch
+CHANGE_NS = 150_000_000_000
 
 
-def stamped(item: object, offset_s: float, jitter_s: float, rng: np.random.Generator) -> object:
-    """A measurement of GPS with its stamp that much later; anything else as it is."""
-    if not isinstance(item, GPS):
-        return item
-    return replace(item, stamp_ns=item.stamp_ns + round(1e9 * (offset_s + jitter_s * rng.random())))
+def arriving(items: Iterable, offset_s: Callable[[], float]) -> Iterator:
+    """The same with GPS stamped later by so much, and arriving as much later; what is stamped early arrives when it is valid."""
+    held: list[tuple[int, int, Measurement]] = []
+    for count, item in enumerate(items):
+        if isinstance(item, GPS):
+            late_ns = round(1e9 * offset_s())
+            if late_ns <= 0:
+                yield replace(item, stamp_ns=item.stamp_ns + late_ns)
+            else:
+                heapq.heappush(held, (item.stamp_ns + late_ns, count, replace(item, stamp_ns=item.stamp_ns + late_ns)))
+            continue
+        while held and isinstance(item, ImuBlock) and held[0][0] <= item.stamp_ns:
+            due = int(np.searchsorted(item.stamps_ns, held[0][0], side="right"))
+            if due:
+                yield item[:due]
+            yield heapq.heappop(held)[2]
+            item = item[due:]
+            if not len(item):
+                break
+        else:
+            yield item
 
 
 def fly(flight: str, navigator: str, seed: int, stamps: str, offset_s: float, jitter_s: float = 0.0, change_s: float = 0.0) -> dict:
     """Errors of one flight, and what became known of the stamps; half way the offset grows by ``change_s``."""
     gnss = navigator == "ins_gnss"
-    text = SENSORS.format(latency=max(offset_s, 0.0), gnss=", gnss" if gnss else "", further="gnss: {rate_hz: 2.0}" if gnss else "")
+    text = SENSORS.format(gnss=", gnss" if gnss else "", further="gnss: {rate_hz: 2.0}" if gnss else "")
     simulation = Simulation(scenario_from_text(text + FLIGHTS[flight], flight, seed=seed))
     names = ("ahrs", "dead_reckoning") if navigator == "dead_reckoning" else (navigator,)
     session = Session(trusting(build_navigators(names, NAVIGATORS, None), stamps), has_truth=True)
     found: list[Errors] = []
     session.runs[navigator].evaluation.listeners.append(found.append)
     rng, first_ns = np.random.default_rng(seed), 0
-    for item in simulated(simulation.blocks()):
+
+    def now_s() -> float:
+        changed = session.newest_ns - first_ns > CHANGE_NS
+        return offset_s + jitter_s * rng.random() + (change_s if changed else 0.0)
+
+    for item in arriving(simulated(simulation.blocks()), now_s):
         if isinstance(item, TruthBlock):
             first_ns = first_ns or int(item.stamps_ns[0])
             session.feed_truth(item)
-        elif isinstance(item, Measurement):
-            late = item.stamp_ns - first_ns > 150_000_000_000
-            session.feed(stamped(item, offset_s + (change_s if late else 0.0), jitter_s, rng))
+        else:
+            session.feed(item)
     session.finish()
     offsets = session.runs[navigator].navigator.offsets
     return errors(found) | {
@@ -86,6 +109,8 @@ def trusting(navigators: dict, stamps: str) -> dict:
 
 def errors(found: list[Errors]) -> dict:
     """Root mean square and 95 % of horizontal position, velocity and attitude over the last two thirds, and error over sigma."""
+    if not found:
+        return {}
     values, sigmas = np.concatenate([e.values for e in found]), np.concatenate([e.sigmas for e in found])
     values, sigmas = values[len(values) // 3 :], sigmas[len(sigmas) // 3 :]
     horizontal = np.hypot(values[:, 0], values[:, 1])
@@ -96,6 +121,12 @@ def errors(found: list[Errors]) -> dict:
         "roll_deg": float(np.sqrt(np.mean(values[:, 6] ** 2))),
         "heading_deg": float(np.sqrt(np.mean(values[:, 8] ** 2))),
     }
+
+
+def words(one: dict) -> str:
+    """A flight in one line."""
+    offsets = "".join(f" {device} {late:+.3f} {total:+.3f} +- {sigma:.3f}" for device, (late, total, sigma, _) in one["offsets"].items())
+    return " ".join(f"{name} {value:.3g}" for name, value in one.items() if name != "offsets") + ";" + offsets
 
 
 def measure(options) -> dict:
@@ -109,7 +140,7 @@ def measure(options) -> dict:
                     for seed in range(1, options.seeds + 1):
                         one = fly(flight, navigator, seed, stamps, offset_s, options.jitter, options.change)
                         out[f"{flight} {navigator} {offset_s} {stamps} {seed}"] = one
-                        print(flight, navigator, offset_s, stamps, seed, one, flush=True)
+                        print(f"{flight} {navigator} {offset_s} {stamps} {seed}:", words(one), flush=True)
     return out
 
 

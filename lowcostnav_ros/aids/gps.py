@@ -183,7 +183,7 @@ class VelocityAid(Aid):
         if seen.noise is not None:
             R = R + seen.noise
         factor = correlation_factor(self.since_s(measurement), max(self.settings.correlation_s, seen.tau_s))
-        return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n, rate=seen.rate_n)
+        return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n, turns=seen.turns)
 
     def recover(self, measurement: GpsVelocity, innovation: Innovation, host: Host) -> None:
         """Reset the velocity to that of GPS; attitude and biases stay."""

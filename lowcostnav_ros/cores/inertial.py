@@ -375,6 +375,10 @@ class InertialCore:
             return self.force_b, self.rate_b
         return self.corrected(block.specific_force_b[-1], block.angular_rate_b[-1])
 
+    def course_n(self) -> np.ndarray:
+        """Velocity (3,), m/s, by which the true one changes but for what is estimated."""
+        return self.nav[VEL].copy()
+
     def motion(self) -> np.ndarray:
         """How fast the true state moves, in the coordinates of the error state (n,) per second; by the last sample that was run."""
         out, C, last = np.zeros(self.layout.size), self.C_nb(), self._last

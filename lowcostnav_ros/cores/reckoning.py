@@ -354,6 +354,10 @@ class ReckoningCore:
             return max(2.0 * LOST_S * self.held.fastest**2, settings.ground_walk_mps**2)
         return 2.0 * settings.wind.gust_mps**2 * settings.wind.gust_tau_s
 
+    def course_n(self) -> np.ndarray:
+        """Velocity (3,), m/s, by which the true one changes but for what is estimated: that through the air."""
+        return self.held.air_n(self.t_ns)
+
     def motion(self) -> np.ndarray:
         """How fast the true state moves, in the coordinates of the error state (n,) per second."""
         out = np.zeros(self.layout.size)
@@ -388,9 +392,7 @@ class ReckoningCore:
             return outdated
         vel_n, H, noise = self.velocity()
         swing_n = quat_rotate(self.held.q_nb, np.cross(self.held.rate_b, lever_b)) if lever_b.any() else np.zeros(3)
-        rate_n = np.cross(quat_rotate(self.held.q_nb, self.held.rate_b), self.held.air_n(self.t_ns))
-        rate_n[2] = 0.0  # the vertical velocity is a state of its own
-        return VelocitySeen(vel_n, swing_n, H, noise, self.settings.wind.gust_tau_s, rate_n)
+        return VelocitySeen(vel_n, swing_n, H, noise, self.settings.wind.gust_tau_s, np.array([1.0, 1.0, 0.0]))
 
     def wind_n(self) -> np.ndarray:
         """Estimated wind (2,), m/s, north and east."""

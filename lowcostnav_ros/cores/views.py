@@ -31,8 +31,8 @@ class VelocitySeen(NamedTuple):
     """Velocity predicted at an antenna.
 
     ``vel_n`` (3,) of the IMU, ``swing_n`` (3,) what the lever arm adds, m/s NED; ``H`` (3, n) Jacobian of their sum; ``noise`` (3, 3) what
-    the states do not explain, None: nothing; ``tau_s`` its correlation time; ``rate_n`` (3,) how fast it changes, m/s^2,
-    where it is no state.
+    the states do not explain, None: nothing; ``tau_s`` its correlation time; ``turns`` (3,) 1 where it follows the
+    velocity that carries the core and is no state.
     """
 
     vel_n: np.ndarray
@@ -40,7 +40,7 @@ class VelocitySeen(NamedTuple):
     H: np.ndarray
     noise: np.ndarray | None = None
     tau_s: float = 0.0
-    rate_n: np.ndarray | None = None
+    turns: np.ndarray | None = None
 
 
 @runtime_checkable

@@ -94,9 +94,9 @@ class Innovation:
     """Measured minus predicted, with what is needed to fuse it.
 
     ``y`` (m,), ``H`` (m, n), ``R`` (m, m); ``observation`` (m,) is what was measured, in the units of ``Aid.labels``; ``free`` (n,) holds
-    0 for states that are considered, not moved; None moves all.  ``rate`` (m,) is how fast
-    the predicted changes, per second, where it is not ``H`` times the motion of the core; ``late`` (m, m) the covariance that an uncertain
-    offset of its stamp adds, where that matters.
+    0 for states that are considered, not moved; None moves all.  ``turns`` (m,) is 1 for
+    components that change as the velocity of the core does, where that is no state; ``late`` (m, m) the covariance that an uncertain offset
+    of its stamp adds, where that matters.
     """
 
     y: np.ndarray
@@ -104,7 +104,7 @@ class Innovation:
     R: np.ndarray
     observation: np.ndarray
     free: np.ndarray | None = None
-    rate: np.ndarray | None = None
+    turns: np.ndarray | None = None
     late: np.ndarray | None = None
 
 
@@ -395,6 +395,8 @@ class Aid(ABC):
         innovation = self.innovation(measurement, host)
         if isinstance(innovation, str):
             return self.refuse(innovation)
+        if host.offsets is not None:
+            host.offsets.take_back(self, innovation, host)
         if not math.isfinite(innovation.y.sum() + innovation.H.sum() + innovation.R.sum()):
             return self.refuse(NOT_FINITE)
         S = kalman.innovation_covariance(host.P, innovation.H, innovation.R)

@@ -7,7 +7,6 @@ hole of the inertial data gets nothing: the navigator sees that its state has no
 
 import heapq
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -25,8 +24,6 @@ HOLE_NS = 500_000_000
 
 WAIT_NS = 1_000_000_000
 """Inertial samples are waited for this long beyond the lag; then the horizon goes on, and the navigator bridges the hole."""
-
-CORRECTING = "stamps of this source are being corrected"
 
 MAX_WAITING = 20_000
 """Aids, and inertial samples, held at once; beyond it the oldest aid is dropped, a sample refused, and counted."""
@@ -52,15 +49,12 @@ class FusionHorizon:
         The time base and the clocks of all inputs.
     passed_ns : int or None
         Up to where measurements were handed over.
-    late_ns : mapping
-        By how much the stamps of a source are late, from which stamp on, oldest first (:meth:`correct_stamps`).
     """
 
     def __init__(self, lag_ns: int, inertial: str | None = None, jump_ns: int = TIME_JUMP_NS, anchor: str | None = None) -> None:
         self.lag_ns, self.jump_ns = int(lag_ns), int(jump_ns)
         self.inertial = inertial
         self.clocks = Clocks(self.lag_ns, self.jump_ns, inertial or anchor)
-        self.late_ns: dict[str, list[tuple[int, int | None]]] = {}
         self.clear()
 
     def clear(self) -> None:
@@ -69,6 +63,7 @@ class FusionHorizon:
         self.passed_ns: int | None = None
         self._waiting: list = []
         self._keys: set = set()
+        self._sequence = 0
         self._imu: ImuBlock | None = None
         self._imu_newest_ns: int | None = None
         self._carried_ns: int | None = None  # up to where inertial samples were handed over
@@ -100,16 +95,15 @@ class FusionHorizon:
     def _insert(self, measurement: Measurement) -> str:
         if isinstance(measurement, ImuBlock):
             return self._push_imu(measurement)
-        stamp = self._valid_ns(measurement)
-        if stamp is None:
-            return CORRECTING
+        stamp = measurement.stamp_ns
         if self.passed_ns is not None and stamp <= self.passed_ns:
             return LATE
-        key = (measurement.source, measurement.part, measurement.stamp_ns)
+        key = (stamp, measurement.source, measurement.part)
         if key in self._keys:
             return "duplicate stamp"
         self._keys.add(key)
-        heapq.heappush(self._waiting, (stamp, *key, measurement))
+        self._sequence += 1
+        heapq.heappush(self._waiting, (stamp, measurement.source, key[2], self._sequence, measurement))
         if len(self._waiting) > MAX_WAITING:
             self._pop()
             return "no inertial data"
@@ -132,30 +126,7 @@ class FusionHorizon:
 
     def ahead(self) -> tuple[ImuBlock | None, list[Measurement]]:
         """What is held beyond the horizon: inertial samples and the other measurements in order, for the output predictor."""
-        return self._imu, [_at(entry[0], entry[-1]) for entry in sorted(self._waiting)]
-
-    def correct_stamps(self, source: str, from_ns: int, late_ns: int, lag_ns: int) -> None:
-        """Hand what ``source`` stamps after ``from_ns`` over ``late_ns`` before its stamp, and stay ``lag_ns`` behind at least.
-
-        A change that is decided at the horizon must begin so far ahead of it that nothing of it has been handed over: then the fused
-        solution still depends on the set of measurements alone.  What would come between the first that are corrected is dropped.
-        """
-        changes = self.late_ns.setdefault(source, [])
-        before = changes[-1][1] or 0 if changes else 0
-        changes += [(from_ns - max(late_ns - before, 0), None), (from_ns, late_ns)]
-        del changes[:-4]
-        self.lag_ns = max(self.lag_ns, lag_ns)
-        held = ((self._valid_ns(entry[-1]), *entry[1:]) for entry in self._waiting)
-        self._waiting = [entry for entry in held if entry[0] is not None]
-        heapq.heapify(self._waiting)
-
-    def _valid_ns(self, measurement: Measurement) -> int | None:
-        """When a measurement was valid: its stamp, less what the stamps of its source are late; None while that changes."""
-        stamp = measurement.stamp_ns
-        if not self.late_ns:
-            return stamp
-        late_ns = next((late for from_ns, late in reversed(self.late_ns.get(measurement.source, ())) if stamp > from_ns), 0)
-        return None if late_ns is None else stamp - late_ns
+        return self._imu, [entry[-1] for entry in sorted(self._waiting, key=lambda e: e[:4])]
 
     def _limit_ns(self) -> int | None:
         newest = self.newest_ns
@@ -167,9 +138,9 @@ class FusionHorizon:
         return None if self._imu_newest_ns is None else min(limit, max(self._imu_newest_ns, limit - WAIT_NS))
 
     def _pop(self) -> Measurement:
-        stamp, *key, measurement = heapq.heappop(self._waiting)
-        self._keys.discard(tuple(key))
-        return _at(stamp, measurement)
+        stamp, source, part, _, measurement = heapq.heappop(self._waiting)
+        self._keys.discard((stamp, source, part))
+        return measurement
 
     def _push_imu(self, block: ImuBlock) -> str:
         held, floor = self._imu, self.passed_ns
@@ -210,10 +181,6 @@ class FusionHorizon:
             self._imu = None
         elif n:
             self._imu = held[n:]
-
-
-def _at(stamp_ns: int, measurement: Measurement) -> Measurement:
-    return measurement if stamp_ns == measurement.stamp_ns else replace(measurement, stamp_ns=stamp_ns)
 
 
 def unbroken(block: ImuBlock) -> list[ImuBlock]:

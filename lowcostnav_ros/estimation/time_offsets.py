@@ -6,12 +6,15 @@ transition and every gain beside the covariance (Friedland's separated bias esti
 offset of every source is the solution of one regression on all innovations, as exact as a state, and the filter keeps its bits.  In
 straight flight ``H V - h'`` goes to zero: a fix that lags behind cannot be told from one that is off; turns and accelerations tell.
 
+An offset that is corrected moves no stamp: the prediction is taken back to when the measurement was valid, along the way that the core has
+come since (:class:`Way`), so that nothing is waited for and what this navigator feeds is not delayed.
+
 The sigma is the larger of that of white innovations and of their scatter over spans of :data:`SPAN_S` (a sandwich estimate, White,
 Econometrica 48, 1980): errors of a receiver that last, jitter of the stamps and what the model lacks widen it.
 """
 
 import math
-from collections.abc import Iterator
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,6 +22,7 @@ import numpy as np
 
 from lowcostnav_ros.estimation import kalman
 
+POS = slice(0, 3)
 SPAN_S = 5.0
 """Innovations of one span are judged together."""
 MEMORY_S = 300.0
@@ -37,8 +41,10 @@ SHARP_S = 0.03
 """An offset with a larger sigma has not been observed."""
 COARSE = 0.2
 """Share of a correction that may be wrong: it was learned from measurements taken at the wrong time."""
-AHEAD_NS = 3_000_000_000
-"""A correction begins with stamps so far ahead of the fusion that none of them has been handed over."""
+SLOPE_S = 0.1
+"""An acceleration is the change of velocity over this time on either side: the noise of a sample is no motion."""
+STEPS = 8
+"""Parts of a way back that are summed."""
 
 
 @dataclass(slots=True)
@@ -56,8 +62,6 @@ class TimeOffset:
         Estimate of what is left, and its sigma.
     spans : float
         In how many spans it was observable.
-    begins_ns : int or None
-        Stamp from which on a correction that is decided holds, while it is still to come; ``change_s`` is its size.
     """
 
     device: str
@@ -67,8 +71,6 @@ class TimeOffset:
     sigma_s: float = UNKNOWN_S
     prior_s: float = UNKNOWN_S
     spans: float = 0.0
-    begins_ns: int | None = None
-    change_s: float = 0.0
     squares: float = field(default=0.0, repr=False)
 
     @property
@@ -86,10 +88,47 @@ class TimeOffset:
 
     def judge(self) -> float:
         """By how much to correct it further, s; 0 for not at all."""
-        if self.begins_ns is not None or self.spans < SPANS or abs(self.late_s + self.rest_s) > LONGEST_S:
+        if self.spans < SPANS or abs(self.late_s + self.rest_s) > LONGEST_S:
             return 0.0
         sure, smallest_s = (SURE_AGAIN, SMALLEST_AGAIN_S) if self.late_s else (SURE, SMALLEST_S)
         return round(self.rest_s, 3) if abs(self.rest_s) > max(sure * self.sigma_s, smallest_s) else 0.0
+
+
+class Way:
+    """Velocity of late, free of the corrections of the filter: by it a state is carried back a little."""
+
+    def __init__(self) -> None:
+        self._points: deque[tuple[float, np.ndarray]] = deque(maxlen=64)
+
+    def clear(self) -> None:
+        """Forget it."""
+        self._points.clear()
+
+    def note(self, t_s: float, w: np.ndarray) -> None:
+        """Take the velocity (3,) at a time in; of a time that has been, nothing."""
+        if not self._points or t_s > self._points[-1][0]:
+            self._points.append((t_s, w))
+
+    def at(self, t_s: float) -> np.ndarray:
+        """Velocity (3,) at a time, beyond either end with the acceleration that is there."""
+        points, k = self._points, len(self._points) - 2
+        if k < 0:
+            return points[-1][1]
+        while k > 0 and points[k][0] > t_s:
+            k -= 1
+        (t0, w0), (t1, w1) = points[k], points[k + 1]
+        return w0 + (w1 - w0) * ((t_s - t0) / (t1 - t0))
+
+    def back(self, t_s: float, v: np.ndarray, late_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """How far it has come since ``late_s`` before ``t_s``, where the velocity is ``v``, m and m/s (3,) each."""
+        now = self.at(t_s)
+        slower = np.array([now - self.at(t_s - late_s * k / STEPS) for k in range(STEPS + 1)])
+        return late_s * (v - (slower.sum(axis=0) - 0.5 * slower[-1]) / STEPS), slower[-1]
+
+    def slope(self, t_s: float, newest_s: float) -> np.ndarray:
+        """Acceleration (3,) about a time."""
+        t1, t0 = min(t_s + SLOPE_S, newest_s), t_s - SLOPE_S
+        return (self.at(t1) - self.at(t0)) / (t1 - t0)
 
 
 class TimeOffsets:
@@ -101,6 +140,8 @@ class TimeOffsets:
     ----------
     size : int
         Number of error states n.
+    rows : slice or None
+        The velocity among them, if it is.
 
     Attributes
     ----------
@@ -109,15 +150,14 @@ class TimeOffsets:
     V : ndarray (n, k)
         Error of the state by the offset of each, per second.
     history : History or None
-    is_changing : bool
-        Whether a correction is to come.
+    way : Way
     """
 
-    def __init__(self, size: int) -> None:
-        self.size, self.known = size, dict[str, TimeOffset]()
+    def __init__(self, size: int, rows: slice | None) -> None:
+        self.size, self.rows, self.known = size, rows, dict[str, TimeOffset]()
         self.history: Any = None
         self._learned, self._scatter = np.zeros((0, 1)), np.zeros((0, 0))
-        self.is_changing = False
+        self.way = Way()
         self.restart()
 
     def restart(self) -> None:
@@ -127,6 +167,8 @@ class TimeOffsets:
         self._settled_ns: int | None = None
         self._span: int | None = None
         self._begun = self._learned.copy()
+        self._corrected = np.zeros(3)
+        self.way.clear()
 
     # what a core reports -----------------------------------------------------------------------------------------------------
 
@@ -143,10 +185,33 @@ class TimeOffsets:
 
     def correct(self, dx: np.ndarray) -> None:
         """Take a correction in."""
+        if self.rows is not None:
+            self._corrected = self._corrected + dx[self.rows]
         if self.history is not None:
             self.history.correct(dx)
 
+    def note(self, core: Any) -> None:
+        """Remember the velocity of now."""
+        self.way.note(1e-9 * core.t_ns, core.course_n() - self._corrected)
+
     # what aids report --------------------------------------------------------------------------------------------------------
+
+    def take_back(self, aid: Any, innovation: Any, host: Any) -> None:
+        """Compare a measurement with the state of when it was valid."""
+        late_s = self._late_s(aid)
+        if late_s:
+            self.note(host.core)
+            t_s, motion = 1e-9 * host.core.t_ns, host.core.motion()
+            moved, faster = self.way.back(t_s, motion[POS], late_s)
+            motion *= late_s
+            motion[POS] = moved
+            if self.rows is not None:
+                motion[self.rows] = faster
+            innovation.y = innovation.y + (innovation.H @ motion if innovation.turns is None else innovation.turns * faster)
+
+    def _late_s(self, aid: Any) -> float:
+        offset = self.known.get(aid.source.partition("/")[0])
+        return 0.0 if offset is None else offset.late_s
 
     def update(self, aid: Any, innovation: Any, free: np.ndarray, host: Any, *, learn: bool) -> np.ndarray:
         """Fuse as :func:`.kalman.update` does, carry V along and learn."""
@@ -172,10 +237,15 @@ class TimeOffsets:
     def _direct(self, aid: Any, innovation: Any, host: Any) -> np.ndarray:
         """D (m, k): what the offsets do to a measurement directly."""
         column = self._column(aid.source) if aid.source else None
-        D, motion = np.zeros((len(innovation.y), len(self.known))), host.core.motion()
+        D = np.zeros((len(innovation.y), len(self.known)))
         if column is None:
             return D
-        D[:, column] = -(innovation.H @ motion if innovation.rate is None else innovation.rate)
+        self.note(host.core)
+        t_s, motion = 1e-9 * host.core.t_ns, host.core.motion()
+        slope = self.way.slope(t_s - self._late_s(aid), t_s)
+        if self.rows is not None:
+            motion[self.rows] = slope
+        D[:, column] = -(innovation.H @ motion if innovation.turns is None else innovation.turns * slope)
         if aid.status.name not in self._seeded:
             self._seed(aid, column, motion)
             self._settled_ns = max(self._settled_ns or 0, aid.status.stamp_ns + SETTLING_NS)
@@ -208,21 +278,16 @@ class TimeOffsets:
 
     # what is known -----------------------------------------------------------------------------------------------------------
 
-    def judge(self, stamp_ns: int, *, corrects: bool) -> Iterator[tuple[TimeOffset, int]]:
-        """At the end of a span sum up; yield offsets that have become sure, each with the stamp from which on it is to be corrected."""
+    def judge(self, stamp_ns: int, host: Any, *, corrects: bool) -> list[TimeOffset]:
+        """At the end of a span sum up, and correct what has become sure; return what was."""
         span = stamp_ns // round(1e9 * SPAN_S)
         if span == self._span or not self.known:
-            return
+            return []
         if self._span is not None:
             self._sum_up()
+        changed = [offset for offset in self.known.values() if corrects and self._changed(offset, host)]
         self._span, self._begun = span, self._learned.copy()
-        for offset in self.known.values():
-            change_s = offset.judge() if corrects else 0.0
-            if change_s:
-                from_ns = stamp_ns + AHEAD_NS
-                offset.change_s, offset.begins_ns = change_s, from_ns - round(1e9 * (offset.late_s + change_s))
-                self.is_changing = True
-                yield offset, from_ns
+        return changed
 
     def _sum_up(self) -> None:
         """Solve the regression, with what this span has added to the scatter."""
@@ -243,30 +308,23 @@ class TimeOffsets:
             offset.spans = float(self._learned[j, j] ** 2 / offset.squares) if offset.squares > 0.0 else 0.0
         self._learned *= fade
 
-    def change(self, source: str, stamp_ns: int, host: Any) -> bool:
-        """With the first measurement whose stamp is corrected anew: take what the offset has done out of the state, and learn the rest.
-
-        Returns whether it was the first.
-        """
-        offset = self.known.get(source.partition("/")[0])
-        if offset is None or source not in offset.sources or offset.begins_ns is None or stamp_ns <= offset.begins_ns:
+    def _changed(self, offset: TimeOffset, host: Any) -> bool:
+        """Correct an offset if it is sure: take what it has done out of the state, and learn what is left."""
+        change_s = offset.judge()
+        if not change_s:
             return False
-        j = list(self.known).index(offset.device)
-        by, sigma = self.V[:, j].copy(), max(offset.sigma_s, COARSE * abs(offset.change_s))
-        if by.any():
-            self.begin(host.P)
-            host.P[:] += np.outer(by, by) * sigma**2
-            self.end(host.P)
-            host.correct(by * offset.change_s)
-        rest_s = offset.rest_s
-        offset.late_s, offset.rest_s, offset.begins_ns = offset.late_s + offset.change_s, 0.0, None
+        j, sigma = list(self.known).index(offset.device), max(offset.sigma_s, COARSE * abs(change_s))
+        by = self.V[:, j].copy()
+        self.begin(host.P)
+        host.P[:] += np.outer(by, by) * sigma**2
+        self.end(host.P)
+        host.correct(by * change_s)
+        self._learned[:, -1] -= self._learned[:, j] * offset.rest_s
+        for matrix in (self._learned, self._scatter):
+            matrix[j] = matrix[:, j] = 0.0
+        offset.late_s, offset.rest_s = offset.late_s + change_s, 0.0
         offset.prior_s = offset.sigma_s = sigma
         offset.squares = offset.spans = 0.0
-        for matrix in (self._learned, self._begun):
-            matrix[:, -1] -= matrix[:, j] * rest_s
-        for matrix in (self._learned, self._begun, self._scatter):
-            matrix[j] = matrix[:, j] = 0.0
-        self.is_changing = any(other.begins_ns is not None for other in self.known.values())
         return True
 
 

@@ -287,7 +287,7 @@ class Navigator(ABC):
         """Take error states and core, and let the aids find theirs in them."""
         self.layout, self.core = layout, core
         if self.settings.horizon.stamps != "trust" and hasattr(core, "motion"):
-            self.offsets = core.history = TimeOffsets(layout.size)
+            self.offsets = core.history = TimeOffsets(layout.size, core.velocity_rows)
         for aid in self.aids:
             aid.attach(self)
 
@@ -438,26 +438,15 @@ class Navigator(ABC):
         channels = (c for c in self.channels.get(measurement.source, ()) if isinstance(measurement, c.aids[0].measurement))
         used = [aid for channel in channels for aid in self.use_channel(channel, measurement)]
         if self.offsets is not None:
-            self._judge_stamps(self.offsets, measurement.stamp_ns)
+            for offset in self.offsets.judge(measurement.stamp_ns, self, corrects=self.settings.horizon.stamps == "correct"):
+                self._forget_rejections(offset.device)
         return used
 
-    def _judge_stamps(self, offsets: TimeOffsets, stamp_ns: int) -> None:
-        """Have the stamps of sources corrected whose offset has become sure."""
-        for offset, from_ns in offsets.judge(stamp_ns, corrects=self.settings.horizon.stamps == "correct"):
-            late_s = offset.late_s + offset.change_s
-            lag_ns = round(1e9 * (self.settings.horizon.lag_s + late_s))
-            for source in offset.sources:
-                self.horizon.correct_stamps(source, from_ns, round(1e9 * late_s), lag_ns)
-
-    def _forget_rejections(self, source: str) -> None:
-        """What a device contradicted while its stamps were wrong means nothing once they are corrected."""
-        device = source.partition("/")[0]
+    def _forget_rejections(self, device: str) -> None:
+        """That a device contradicted the state while its stamps were wrong means nothing once they are corrected."""
         for aid in self.aids:
             if aid.source.partition("/")[0] == device:
                 aid.rejecting_since_ns = aid.unresolved = None
-        for receiver in self.checks.receivers:
-            if source in receiver.sources:
-                receiver.forget()
 
     def outage_words(self, now_ns: int) -> str:
         """What the aids contribute without GPS, for people (``; DME OAK, SJC; VOR OAK``)."""
@@ -476,8 +465,6 @@ class Navigator(ABC):
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
         for item in self.horizon.take():
-            if self.offsets is not None and self.offsets.is_changing and self.offsets.change(item.source, item.stamp_ns, self):
-                self._forget_rejections(item.source)
             refusal = self.checks.take(item, self._trusted)
             if refusal:
                 self.input_status[item.source].reject(refusal)
@@ -598,6 +585,8 @@ class Navigator(ABC):
         if news != self._said and (self._said is None or news[:3] != self._said[:3] or _phrase(news[3]) != _phrase(self._said[3])):
             self._said, solution = news, replace(solution, health=self._health(solution.stamp_ns))
         self._out.append(solution)
+        if self.offsets is not None:
+            self.offsets.note(self.core)
         if self.history is not None:
             self.history.output(solution, self.P, self.core.output_rows())
 
