@@ -132,11 +132,11 @@ def words(one: dict) -> str:
 def measure(options) -> dict:
     """All flights, offsets and ways."""
     out = {}
-    offsets = (0.0, 0.35) if options.quick else (0.0, 0.1, 0.2, 0.35, 0.5, -0.1)
+    offsets = (0.0, 0.35) if options.quick else tuple(map(float, options.offsets.split(",")))
     for flight in options.flights.split(","):
         for navigator in options.navigators.split(","):
             for offset_s in offsets:
-                for stamps in ("trust", "correct"):
+                for stamps in options.stamps.split(","):
                     for seed in range(1, options.seeds + 1):
                         one = fly(flight, navigator, seed, stamps, offset_s, options.jitter, options.change)
                         out[f"{flight} {navigator} {offset_s} {stamps} {seed}"] = one
@@ -150,6 +150,8 @@ if __name__ == "__main__":
         measure,
         flights={"default": "ordinary,aerobatics"},
         navigators={"default": "ins_gps,ins_gnss,dead_reckoning,ahrs"},
+        offsets={"default": "0,0.1,0.2,0.35,0.5,-0.1", "help": "s, positive for stamps that are late"},
+        stamps={"default": "trust,correct"},
         seeds={"type": int, "default": 1},
         jitter={"type": float, "default": 0.0, "help": "each stamp is later by up to this, s"},
         change={"type": float, "default": 0.0, "help": "after 150 s the offset is larger by this, s"},

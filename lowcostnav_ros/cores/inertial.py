@@ -231,6 +231,7 @@ class InertialCore:
 
     velocity_rows, attitude_rows = VEL, ATT
     ranging = None
+    climbs_by_aids = False
     history: History | None = None
 
     def __init__(self, layout: Layout, variance_ceiling: np.ndarray | None = None) -> None:

@@ -28,6 +28,8 @@ LOST_S = 10.0
 """Without attitude or airspeed the unknown velocity is as large as the last airspeed and stays correlated this long."""
 INCIDENCE_MPS, CHANGE_SHARE = 5.0, 0.7
 """Vertical component of the air-relative velocity that incidence may hide, m/s; share of a change beyond it that may be wrong."""
+STEADY_S = 2.0
+"""Airspeed is averaged over this time where its change is wanted: that of its noise is none."""
 LANDED = 0.8
 """Share of the minimum airspeed below which an aircraft that was flying counts as landed; the step keeps gusts from toggling it."""
 
@@ -129,6 +131,7 @@ class HeldInputs:
     attitude_ns: int | None = None
     unsteady: Unsteadiness = field(default_factory=Unsteadiness)  # of the angular rate
     vel_b: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    steady_b: np.ndarray = field(default_factory=lambda: np.zeros(3))  # vel_b, averaged
     speed: float = 0.0
     air_ns: int | None = None
     airborne: bool = False
@@ -145,6 +148,8 @@ class HeldInputs:
     def take_air(self, air: AirVelocity, settings: AirspeedSettings) -> None:
         """Hold a new air-relative velocity and decide whether the aircraft flies."""
         self.vel_b = body_velocity(air, settings)
+        share = 1.0 if self.air_ns is None else min(1e-9 * max(air.stamp_ns - self.air_ns, 0) / STEADY_S, 1.0)
+        self.steady_b = self.steady_b + share * (self.vel_b - self.steady_b)
         self.speed, self.air_ns = math.sqrt(self.vel_b @ self.vel_b), air.stamp_ns
         self.airborne = self.speed >= settings.minimum_mps * (LANDED if self.airborne else 1.0)
         if self.airborne:
@@ -206,6 +211,7 @@ class ReckoningCore:
     """
 
     velocity_rows = None
+    climbs_by_aids = True
     history: History | None = None
 
     def __init__(self, settings: ReckoningSettings, layout: Layout) -> None:
@@ -356,7 +362,7 @@ class ReckoningCore:
 
     def course_n(self) -> np.ndarray:
         """Velocity (3,), m/s, by which the true one changes but for what is estimated: that through the air."""
-        return self.held.air_n(self.t_ns)
+        return quat_rotate(self.held.attitude(self.t_ns)[0], self.held.steady_b)
 
     def motion(self) -> np.ndarray:
         """How fast the true state moves, in the coordinates of the error state (n,) per second."""

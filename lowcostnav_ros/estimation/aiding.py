@@ -87,6 +87,7 @@ class SensorSettings:
 
     topics: list = setting([], "Topics in place of its own, in their order; empty: its own.")
     frames: list = setting([], "Frame ids accepted beside the usual ones; 'any' accepts all.")
+    late_s: float = setting(0.0, "Its stamps are so much later than what they stamp; corrected.", unit="s", minimum=-1.0, maximum=1.0)
 
 
 @dataclass(slots=True)

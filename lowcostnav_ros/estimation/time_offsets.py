@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.estimation import kalman
 
 POS = slice(0, 3)
@@ -160,6 +161,14 @@ class TimeOffsets:
         self.way = Way()
         self.restart()
 
+    def declare(self, source: str, late_s: float) -> None:
+        """Begin with an offset that is known."""
+        self._column(source)
+        offset = self.known[source.partition("/")[0]]
+        if offset.late_s not in (0.0, late_s):
+            raise SettingsError(f"'late_s' is one for all topics of a device; {offset.device} has {offset.late_s:g} and {late_s:g}.")
+        offset.late_s = late_s
+
     def restart(self) -> None:
         """Begin with a state that is new; what is known of the stamps stays."""
         self.V = np.zeros((self.size, len(self.known)))
@@ -208,6 +217,16 @@ class TimeOffsets:
             if self.rows is not None:
                 motion[self.rows] = faster
             innovation.y = innovation.y + (innovation.H @ motion if innovation.turns is None else innovation.turns * faster)
+            if aid.status.name not in self._seeded:
+                self._start_late(aid, innovation, host, motion)
+
+    def _start_late(self, aid: Any, innovation: Any, host: Any, motion: np.ndarray) -> None:
+        """A state that began with what an aid had measured lies behind by the way of its offset."""
+        dx = np.zeros(self.size)
+        for rows in aid.seeds:
+            dx[rows] = motion[rows]
+        host.correct(dx)
+        innovation.y = innovation.y - innovation.H @ dx
 
     def _late_s(self, aid: Any) -> float:
         offset = self.known.get(aid.source.partition("/")[0])
@@ -245,6 +264,8 @@ class TimeOffsets:
         slope = self.way.slope(t_s - self._late_s(aid), t_s)
         if self.rows is not None:
             motion[self.rows] = slope
+        if host.core.climbs_by_aids:  # what moves by the aids alone tells nothing of their time
+            motion[2] = 0.0
         D[:, column] = -(innovation.H @ motion if innovation.turns is None else innovation.turns * slope)
         if aid.status.name not in self._seeded:
             self._seed(aid, column, motion)

@@ -288,6 +288,8 @@ class Navigator(ABC):
         self.layout, self.core = layout, core
         if self.settings.horizon.stamps != "trust" and hasattr(core, "motion"):
             self.offsets = core.history = TimeOffsets(layout.size, core.velocity_rows)
+            for aid in (aid for aid in self.aids if aid.source and aid.settings.late_s):
+                self.offsets.declare(aid.source, aid.settings.late_s)
         for aid in self.aids:
             aid.attach(self)
 
