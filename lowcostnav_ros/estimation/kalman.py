@@ -271,6 +271,21 @@ def is_sound(cov, vector):
 
 
 @kernel
+def are_sound(pos, vel, att, wind, v0, v1, v2, v3, v4):
+    """The same of the covariances and vectors of a solution, absent ones of no size."""
+    return is_sound(pos, v0) and is_sound(vel, v1) and is_sound(att, v2) and is_sound(wind, v3) and is_sound(pos, v4)
+
+
+@kernel
+def root_of_diagonal(P, start, stop):
+    """Sigmas of some states; 0 for a variance below."""
+    out = np.zeros(stop - start)
+    for i in range(start, stop):
+        out[i - start] = np.sqrt(max(P[i, i], 0.0))
+    return out
+
+
+@kernel
 def guard_covariance(P, variance_floor, variance_ceiling):
     """Keep every variance inside its bounds and every correlation below one, in place; return how often it had to act.
 

@@ -106,9 +106,13 @@ class Way:
         self._points.clear()
 
     def note(self, t_s: float, w: np.ndarray) -> None:
-        """Take the velocity (3,) at a time in; of a time that has been, nothing."""
-        if not self._points or t_s > self._points[-1][0]:
-            self._points.append((t_s, w))
+        """Take the velocity (3,) at a time in."""
+        self._points.append((t_s, w))
+
+    @property
+    def newest_s(self) -> float:
+        """Up to when it is known."""
+        return self._points[-1][0] if self._points else -math.inf
 
     def at(self, t_s: float) -> np.ndarray:
         """Velocity (3,) at a time, beyond either end with the acceleration that is there."""
@@ -201,7 +205,9 @@ class TimeOffsets:
 
     def note(self, core: Any) -> None:
         """Remember the velocity of now."""
-        self.way.note(1e-9 * core.t_ns, core.course_n() - self._corrected)
+        t_s = 1e-9 * core.t_ns
+        if t_s > self.way.newest_s:
+            self.way.note(t_s, core.course_n() - self._corrected)
 
     # what aids report --------------------------------------------------------------------------------------------------------
 
@@ -289,13 +295,14 @@ class TimeOffsets:
             self.known[device].sources.append(source)
         return list(self.known).index(device)
 
-    def doubt(self, rows: slice | None) -> np.ndarray | float:
-        """What the offsets that were corrected or are likely may still do to some states: covariance (m, m)."""
-        total: np.ndarray | float = 0.0
-        for offset, by in zip(self.known.values(), self.V.T, strict=True):
-            if rows is not None and (offset.late_s or abs(offset.rest_s) > SURE_AGAIN * offset.sigma_s):
-                total = total + np.outer(by[rows], by[rows]) * (offset.sigma_s**2 + offset.rest_s**2)
-        return total
+    def doubt(self) -> np.ndarray | None:
+        """What the offsets that were corrected or are likely may still do to the state: covariance (n, n); None for nothing."""
+        likely = [k for k, o in enumerate(self.known.values()) if o.late_s or abs(o.rest_s) > SURE_AGAIN * o.sigma_s]
+        if not likely:
+            return None
+        offsets = [list(self.known.values())[k] for k in likely]
+        by = self.V[:, likely]
+        return (by * [o.sigma_s**2 + o.rest_s**2 for o in offsets]) @ by.T
 
     # what is known -----------------------------------------------------------------------------------------------------------
 

@@ -387,12 +387,14 @@ class Navigator(ABC):
 
         A frozen receiver adds nothing: it is known to be wrong.
         """
+        late = None if self.offsets is None else self.offsets.doubt()
+        if late is None and all(aid.unresolved is None for aid in self._receivers):
+            return NO_DOUBT, NO_DOUBT
         position, velocity = np.zeros((3, 3)), np.zeros((3, 3))
-        if self.offsets is not None and self.offsets.known:
-            position += self.offsets.doubt(slice(0, 3))
-            velocity += self.offsets.doubt(self.core.velocity_rows)
-        if all(aid.unresolved is None for aid in self._receivers):
-            return position, velocity
+        if late is not None:
+            position += late[:3, :3]
+            if self.core.velocity_rows is not None:
+                velocity += late[self.core.velocity_rows, self.core.velocity_rows]
         for key in dict.fromkeys(aid.key for aid in self._receivers):
             offset = np.zeros(3)
             for aid, check in self._receivers.items():
@@ -629,8 +631,8 @@ class Navigator(ABC):
     def _states(self, P: np.ndarray, rows: range) -> dict[str, tuple[float, float]]:
         """Estimates of some states with their sigmas, by label."""
         part = slice(rows.start, rows.stop)
-        values = self.core.estimate[part].tolist(), np.sqrt(np.maximum(P.diagonal()[part], 0.0)).tolist()
-        return dict(zip(self.layout.labels[part], zip(*values, strict=True), strict=True))
+        sigmas = kalman.root_of_diagonal(P, rows.start, rows.stop).tolist()
+        return dict(zip(self.layout.labels[part], zip(self.core.estimate[part].tolist(), sigmas, strict=True), strict=True))
 
     @abstractmethod
     def _fuse(self, item: Measurement) -> None:
@@ -662,20 +664,20 @@ class Navigator(ABC):
         return max(level_of(self.mode), Level.WARN) if self.contradictions() else level_of(self.mode)
 
 
-NO_COVARIANCE, NO_VECTOR = np.zeros((0, 0)), np.zeros(0)
+NO_COVARIANCE, NO_VECTOR, NO_DOUBT = np.zeros((0, 0)), np.zeros(0), np.zeros((3, 3))
 
 
 def is_sound(solution: NavSolution) -> bool:
     """Whether all numbers of a solution are finite and no variance is negative: nothing else may leave a navigator."""
     if solution.lat is not None and not math.isfinite(sum(solution.place)):
         return False
-    covariances = solution.cov_pos, solution.cov_vel, solution.cov_att, solution.cov_wind, None
+    covariances = solution.cov_pos, solution.cov_vel, solution.cov_att, solution.cov_wind
     vectors = solution.vel_n, solution.specific_force_b, solution.q_nb, solution.wind_n, solution.angular_rate_b
-    return all(
-        kalman.is_sound(
-            NO_COVARIANCE if cov is None else np.ascontiguousarray(cov), NO_VECTOR if vector is None else np.ascontiguousarray(vector)
+    return bool(
+        kalman.are_sound(
+            *[NO_COVARIANCE if cov is None else np.ascontiguousarray(cov) for cov in covariances],
+            *[NO_VECTOR if vector is None else np.ascontiguousarray(vector) for vector in vectors],
         )
-        for cov, vector in zip(covariances, vectors, strict=True)
     )
 
 
