@@ -99,7 +99,7 @@ class Way:
     """Velocity of late, free of the corrections of the filter: by it a state is carried back a little."""
 
     def __init__(self) -> None:
-        self._points: deque[tuple[float, np.ndarray]] = deque(maxlen=64)
+        self._points: deque[tuple[float, np.ndarray]] = deque()
 
     def clear(self) -> None:
         """Forget it."""
@@ -108,6 +108,8 @@ class Way:
     def note(self, t_s: float, w: np.ndarray) -> None:
         """Take the velocity (3,) at a time in."""
         self._points.append((t_s, w))
+        while self._points[0][0] < t_s - LONGEST_S - 3.0 * SLOPE_S:
+            self._points.popleft()
 
     @property
     def newest_s(self) -> float:
@@ -339,7 +341,7 @@ class TimeOffsets:
     def _changed(self, offset: TimeOffset, host: Any) -> bool:
         """Correct an offset if it is sure: take what it has done out of the state, and learn what is left."""
         change_s = offset.judge()
-        if not change_s:
+        if not change_s or (host.core.climbs_by_aids and not offset.is_observed):  # its own motion is too loose for a rough correction
             return False
         j, sigma = list(self.known).index(offset.device), max(offset.sigma_s, COARSE * abs(change_s))
         by = self.V[:, j].copy()
