@@ -137,3 +137,51 @@ def test_missing_topic_and_wrong_type_are_named(tmp_path):
     with BagReader(tmp_path / "odd") as bag:
         assert "is of type sensor_msgs/msg/Temperature, expected sensor_msgs/msg/NavSatFix" in refusal(lambda: bag.require(["gps/fix"]))
         assert list(bag.measurements()) == []
+
+
+def numbered(path, storage, order):
+    """A recording of messages (topic, receive stamp in s) in this order; each carries its number in it."""
+    with BagWriter(path, storage) as bag:
+        for k, (topic, second) in enumerate(order):
+            fix = m.GpsPosition(T0 + k, topic, 0.6, -2.0, float(k), np.eye(3))
+            ((stamp, _, msgtype, raw),) = e.encode_cdr(fix)
+            bag.write(topic, msgtype, T0 + round(second * 1e9), raw)
+
+
+def read_numbers(bag):
+    """Numbers of the messages as they are read."""
+    return [int(decode("gps/fix", topics.NAV_SAT_FIX, raw).stamp_ns) - T0 for _source, _stamp, raw in bag.stream()]
+
+
+def step_back(seconds, messages):
+    """Two topics in turn, 10 Hz; half way the clock is set back."""
+    return [(("gps/fix", "radar/fix")[k % 2], 0.1 * k - (seconds if k >= messages // 2 else 0.0)) for k in range(messages)]
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("messages", [60, 20_000])  # within a chunk, and over several
+def test_after_a_step_of_the_clock_messages_come_as_they_arrived(tmp_path, storage, messages):
+    numbered(tmp_path / "bag", storage, step_back(2.0, messages))
+    with BagReader(tmp_path / "bag") as bag:
+        assert read_numbers(bag) == list(range(messages))
+        assert bag._reader.storage.storages[0].goes_back
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_topics_written_one_after_the_other_are_merged_by_stamp(tmp_path, storage):
+    order = sorted(step_back(0.0, 60), key=lambda pair: pair[0])
+    numbered(tmp_path / "bag", storage, order)
+    with BagReader(tmp_path / "bag") as bag:
+        numbers = read_numbers(bag)
+    assert numbers == sorted(range(60), key=lambda k: order[k][1]) != list(range(60))
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_killed_recording_with_a_step_of_the_clock_comes_as_it_arrived(tmp_path, storage):
+    numbered(tmp_path / "bag", storage, step_back(2.0, 60))
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    file = next((tmp_path / "bag").iterdir())
+    if storage == "mcap":
+        file.write_bytes(file.read_bytes()[:-200])
+    with BagReader(tmp_path / "bag") as bag:
+        assert read_numbers(bag) == list(range(60))

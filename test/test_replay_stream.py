@@ -19,7 +19,7 @@ from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.replay.result_files import SOLUTION_HEADER, seconds_text
 from lowcostnav_ros.replay.runs import AidStatistics
 from lowcostnav_ros.replay.selection import SelectionError, select
-from lowcostnav_ros.replay.session import replay_stream, simulated
+from lowcostnav_ros.replay.session import Session, replay_stream, simulated
 from lowcostnav_ros.replay.withhold import parse_withhold
 
 NS = 1_000_000_000
@@ -251,3 +251,17 @@ def test_reasons_that_differ_in_their_detail_alone_are_counted_as_one():
     for seconds in (3, 4, 5):
         statistics.add(AidStatus("aid", ("value_m",), reason=Reason("no airspeed", f"for {seconds} s", " ")), False)
     assert statistics.result(("value_m",)).not_used_or_limited == {"no airspeed": 3}
+
+
+def test_truth_that_steps_back_with_the_clock_is_not_compared_with_the_flight_before():
+    def state(second, lat):
+        return NavSolution(round(second * 1e9), "truth/odometry", lat, 0.0, 0.0, np.zeros(3))
+
+    session = Session({}, has_truth=True)
+    for second in (78.0, 79.0, 80.0):
+        session.feed_truth(state(second, 0.1))
+    for second in (75.0, 76.0, 77.0):
+        session.feed_truth(state(second, 0.2))
+    session.flush()
+    assert session.truth.newest_ns == 77_000_000_000
+    assert session.truth.at(np.array([75_500_000_000])).position[0, 0] == pytest.approx(0.2)

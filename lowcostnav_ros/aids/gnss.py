@@ -16,7 +16,7 @@ from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.base.units import DEGREE
-from lowcostnav_ros.cores.inertial import VEL
+from lowcostnav_ros.cores.inertial import POS, VEL
 from lowcostnav_ros.cores.views import Place, Velocity
 from lowcostnav_ros.estimation import aiding, kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings
@@ -152,6 +152,7 @@ class SatelliteAid(Aid):
         super().attach(host)
         self._clock = host.layout[self.own("clock")].start
         self._offset = host.layout.get(self.own("system_offset"))
+        self.seeds = (POS, host.core.velocity_rows)
 
     def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
         """Innovations of the usable satellites, and why the others are not usable.  Changes nothing."""
@@ -174,6 +175,8 @@ class SatelliteAid(Aid):
         integrity = self.receiver.integrity
         status.stamp_ns = measurement.stamp_ns
         obs = self.observations(measurement, host)
+        if host.offsets is not None:
+            host.offsets.take_back(self, obs, host)
         self._usual += (1.0 / USUAL_EPOCHS if self._usual else 1.0) * (float(np.median(obs.stated)) - self._usual) if obs.rows.size else 0.0
         self.count(measurement, obs.excluded)
         if not obs.rows.size:
@@ -189,6 +192,11 @@ class SatelliteAid(Aid):
         if not np.isfinite(S).all():
             return self.refuse(aiding.NOT_FINITE)
         ratios = obs.y**2 / (S * self.threshold) if self.settings.screening else np.zeros(len(S))
+        if host.offsets is not None and np.median(ratios) > 1.0:
+            late = host.offsets.uncertainty(self, obs, host).diagonal()
+            widened = obs.y**2 / ((S + late) * self.threshold)
+            if np.median(widened) <= 1.0:
+                obs.late, ratios = late, widened
         self._report(obs, ratios, ~excluded, host)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
         ordered = np.sort(ratios[~excluded])
@@ -231,7 +239,8 @@ class SatelliteAid(Aid):
 
     def _apply(self, obs: Observations, good: np.ndarray, host: Host) -> None:
         y, H, R = obs.y[good], obs.H[good], obs.covariance(good)
-        self.applied = Innovation(y, H, R, np.array([float(len(y))]))
+        late = None if obs.late is None else np.diag(obs.late[good])
+        self.applied = Innovation(y, H, R, np.array([float(len(y))]), late=late)
         self.epoch_nis = kalman.normalised_innovation_squared(y, kalman.innovation_covariance(host.P, H, R))
         self.epoch_dof = len(y)
         self.fuse(self.applied, host)

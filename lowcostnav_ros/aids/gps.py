@@ -126,7 +126,7 @@ class PositionAid(ReceiverAid):
         """Find the receiver's slow error and the attitude states."""
         super().attach(host)
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
-        self._bias = host.layout.get(self.own("gps_position_bias"))
+        self._bias, self.seeds = host.layout.get(self.own("gps_position_bias")), (POS,)
         self._attitude = host.core.attitude_rows if isinstance(host.core, Attitude) else None
         self._velocity = next((aid for aid in host.aids_of(VelocityAid) if aid.key == self.key), None)
 
@@ -179,6 +179,7 @@ class VelocityAid(ReceiverAid):
     def attach(self, host: Host) -> None:
         """Take the lever arm."""
         super().attach(host)
+        self.seeds = (host.core.velocity_rows,) if host.core.velocity_rows else ()
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
         self._stepped: tuple[int, np.ndarray] | None = None
         self.sound_since_ns: int | None = None
@@ -223,7 +224,7 @@ class VelocityAid(ReceiverAid):
         if seen.noise is not None:
             R = R + seen.noise
         factor = correlation_factor(self.since_s(measurement), max(self.settings.correlation_s, seen.tau_s))
-        return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n)
+        return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n, turns=seen.turns)
 
     def recover(self, measurement: GpsVelocity, innovation: Innovation, host: Host) -> None:
         """Reset the velocity to that of GPS; attitude and biases stay."""

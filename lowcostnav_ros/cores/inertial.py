@@ -271,6 +271,7 @@ class InertialCore:
 
     velocity_rows, attitude_rows = VEL, ATT
     ranging = None
+    climbs_by_aids = False
     history: History | None = None
 
     def __init__(self, layout: Layout, variance_ceiling: np.ndarray | None = None) -> None:
@@ -394,7 +395,8 @@ class InertialCore:
         nav[6:10] = quat_apply_phi_n(nav[6:10], dx[ATT])
         if self.history is not None:
             self.history.correct(dx)
-            self.history.begin(self.P)[6:8, 6:8] = [[np.cos(dx[8]), -np.sin(dx[8])], [np.sin(dx[8]), np.cos(dx[8])]]
+            track, c, s = self.history.begin(self.P), np.cos(dx[8]), np.sin(dx[8])
+            track[6:8] = c * track[6] - s * track[7], s * track[6] + c * track[7]
         turn_covariance(self.P, dx[8])
         self.estimate[CORE:] += dx[CORE:]
         self.guard_actions += kalman.guard_covariance(self.P, self._floor, self._ceiling)
@@ -441,6 +443,18 @@ class InertialCore:
         if block is None:
             return self.force_b, self.rate_b
         return self.corrected(block.specific_force_b[-1], block.angular_rate_b[-1])
+
+    def course_n(self) -> np.ndarray:
+        """Velocity (3,), m/s, by which the true one changes but for what is estimated."""
+        return self.nav[VEL].copy()
+
+    def state_rate(self) -> np.ndarray:
+        """How fast the true state moves, in the coordinates of the error state (n,) per second; by the last sample that was run."""
+        out, C, last = np.zeros(self.layout.size), self.C_nb(), self._last
+        force_b, rate_b = (last[0:3], last[3:6]) if last.any() else (self.force_b, self.rate_b)
+        out[POS], out[VEL], out[ATT] = self.nav[3:6], C @ force_b, C @ rate_b
+        out[5] += STANDARD_GRAVITY
+        return out
 
     def output_rows(self) -> dict[str, np.ndarray]:
         """Quantities of a solution by the error states, (m, n) each, for the smoother."""

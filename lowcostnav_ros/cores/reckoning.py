@@ -28,6 +28,8 @@ LOST_S = 10.0
 """Without attitude or airspeed the unknown velocity is as large as the last airspeed and stays correlated this long."""
 INCIDENCE_MPS, CHANGE_SHARE = 5.0, 0.7
 """Vertical component of the air-relative velocity that incidence may hide, m/s; share of a change beyond it that may be wrong."""
+STEADY_S = 2.0
+"""Airspeed is averaged over this time where its change is wanted: that of its noise is none."""
 LANDED = 0.8
 """Share of the minimum airspeed below which an aircraft that was flying counts as landed; the step keeps gusts from toggling it."""
 
@@ -129,6 +131,7 @@ class HeldInputs:
     attitude_ns: int | None = None
     unsteady: Unsteadiness = field(default_factory=Unsteadiness)  # of the angular rate
     vel_b: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    steady_b: np.ndarray = field(default_factory=lambda: np.zeros(3))  # vel_b, averaged
     speed: float = 0.0
     air_ns: int | None = None
     airborne: bool = False
@@ -145,6 +148,8 @@ class HeldInputs:
     def take_air(self, air: AirVelocity, settings: AirspeedSettings) -> None:
         """Hold a new air-relative velocity and decide whether the aircraft flies."""
         self.vel_b = body_velocity(air, settings)
+        share = 1.0 if self.air_ns is None else min(1e-9 * max(air.stamp_ns - self.air_ns, 0) / STEADY_S, 1.0)
+        self.steady_b = self.steady_b + share * (self.vel_b - self.steady_b)
         self.speed, self.air_ns = math.sqrt(self.vel_b @ self.vel_b), air.stamp_ns
         self.airborne = self.speed >= settings.minimum_mps * (LANDED if self.airborne else 1.0)
         if self.airborne:
@@ -206,6 +211,7 @@ class ReckoningCore:
     """
 
     velocity_rows = None
+    climbs_by_aids = True
     history: History | None = None
 
     def __init__(self, settings: ReckoningSettings, layout: Layout) -> None:
@@ -388,6 +394,16 @@ class ReckoningCore:
             return max(2.0 * LOST_S * self.held.fastest**2, settings.ground_walk_mps**2)
         return 2.0 * settings.wind.gust_mps**2 * settings.wind.gust_tau_s
 
+    def course_n(self) -> np.ndarray:
+        """Velocity (3,), m/s, by which the true one changes but for what is estimated: that through the air."""
+        return quat_rotate(self.held.attitude(self.t_ns)[0], self.held.steady_b)
+
+    def state_rate(self) -> np.ndarray:
+        """How fast the true state moves, in the coordinates of the error state (n,) per second."""
+        out = np.zeros(self.layout.size)
+        out[POS] = self.velocity()[0]
+        return out
+
     def output_rows(self) -> dict[str, np.ndarray]:
         """Quantities of a solution by the error states, (m, n) each, for the smoother."""
         return {"pos": np.eye(self.layout.size)[POS], "vel": self.velocity()[1], "wind": self.wind_rows}
@@ -416,7 +432,7 @@ class ReckoningCore:
             return outdated
         vel_n, H, noise = self.velocity()
         swing_n = quat_rotate(self.held.q_nb, np.cross(self.held.rate_b, lever_b)) if lever_b.any() else np.zeros(3)
-        return VelocitySeen(vel_n, swing_n, H, noise, self.settings.wind.gust_tau_s)
+        return VelocitySeen(vel_n, swing_n, H, noise, self.settings.wind.gust_tau_s, np.array([1.0, 1.0, 0.0]))
 
     def wind_n(self) -> np.ndarray:
         """Estimated wind (2,), m/s, north and east."""

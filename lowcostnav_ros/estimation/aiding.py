@@ -26,6 +26,7 @@ from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Layout
+from lowcostnav_ros.estimation.time_offsets import TimeOffsets
 
 
 class Reason(str):
@@ -86,6 +87,7 @@ class SensorSettings:
 
     topics: list = setting([], "Topics in place of its own, in their order; empty: its own.")
     frames: list = setting([], "Frame ids accepted beside the usual ones; 'any' accepts all.")
+    late_s: float = setting(0.0, "Its stamps are so much later than what they stamp; corrected.", unit="s", minimum=-1.0, maximum=1.0)
 
 
 @dataclass(slots=True)
@@ -93,7 +95,9 @@ class Innovation:
     """Measured minus predicted, with what is needed to fuse it.
 
     ``y`` (m,), ``H`` (m, n), ``R`` (m, m); ``observation`` (m,) is what was measured, in the units of ``Aid.labels``; ``free`` (n,) holds
-    0 for states that are considered, not moved; None moves all.
+    0 for states that are considered, not moved; None moves all.  ``turns`` (m,) is 1 for
+    components that change as the velocity of the core does, where that is no state; ``late`` (m, m) the covariance that an uncertain offset
+    of its stamp adds, where that matters.
     """
 
     y: np.ndarray
@@ -101,6 +105,8 @@ class Innovation:
     R: np.ndarray
     observation: np.ndarray
     free: np.ndarray | None = None
+    turns: np.ndarray | None = None
+    late: np.ndarray | None = None
 
 
 @dataclass(slots=True)
@@ -147,14 +153,16 @@ class Host(Protocol):
     ``layout`` names the states; ``P`` (n, n) is their covariance; ``core`` holds the mean and offers the views of
     :mod:`lowcostnav_ros.cores.views`; ``correct(dx)`` injects a correction (n,), or raises
     :class:`CorrectionNotFinite`; ``gps_good(stamp_ns)``: GPS holds the solution.
-    ``inertial_is_suspect``: the IMU is known to be worse than set.  ``excluded(aid)``: why its source contradicts others and is not to be
-    used; ``recovery_s(aid, stamp_ns)``: how long it must be rejected before the solution recovers to it.
+    ``inertial_is_suspect``: the IMU is known to be worse than set.  ``offsets``: of the stamps, where they can be seen.
+    ``excluded(aid)``: why its source contradicts others and is not to be used; ``recovery_s(aid, stamp_ns)``: how long it must be
+    rejected before the solution recovers to it.
     """
 
     name: str
     layout: Layout
     core: Any
     inertial_is_suspect: bool
+    offsets: TimeOffsets | None
 
     @property
     def trust(self) -> Trust: ...
@@ -216,6 +224,8 @@ class Aid(ABC):
         Innovation in sigmas of the measurement's own noise, root mean square over its components.
     latches : list of Latch
         Contradictions that it finds itself.
+    seeds : tuple of slice
+        States that a navigator may begin with from what it measures.
     """
 
     name: ClassVar[str]
@@ -228,6 +238,7 @@ class Aid(ABC):
     last_resort: ClassVar[bool] = False
     thins_itself: ClassVar[bool] = False
     needs_rate: ClassVar[bool] = False
+    seeds: tuple[slice, ...] = ()
 
     def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
         self.settings, self.key, self.stations = settings, key, stations
@@ -375,7 +386,11 @@ class Aid(ABC):
     def fuse(self, innovation: Innovation, host: Host) -> None:
         """Apply: update the covariance, inject the correction."""
         free = np.ones(len(host.P)) if innovation.free is None else innovation.free
-        host.correct(kalman.update(host.P, innovation.y, innovation.H, innovation.R, free))
+        if host.offsets is None:
+            dx = kalman.update(host.P, innovation.y, innovation.H, innovation.R, free)
+        else:
+            dx = host.offsets.update(self, innovation, free, host, learn=self.decision is Decision.FUSE)
+        host.correct(dx)
 
     def recover(self, measurement: Any, innovation: Innovation, host: Host) -> None:
         """After a long run of rejections: widen the noise until the innovation passes the gate, and fuse."""
@@ -389,10 +404,14 @@ class Aid(ABC):
         innovation = self.innovation(measurement, host)
         if isinstance(innovation, str):
             return self.refuse(innovation)
+        if host.offsets is not None:
+            host.offsets.take_back(self, innovation, host)
         if not math.isfinite(innovation.y.sum() + innovation.H.sum() + innovation.R.sum()):
             return self.refuse(NOT_FINITE)
         S = kalman.innovation_covariance(host.P, innovation.H, innovation.R)
         nis = kalman.normalised_innovation_squared(innovation.y, S)
+        if nis > self.threshold and host.offsets is not None:
+            S, nis = self._considered(innovation, S, nis, host.offsets, host)
         status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
         status.nis, status.test_ratio = nis, nis / self.threshold
         self.size = math.sqrt(float(innovation.y @ (innovation.y / (innovation.R.diagonal() + 1e-300))) / len(innovation.y))
@@ -407,6 +426,8 @@ class Aid(ABC):
         if decision is Decision.RECOVER:
             status.rejected[reason] += 1
             self.recover(measurement, innovation, host)
+            if host.offsets is not None:
+                host.offsets.recovered(self, host)
         else:
             if decision is Decision.LIMIT:
                 status.rejected[reason] += 1
@@ -415,6 +436,17 @@ class Aid(ABC):
         status.accepted, status.reason, status.accepted_ns = True, reason, measurement.stamp_ns
         status.fused += 1
         return True
+
+    def _considered(
+        self, innovation: Innovation, S: np.ndarray, nis: float, offsets: TimeOffsets, host: Host
+    ) -> tuple[np.ndarray, float]:
+        """Covariance and normalised square of an innovation that passes the gate once the offset of its stamp is as uncertain as it is."""
+        late = offsets.uncertainty(self, innovation, host)
+        widened = kalman.normalised_innovation_squared(innovation.y, S + late)
+        if widened > self.threshold:
+            return S, nis
+        innovation.late = late
+        return S + late, widened
 
     def refuse(self, reason: str) -> bool:
         """Note that the measurement is not used, and count it under the phrase of its reason; return False."""

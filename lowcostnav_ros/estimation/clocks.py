@@ -192,7 +192,9 @@ class Clocks:
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """Inputs whose clocks are off, each with the input it is compared with, and by how much."""
-        off = [(c, (c.source, self._reference(c))) for c in self._clocks.values() if c.is_off]
+        off = [(c, (c.source, self._reference(c))) for c in self._clocks.values() if c.steady and c.is_off]
+        if not off:
+            return ()
         return tuple(
             Contradiction(CLOCK_OFFSET, parties, abs(self._offset_s(c)), "s", c.since_ns, c.source, f"{self.words(c)}: not used")
             for c, parties in off

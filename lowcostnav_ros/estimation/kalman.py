@@ -211,14 +211,48 @@ def update(P, y, H, R, free):
 
     P changes in place and the correction (n,) is returned; where any of it would not be finite, P stays and the correction is NaN.
     """
-    n = P.shape[0]
-    dx, after = np.zeros(n), P.copy()
-    parts, rows, variances = independent(y, H, R)
+    n, m = P.shape[0], y.shape[0]
+    return update_with_parameters(P, y, H, R, free, np.zeros((m, 0)), np.zeros((n, 0)), np.zeros((0, 1)))
+
+
+@kernel
+def update_with_parameters(P, y, H, R, free, D, V, learned):
+    """The same where parameters p (k,) that are no states act on the measurement, y = H dx + D p + noise, and through it on the error.
+
+    The filter knows nothing of them: its error is dx = dx_0 + V p with V (n, k), so its innovations are y = y_0 + (H V + D) p, by which
+    the parameters are regressed (Friedland, "Treatment of bias in recursive filtering", IEEE TAC 14, 1969).
+
+    V and ``learned`` (k, k + 1), information and score of the regression, change in place; P and the correction are those of
+    :func:`update` to the last bit.
+    """
+    n, k = V.shape
+    dx, after, moved, found = np.zeros(n), P.copy(), V.copy(), learned.copy()
+    parts, rows, variances = independent(y, np.hstack((H, D)), R)
+    u = np.zeros(k)
     for i in range(y.shape[0]):
-        scalar_update(dx, after, parts[i], rows[i], variances[i], free)
+        h = rows[i, :n].copy()
+        gain, residual = np.zeros(n), parts[i]
+        if k:
+            gain = matvec(after, h) * free
+            for j in range(k):
+                u[j] = rows[i, n + j]
+                for r in range(n):
+                    u[j] += h[r] * moved[r, j]
+            for r in range(n):
+                residual -= h[r] * dx[r]
+        s = scalar_update(dx, after, parts[i], h, variances[i], free)
+        if k and s > 0.0:
+            for j in range(k):
+                for r in range(n):
+                    moved[r, j] -= gain[r] / s * u[j]
+                for c in range(k):
+                    found[j, c] += u[j] * u[c] / s
+                found[j, k] += u[j] * residual / s
     if not (np.isfinite(dx).all() and np.isfinite(after).all()):
         return np.full(n, np.nan)
     P[:] = after
+    V[:] = moved
+    learned[:] = found
     return dx
 
 
@@ -234,6 +268,21 @@ def is_sound(cov, vector):
     for value in vector:
         total += value
     return np.isfinite(total)
+
+
+@kernel
+def are_sound(pos, vel, att, wind, v0, v1, v2, v3, v4):
+    """The same of the covariances and vectors of a solution, absent ones of no size."""
+    return is_sound(pos, v0) and is_sound(vel, v1) and is_sound(att, v2) and is_sound(wind, v3) and is_sound(pos, v4)
+
+
+@kernel
+def root_of_diagonal(P, start, stop):
+    """Sigmas of some states; 0 for a variance below."""
+    out = np.zeros(stop - start)
+    for i in range(start, stop):
+        out[i - start] = np.sqrt(max(P[i, i], 0.0))
+    return out
 
 
 @kernel

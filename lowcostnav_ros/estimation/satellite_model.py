@@ -120,6 +120,7 @@ class Observations:
     ``common`` (m,) is how one unit of an error common to all satellites shows in each; its square is part of the variance.  ``excluded``
     pairs each row that cannot be used with its reason.  ``clock_step`` is by how much the clock (m) or its drift (m/s) must be moved first,
     None: not at all; the innovations are those after it.  ``stated`` (m,) is the sigma that the receiver states.
+    ``late`` (m,) and ``turns`` are as those of an :class:`.Innovation`, the former its variances.
     """
 
     rows: np.ndarray
@@ -130,6 +131,8 @@ class Observations:
     excluded: list[tuple[int, str]] = field(default_factory=list)
     clock_step: float | None = None
     stated: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    late: np.ndarray | None = None
+    turns: np.ndarray | None = None
 
     def covariance(self, rows: np.ndarray) -> np.ndarray:
         """Covariance of the noise of some of them (rows or a mask), (k, k)."""

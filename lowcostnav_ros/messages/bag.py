@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-from rosbags.rosbag2 import Reader, StoragePlugin
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2.errors import ReaderError, WriterError
 
 from lowcostnav_ros.base.documents import written_whole
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages.arrival import ArrivalReader
 from lowcostnav_ros.messages.checks import WRONG_FRAME
 from lowcostnav_ros.messages.decode import Decoder, Rejected
 from lowcostnav_ros.messages.foreign import mapped, offers, options
@@ -180,7 +181,7 @@ class BagReader:
         self.path, self.maps = Path(path), dict(maps or {})
         self.decoder = decoder or Decoder()
         self._reader: Any = _opened(self.path, is_torn)
-        self.is_closed = isinstance(self._reader, Reader)
+        self.is_closed = isinstance(self._reader, ArrivalReader)
         self.types = {mapped(c.topic, self.maps): c.msgtype for c in self._reader.connections}
         self._refuse_double_names()
         stated = [c.msgcount for c in self._reader.connections]
@@ -251,7 +252,7 @@ class BagReader:
                 raise BagError(f"{self.path}: topic '{source}' is of type {self.types[source]}, expected {expected}.")
 
     def stream(self, sources: Iterable[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield (source, receive stamp ns, CDR bytes) in recorded order, memory flat; all topics where ``sources`` is None.
+        """Yield (source, receive stamp ns, CDR bytes) in the order of arrival, memory flat; all topics where ``sources`` is None.
 
         Raises
         ------
@@ -290,7 +291,7 @@ class BagReader:
         self.require(names)
         chunk: list[tuple[str, int, bytes]] = []
         for record in self.stream(names):
-            if chunk and record[1] - chunk[0][1] >= chunk_s * 1e9:
+            if chunk and not 0 <= record[1] - chunk[0][1] < chunk_s * 1e9:
                 yield from self._decoded(chunk)
                 chunk = []
             chunk.append(record)
@@ -413,7 +414,7 @@ def _opened(path: Path, is_torn: bool) -> Any:
     try:
         if path.is_dir() and files:
             return UnclosedReader(files)
-        reader = Reader(path)
+        reader = ArrivalReader(path)
         try:
             reader.open()
         except Exception:

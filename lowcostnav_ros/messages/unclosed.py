@@ -18,8 +18,9 @@ from typing import Any, BinaryIO, NamedTuple
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2.errors import ReaderError
-from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader, decompress, read_string
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+from rosbags.rosbag2.storage_mcap import ChunkInfo, decompress, read_string
+
+from lowcostnav_ros.messages.arrival import ArrivalMcap, ArrivalSqlite3
 
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _RECORD = 9  # opcode and length
@@ -89,7 +90,7 @@ class _WithEnd(io.RawIOBase):
         super().close()
 
 
-class _UnclosedMcap(McapReader):
+class _UnclosedMcap(ArrivalMcap):
     """An mcap file without its end."""
 
     def _open(self) -> None:
@@ -168,7 +169,7 @@ class _UnclosedMcap(McapReader):
         return chunk, bytes([_CHUNK]) + struct.pack("<Q", len(record)) + record if is_torn and body else b"" if is_torn else None
 
 
-class _RolledBack(Sqlite3Reader):
+class _RolledBack(ArrivalSqlite3):
     """An sqlite3 file in a copy, rolled back to its last commit."""
 
     def __init__(self, path: Path) -> None:

@@ -22,6 +22,7 @@ from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS, TIME_JUMPED, FusionHorizon, unbroken
 from lowcostnav_ros.estimation.inertial_spikes import InertialSpikes, Jolt
 from lowcostnav_ros.estimation.smoothing import History
+from lowcostnav_ros.estimation.time_offsets import TimeOffsets
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.navigators.trust import Trust
 from lowcostnav_ros.physics.earth import LocalFrame
@@ -44,6 +45,10 @@ class HorizonSettings:
     jump_s: float = setting(
         10.0, "Stamps this far off are implausible; a time base that moves so far is a fresh start.", unit="s", minimum=1.0, maximum=3600.0
     )
+    stamps: str = setting(
+        "correct", "Offsets of stamps: correct them once they are sure, estimate them alone, or trust all stamps.",
+        choices=("correct", "estimate", "trust"),
+    )  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -164,6 +169,7 @@ class Navigator(ABC):
     layout: Layout
     core: Any = None
     history: History | None = None
+    offsets: TimeOffsets | None = None
     inputs: Mapping[str, bool] = {}
     frames: Mapping[str, tuple[str, ...]] = {}
     kinds: Mapping[str, str] = {}
@@ -269,6 +275,10 @@ class Navigator(ABC):
     def _attach(self, layout: Layout, core: Any) -> None:
         """Take error states and core, and let the aids find theirs in them."""
         self.layout, self.core = layout, core
+        if self.settings.horizon.stamps != "trust" and hasattr(core, "state_rate"):
+            self.offsets = core.history = TimeOffsets(layout.size, core.velocity_rows)
+            for aid in (aid for aid in self.aids if aid.source and aid.settings.late_s):
+                self.offsets.declare(aid.source, aid.settings.late_s)
         for aid in self.aids:
             aid.attach(self)
 
@@ -356,7 +366,17 @@ class Navigator(ABC):
     def use(self, measurement: Measurement) -> list[Aid]:
         """Give a measurement to all aids of its source; return those that used it."""
         channels = (c for c in self.channels.get(measurement.source, ()) if isinstance(measurement, c.aids[0].measurement))
-        return [aid for channel in channels for aid in self.use_channel(channel, measurement)]
+        used = [aid for channel in channels for aid in self.use_channel(channel, measurement)]
+        if self.offsets is not None:
+            for offset in self.offsets.judge(measurement.stamp_ns, self, corrects=self.settings.horizon.stamps == "correct"):
+                self._forget_rejections(offset.device)
+        return used
+
+    def _forget_rejections(self, device: str) -> None:
+        """That a device contradicted the state while its stamps were wrong means nothing once they are corrected."""
+        for aid in self.aids:
+            if aid.source.partition("/")[0] == device:
+                aid.rejecting_since_ns = aid.unresolved = None
 
     def outage_words(self, now_ns: int) -> str:
         """What the aids contribute without GPS, for people (``; DME OAK, SJC; VOR OAK``)."""
@@ -476,11 +496,19 @@ class Navigator(ABC):
         self._restart()
         if self.history is not None:
             self.history.cut()
-            self.core.history = self.history
+        self._report_to_history()
 
     def keep_history(self) -> None:
         """Keep, from now on, what the smoother needs; the solutions stay the same to the bit."""
-        self.history = self.core.history = History()
+        self.history = History()
+        self._report_to_history()
+
+    def _report_to_history(self) -> None:
+        """Let the core, which may be new, report to what follows it."""
+        self.core.history = self.history
+        if self.offsets is not None:
+            self.offsets.history, self.core.history = self.history, self.offsets
+            self.offsets.restart()
 
     def publish(self, solution: NavSolution) -> None:
         """Give out the fused solution of the present state, with what there is to say of it."""
@@ -488,6 +516,8 @@ class Navigator(ABC):
         if news != self._said and (self._said is None or news[:3] != self._said[:3] or _phrase(news[3]) != _phrase(self._said[3])):
             self._said, solution = news, replace(solution, health=self._health(solution.stamp_ns))
         self._out.append(solution)
+        if self.offsets is not None:
+            self.offsets.note(self.core)
         if self.history is not None:
             self.history.output(solution, self.P, self.core.output_rows())
 
@@ -507,7 +537,9 @@ class Navigator(ABC):
 
     def _details(self) -> Mapping[str, str]:
         """Further values for diagnostics, by name."""
-        return {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark}
+        known = {} if self.offsets is None else self.offsets.known
+        stamps = {f"stamps of {device}": offset.words() for device, offset in known.items()}
+        return {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark} | stamps
 
     def _solution_at(self, t_ns: int, nav: np.ndarray, P: np.ndarray, rows: range, **further: Any) -> NavSolution:
         """Solution with position, velocity and the states ``rows``; ``nav`` begins with lat, lon, height, velocity and ``P`` likewise."""
@@ -525,8 +557,8 @@ class Navigator(ABC):
     def _states(self, P: np.ndarray, rows: range) -> dict[str, tuple[float, float]]:
         """Estimates of some states with their sigmas, by label."""
         part = slice(rows.start, rows.stop)
-        values = self.core.estimate[part].tolist(), np.sqrt(np.maximum(P.diagonal()[part], 0.0)).tolist()
-        return dict(zip(self.layout.labels[part], zip(*values, strict=True), strict=True))
+        sigmas = kalman.root_of_diagonal(P, rows.start, rows.stop).tolist()
+        return dict(zip(self.layout.labels[part], zip(self.core.estimate[part].tolist(), sigmas, strict=True), strict=True))
 
     @abstractmethod
     def _fuse(self, item: Measurement) -> None:
@@ -565,13 +597,13 @@ def is_sound(solution: NavSolution) -> bool:
     """Whether all numbers of a solution are finite and no variance is negative: nothing else may leave a navigator."""
     if solution.lat is not None and not math.isfinite(sum(solution.place)):
         return False
-    covariances = solution.cov_pos, solution.cov_vel, solution.cov_att, solution.cov_wind, None
+    covariances = solution.cov_pos, solution.cov_vel, solution.cov_att, solution.cov_wind
     vectors = solution.vel_n, solution.specific_force_b, solution.q_nb, solution.wind_n, solution.angular_rate_b
-    return all(
-        kalman.is_sound(
-            NO_COVARIANCE if cov is None else np.ascontiguousarray(cov), NO_VECTOR if vector is None else np.ascontiguousarray(vector)
+    return bool(
+        kalman.are_sound(
+            *[NO_COVARIANCE if cov is None else np.ascontiguousarray(cov) for cov in covariances],
+            *[NO_VECTOR if vector is None else np.ascontiguousarray(vector) for vector in vectors],
         )
-        for cov, vector in zip(covariances, vectors, strict=True)
     )
 
 

@@ -189,6 +189,8 @@ class InertialNavigator(Navigator):
         if self.history is not None:
             self.history.cut()
         self.core.start(start.stamp_ns, start.nav, start.covariance)
+        if self.offsets is not None:
+            self.offsets.restart()
         self.recovery.begin(start.stamp_ns, self.P, moving=self.start.moving)
         self.inertial_is_suspect = True
         self._fused_fix_ns, self._sampled_ns = start.fix_ns, start.stamp_ns

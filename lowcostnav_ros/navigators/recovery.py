@@ -62,6 +62,8 @@ class Recovery:
             int(Kind.ACCEL_BIAS): (*accel, math.hypot(typical(imu.accel_turn_on_mg), typical(imu.accel_bias_mg))),
             int(Kind.GYRO_BIAS): (*gyro, math.hypot(typical(imu.gyro_turn_on_dps), typical(imu.gyro_bias_dps))),
         }
+        rows = np.flatnonzero(np.isin(layout.kind, list(self._named)))
+        self._biases = list(zip(rows.tolist(), layout.kind[rows].tolist(), layout.axis[rows].tolist(), strict=True))
         self.restart()
 
     def restart(self) -> None:
@@ -146,8 +148,8 @@ class Recovery:
     def _look(self, estimate: np.ndarray) -> Contradiction | None:
         """Which setting is by how many sigmas too small."""
         totals = {kind: np.zeros(3) for kind in self._named}
-        for row in np.flatnonzero(np.isin(self._layout.kind, list(totals))):
-            totals[int(self._layout.kind[row])][self._layout.axis[row]] += estimate[row]
+        for row, kind, axis in self._biases:
+            totals[kind][axis] += estimate[row]
         worst, advice = 0.0, "no bias explains it: look at noise, vibration, scale and mounting, or a fault that has ended"
         for kind, (name, unit, word, sigma) in self._named.items():
             axis = int(np.argmax(np.abs(totals[kind])))

@@ -184,9 +184,14 @@ class Trust:
         A frozen receiver adds nothing: it is known to be wrong.
         """
         added = self._added
-        if self.away is None and all(aid.unresolved is None for aid in self.receivers):
+        late = None if self.host.offsets is None else self.host.offsets.doubt()
+        if late is None and self.away is None and all(aid.unresolved is None for aid in self.receivers):
             return added
         added = added.copy()
+        if late is not None:
+            added[0:3, 0:3] += late[0:3, 0:3]
+            if self.host.core.velocity_rows is not None:
+                added[3:6, 3:6] += late[self.host.core.velocity_rows, self.host.core.velocity_rows]
         if self.away is not None:
             seen_ns, offset, drift = self.away
             added[0:3, 0:3] += covering(offset + drift * lasting_s(stamp_ns - seen_ns))

@@ -219,6 +219,16 @@ class ContradictionSummary:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class StampSummary:
+    """Offset of the stamps of one device at the end: in all and corrected, s, positive for late; whether its sigma means anything."""
+
+    late_s: float
+    sigma_s: float
+    corrected_s: float
+    is_observed: bool
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class AidSummary:
     """Use of one aid; the statistics of its innovations are None when none was formed."""
 
@@ -256,6 +266,7 @@ class NavigatorResult:
     feed_seconds: float = 0.0
     smoothed: NavigatorErrors | None = _omitted()
     contradictions: tuple[ContradictionSummary, ...] = ()
+    stamps: dict[str, StampSummary] = _empty()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from lowcostnav_ros.replay.evaluation import Evaluation, solution_columns
 from lowcostnav_ros.replay.integrity import IntegrityRecord
 from lowcostnav_ros.replay.links import Link, recorder_of
 from lowcostnav_ros.replay.metrics import Errors
-from lowcostnav_ros.replay.result import AidSummary, ContradictionSummary, InputSummary, NavigatorResult
+from lowcostnav_ros.replay.result import AidSummary, ContradictionSummary, InputSummary, NavigatorResult, StampSummary
 
 
 @dataclasses.dataclass(slots=True)
@@ -216,4 +216,10 @@ class NavigatorRun:
             self.link.seconds,
             None if self.smoothed is None else self.smoothed.result(end_ns),
             self.contradictions.result(),
+            self._stamps(),
         )
+
+    def _stamps(self) -> dict[str, StampSummary]:
+        """What became known of the stamps of each device."""
+        known = {} if self.navigator.offsets is None else self.navigator.offsets.known
+        return {name: StampSummary(o.late_s + o.rest_s, o.sigma_s, o.late_s, o.is_observed) for name, o in sorted(known.items())}

@@ -21,7 +21,7 @@ from lowcostnav_ros.messages.decode import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
 from lowcostnav_ros.replay.columns import NavColumns, blank_columns, columns_of
-from lowcostnav_ros.replay.evaluation import Evaluation, Truth, fix_columns, truth_columns
+from lowcostnav_ros.replay.evaluation import MAX_GAP_NS, Evaluation, Truth, fix_columns, truth_columns
 from lowcostnav_ros.replay.links import Chain, recorder_of
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.result import Place, ReplayResult, Times, WithoutGps
@@ -173,6 +173,12 @@ class Session:
         """Take true states in; a solution without position and with wind is the true wind."""
         if self.truth is None:
             return
+        newest_ns = max((t.stamp_ns for t in self._true_states[-1:]), default=self.truth.newest_ns)
+        if newest_ns is not None and first_stamp(truth) < newest_ns - MAX_GAP_NS:  # the clock of the recording was set back
+            self.flush()
+            self.truth = Truth()
+            for run in self.runs.values():
+                run.evaluation.truth = self.truth
         if isinstance(truth, TruthBlock):
             columns = truth_columns(truth)
             self.truth.states.add(columns)

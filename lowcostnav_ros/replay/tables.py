@@ -42,7 +42,7 @@ _AXES = {"north": "N", "east": "E", "up": "U"}
 def tables(result: ReplayResult) -> tuple[Table, ...]:
     """Every table that a terminal shows, in order."""
     of_errors = (error_table, accuracy_table, approach_table, alarm_table, interval_table)
-    return tuple(make(result) for make in (*of_errors, aid_table, contradiction_table, integrity_table, run_table))
+    return tuple(make(result) for make in (*of_errors, aid_table, stamp_table, contradiction_table, integrity_table, run_table))
 
 
 def _parts(result: ReplayResult) -> Iterator[tuple[str, str, ErrorSummary]]:
@@ -258,6 +258,20 @@ def contradiction_table(result: ReplayResult) -> Table:
     rows = [(name, found) for name, navigator in result.navigators.items() for found in navigator.contradictions]
     notes = dict.fromkeys(f"{name}: {found.name}: {found.advice}" for name, found in rows if found.advice)
     return Table.of("Contradictions", columns, rows, notes=tuple(notes))
+
+
+def stamp_table(result: ReplayResult) -> Table:
+    """Offsets of the stamps that turns and accelerations have shown, and what of them was corrected."""
+    columns = (
+        _NAVIGATOR,
+        Column("device", lambda row: row[1], left=True),
+        Column("late", lambda row: f"{row[2].late_s:.3f}", "s"),
+        Column("sigma", lambda row: f"{row[2].sigma_s:.3f}", "s"),
+        Column("corrected", lambda row: f"{row[2].corrected_s:.3f}" if row[2].corrected_s else "-", "s"),
+    )
+    known = ((name, device, stamps) for name, navigator in result.navigators.items() for device, stamps in navigator.stamps.items())
+    rows = [row for row in known if row[2].is_observed or row[2].corrected_s]
+    return Table.of("Offsets of stamps", columns, rows)
 
 
 def integrity_table(result: ReplayResult) -> Table:

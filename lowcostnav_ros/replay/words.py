@@ -40,7 +40,8 @@ def sentence(name: str, navigator: NavigatorResult, without_gps_s: float) -> str
         when = f"no solution through {without_gps_s:.0f} s without GPS"
     else:
         when = _availability(navigator) if errors.against_truth else "against withheld fixes"
-    return f"{name}: {when}, {_sizes(part)}, {_honesty(part.error_over_sigma)}{_refused(navigator)}{_contradicted(navigator)}."
+    found = f"{_refused(navigator)}{_contradicted(navigator)}{_stamped(navigator)}"
+    return f"{name}: {when}, {_sizes(part)}, {_honesty(part.error_over_sigma)}{found}."
 
 
 def _availability(navigator: NavigatorResult) -> str:
@@ -82,6 +83,12 @@ def _contradicted(navigator: NavigatorResult) -> str:
         return ""
     suspect = f", suspect {worst.suspect}" if worst.suspect else ""
     return f"; {worst.name} for {worst.seconds:.0f} s{suspect}"
+
+
+def _stamped(navigator: NavigatorResult) -> str:
+    """Devices whose stamps were corrected."""
+    corrected = ((device, found.corrected_s) for device, found in navigator.stamps.items() if found.corrected_s)
+    return "".join(f"; stamps of {name} {abs(s):.2f} s {'late' if s > 0.0 else 'early'}: corrected" for name, s in corrected)
 
 
 def _refused(navigator: NavigatorResult) -> str:

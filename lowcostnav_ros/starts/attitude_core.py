@@ -86,7 +86,7 @@ def sensor_rows(core: InertialCore) -> slice:
 def hold_position(core: InertialCore, place: Place | None) -> None:
     """Put the core's position, which nothing corrects, back to the place last known, before its drift reaches gravity."""
     core.nav[0:3] = MEAN_PLACE if place is None else place
-    kalman.reset_block(core.P, POS, np.eye(3) * POSITION_SIGMA**2)
+    kalman.reset_block(core.P, POS, np.eye(3) * POSITION_SIGMA**2, core.history)
 
 
 def hold_velocity(core: InertialCore) -> None:
@@ -98,7 +98,7 @@ def restart_velocity(core: InertialCore, vel_n: np.ndarray, covariance: np.ndarr
     """Set the velocity over ground (3,), m/s; what it was counted from zero means nothing beside a measured one."""
     core.settle()
     core.nav[VEL] = vel_n
-    kalman.reset_block(core.P, VEL, covariance)
+    kalman.reset_block(core.P, VEL, covariance, core.history)
 
 
 def _correlate_attitude(core: InertialCore, first: FirstAttitude) -> None:
@@ -129,6 +129,6 @@ def restart_velocity_from_air(core: InertialCore, air: AirVelocity, wind_n: np.n
     rows = np.r_[layout["wind"], layout["updraught"]]
     wind = P[np.ix_(rows, rows)]
     heading_part = np.diag([1.0, 1.0, 0.0]) * P[8, 8] * tas**2
-    kalman.reset_block(P, VEL, wind + np.eye(3) * UNKNOWN_SPEED**2 + heading_part)
+    kalman.reset_block(P, VEL, wind + np.eye(3) * UNKNOWN_SPEED**2 + heading_part, core.history)
     P[VEL, rows] = wind
     P[rows, VEL] = wind

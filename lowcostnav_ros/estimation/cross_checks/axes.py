@@ -34,7 +34,9 @@ class AxesCheck(Latch):
         self._judge(stamp_ns)
 
     def _judge(self, stamp_ns: int) -> None:
-        is_over, advice = self._mean > OVER * STANDARD_GRAVITY, ""
-        if is_over or self.held is not None:
-            advice = f"z reads {-self._mean:.1f} m/s^2: upside down, or forward-right-down axes where forward-left-up is wanted?"
+        is_over = self._mean > OVER * STANDARD_GRAVITY
+        if not is_over and self.held is None:
+            self._turned_ns = None  # nearly always
+            return
+        advice = f"z reads {-self._mean:.1f} m/s^2: upside down, or forward-right-down axes where forward-left-up is wanted?"
         self.judge(stamp_ns, is_over, self._mean, self.parties[0], advice)

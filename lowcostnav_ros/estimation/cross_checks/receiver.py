@@ -284,7 +284,7 @@ class ReceiverCheck:
         expected = 2.0 * variance + velocity_variance * span**2 + (self._bend + 0.1 * span) ** 2
         weight = min(1.0, span / SCATTER_S)
         largest = max(LARGEST, 4.0 * self._scatter2)
-        self._scatter2 += weight * (min(float(np.mean(step**2 / expected)), largest) - self._scatter2)
+        self._scatter2 += weight * (min(float((step * step / expected).sum()) / 3.0, largest) - self._scatter2)
         size = math.sqrt(self._scatter2)
         advice = f"set gps.sigma_scale to {size:.1f} or more"
         limit = SCATTER if self.scatter.held is None else 0.7 * SCATTER

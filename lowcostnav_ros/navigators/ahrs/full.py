@@ -57,7 +57,9 @@ class FullFilter(Filter):
         """A velocity that was counted from zero is reset to a measured one."""
         if self.level.since_ns is None:
             return
-        core = self.host.core
+        core, offsets = self.host.core, self.host.offsets
+        if offsets is not None:
+            offsets.restart()
         if isinstance(aid, VelocityAid) and isinstance(measurement, GpsVelocity):
             restart_velocity(core, measurement.vel_n, measurement.cov_n + np.eye(3) * aid.settings.velocity_floor_mps**2)
         elif isinstance(aid, AirflowAid) and isinstance(measurement, AirVelocity) and aid.fast_enough(measurement):

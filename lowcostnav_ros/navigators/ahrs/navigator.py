@@ -234,6 +234,8 @@ class Ahrs(Navigator):
         floor_mps = max((getattr(own, "velocity_floor_mps", 0.0) for _, own in listed(self.settings)), default=0.0)
         begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
         self._aligned, self._kept = True, None
+        if self.offsets is not None:
+            self.offsets.restart()
         began_with = {"level": True, "gps": first.gps is not None, "airflow": first.air is not None, "magnetic": first.is_magnetic}
         self.filter.used_ns = {sensor: first.t_ns for sensor, was_used in began_with.items() if was_used}
         self.filter.begin(first.t_ns)

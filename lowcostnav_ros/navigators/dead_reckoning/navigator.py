@@ -104,6 +104,7 @@ class DeadReckoning(Navigator):
 
     def _restart(self) -> None:
         self.core, self.geometry = ReckoningCore(self.settings, self.layout), ""
+        self._report_to_history()
         self._last_out_ns: int | None = None
         self._looked_s: int | None = None
         self._received = ReceivedStations(self.stations, RECEIVED_S)

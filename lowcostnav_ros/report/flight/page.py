@@ -57,7 +57,7 @@ def page_of(result: Result, title: str | None = None) -> str:
     summary = result.summary
     axis = TimeAxis(summary.first_stamp_s, summary.last_stamp_s, list(summary.without_gps.intervals_s))
     name = title or (summary.recording.bag.name if summary.recording else "simulated flight")
-    last = (tables.input_table, tables.aid_table, tables.contradiction_table, tables.integrity_table, tables.run_table)
+    last = (tables.input_table, tables.aid_table, tables.stamp_table, tables.contradiction_table, tables.integrity_table, tables.run_table)
     sections = [
         _header(summary, name),
         section("In a sentence", _sentences(summary)),

@@ -1,0 +1,363 @@
+"""Time offsets of the aids' stamps: estimated from the innovations, beside the filter, and corrected once they are sure.
+
+A measurement that is stamped r seconds after it was valid sees the state of before: ``y = H dx - h' r + noise`` with h' the rate at which
+the measured quantity changes.  The filter follows it, so its own error depends on r, too: ``dx = dx_0 + V r``.  V is carried through every
+transition and every gain beside the covariance (Friedland's separated bias estimation, :func:`.kalman.update_with_parameters`); with it the
+offset of every source is the solution of one regression on all innovations, as exact as a state, and the filter keeps its bits.  In
+straight flight ``H V - h'`` goes to zero: a fix that lags behind cannot be told from one that is off; turns and accelerations tell.
+
+An offset that is corrected moves no stamp: the prediction is taken back to when the measurement was valid, along the way that the core has
+come since (:class:`Way`), so that nothing is waited for and what this navigator feeds is not delayed.
+
+The sigma is the larger of that of white innovations and of their scatter over spans of :data:`SPAN_S` (a sandwich estimate, White,
+Econometrica 48, 1980): errors of a receiver that last, jitter of the stamps and what the model lacks widen it.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.estimation import kalman
+
+POS = slice(0, 3)
+SPAN_S = 5.0
+"""Innovations of one span are judged together."""
+MEMORY_S = 300.0
+"""What was learned fades over this time: an offset may change."""
+SETTLING_NS = 20_000_000_000
+"""Nothing is learned for so long after a start."""
+UNKNOWN_S = 0.5
+"""Sigma of an offset before anything is known."""
+LONGEST_S = 1.0
+"""Larger offsets are not corrected: those are clocks, not latency."""
+SURE, SMALLEST_S, SPANS = 5.0, 0.04, 2.0
+"""An offset is corrected when it is so many sigmas and so large, learned in so many spans."""
+SURE_AGAIN, SMALLEST_AGAIN_S = 2.0, 0.01
+"""The same for what is left of one that was corrected."""
+SHARP_S = 0.03
+"""An offset with a larger sigma has not been observed."""
+COARSE = 0.2
+"""Share of a correction that may be wrong: it was learned from measurements taken at the wrong time."""
+SLOPE_S = 0.1
+"""An acceleration is the change of velocity over this time on either side: the noise of a sample is no motion."""
+STEPS = 8
+"""Parts of a way back that are summed."""
+
+
+@dataclass(slots=True)
+class TimeOffset:
+    """What is known of the stamps of one device, the first word of its topics.
+
+    Attributes
+    ----------
+    device : str
+    sources : list of str
+        Its topics that were fused.
+    late_s : float
+        By how much its stamps are corrected, s; positive where they are late.
+    rest_s, sigma_s : float
+        Estimate of what is left, and its sigma.
+    spans : float
+        In how many spans it was observable.
+    """
+
+    device: str
+    sources: list[str] = field(default_factory=list)
+    late_s: float = 0.0
+    rest_s: float = 0.0
+    sigma_s: float = UNKNOWN_S
+    prior_s: float = UNKNOWN_S
+    spans: float = 0.0
+    squares: float = field(default=0.0, repr=False)
+
+    @property
+    def is_observed(self) -> bool:
+        """Whether the estimate means anything."""
+        return self.spans >= SPANS and self.sigma_s <= SHARP_S
+
+    def words(self) -> str:
+        """For people: ``0.35 s late, sigma 0.004 s, corrected``."""
+        total = self.late_s + self.rest_s
+        if not self.is_observed:
+            return f"corrected by {self.late_s:.3f} s" if self.late_s else "not observable yet: no turn or acceleration"
+        corrected = f", corrected by {self.late_s:.3f} s" if self.late_s else ""
+        return f"{abs(total):.3f} s {'late' if total >= 0.0 else 'early'}, sigma {self.sigma_s:.3f} s{corrected}"
+
+    def judge(self) -> float:
+        """By how much to correct it further, s; 0 for not at all."""
+        if self.spans < SPANS or abs(self.late_s + self.rest_s) > LONGEST_S:
+            return 0.0
+        sure, smallest_s = (SURE_AGAIN, SMALLEST_AGAIN_S) if self.late_s else (SURE, SMALLEST_S)
+        return round(self.rest_s, 3) if abs(self.rest_s) > max(sure * self.sigma_s, smallest_s) else 0.0
+
+
+class Way:
+    """Velocity of late, free of the corrections of the filter: by it a state is carried back a little."""
+
+    def __init__(self) -> None:
+        self._points: deque[tuple[float, np.ndarray]] = deque()
+
+    def clear(self) -> None:
+        """Forget it."""
+        self._points.clear()
+
+    def note(self, t_s: float, w: np.ndarray) -> None:
+        """Take the velocity (3,) at a time in."""
+        self._points.append((t_s, w))
+        while self._points[0][0] < t_s - LONGEST_S - 3.0 * SLOPE_S:
+            self._points.popleft()
+
+    @property
+    def newest_s(self) -> float:
+        """Up to when it is known."""
+        return self._points[-1][0] if self._points else -math.inf
+
+    def at(self, t_s: float) -> np.ndarray:
+        """Velocity (3,) at a time, beyond either end with the acceleration that is there."""
+        points, k = self._points, len(self._points) - 2
+        if k < 0:
+            return points[-1][1]
+        while k > 0 and points[k][0] > t_s:
+            k -= 1
+        (t0, w0), (t1, w1) = points[k], points[k + 1]
+        return w0 + (w1 - w0) * ((t_s - t0) / (t1 - t0))
+
+    def back(self, t_s: float, v: np.ndarray, late_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """How far it has come since ``late_s`` before ``t_s``, where the velocity is ``v``, m and m/s (3,) each."""
+        now = self.at(t_s)
+        slower = np.array([now - self.at(t_s - late_s * k / STEPS) for k in range(STEPS + 1)])
+        return late_s * (v - (slower.sum(axis=0) - 0.5 * slower[-1]) / STEPS), slower[-1]
+
+    def slope(self, t_s: float, newest_s: float) -> np.ndarray:
+        """Acceleration (3,) about a time."""
+        t1, t0 = min(t_s + SLOPE_S, newest_s), t_s - SLOPE_S
+        return (self.at(t1) - self.at(t0)) / (t1 - t0)
+
+
+class TimeOffsets:
+    """The offsets of all sources of a navigator, and by what they move its error.
+
+    Offers its core what :class:`.History` does, and hands on to one.
+
+    Parameters
+    ----------
+    size : int
+        Number of error states n.
+    rows : slice or None
+        The velocity among them, if it is.
+
+    Attributes
+    ----------
+    known : dict of str to TimeOffset
+        By device, in the order of the columns.
+    V : ndarray (n, k)
+        Error of the state by the offset of each, per second.
+    history : History or None
+    way : Way
+    """
+
+    def __init__(self, size: int, rows: slice | None) -> None:
+        self.size, self.rows, self.known = size, rows, dict[str, TimeOffset]()
+        self.history: Any = None
+        self._learned, self._scatter = np.zeros((0, 1)), np.zeros((0, 0))
+        self.way = Way()
+        self.restart()
+
+    def declare(self, source: str, late_s: float) -> None:
+        """Begin with an offset that is known."""
+        self._column(source)
+        offset = self.known[source.partition("/")[0]]
+        if offset.late_s not in (0.0, late_s):
+            raise SettingsError(f"'late_s' is one for all topics of a device; {offset.device} has {offset.late_s:g} and {late_s:g}.")
+        offset.late_s = late_s
+
+    def restart(self) -> None:
+        """Begin with a state that is new; what is known of the stamps stays."""
+        self.V = np.zeros((self.size, len(self.known)))
+        self._seeded: set[str] = set()
+        self._settled_ns: int | None = None
+        self._span: int | None = None
+        self._begun = self._learned.copy()
+        self._corrected = np.zeros(3)
+        self.way.clear()
+
+    # what a core reports -----------------------------------------------------------------------------------------------------
+
+    def begin(self, P: np.ndarray) -> np.ndarray:
+        """Before a change of the error state: return what is to be multiplied by its transition, from the left."""
+        self._track: np.ndarray = self.V if self.history is None else self.history.begin(P)
+        return self._track
+
+    def end(self, P: np.ndarray) -> None:
+        """After the change."""
+        if self.history is not None:
+            self.V = self._track @ self.V
+            self.history.end(P)
+
+    def correct(self, dx: np.ndarray) -> None:
+        """Take a correction in."""
+        if self.rows is not None:
+            self._corrected = self._corrected + dx[self.rows]
+        if self.history is not None:
+            self.history.correct(dx)
+
+    def note(self, core: Any) -> None:
+        """Remember the velocity of now."""
+        t_s = 1e-9 * core.t_ns
+        if t_s > self.way.newest_s:
+            self.way.note(t_s, core.course_n() - self._corrected)
+
+    # what aids report --------------------------------------------------------------------------------------------------------
+
+    def take_back(self, aid: Any, innovation: Any, host: Any) -> None:
+        """Compare a measurement with the state of when it was valid."""
+        late_s = self._late_s(aid)
+        if late_s:
+            self.note(host.core)
+            t_s, motion = 1e-9 * host.core.t_ns, host.core.state_rate()
+            moved, faster = self.way.back(t_s, motion[POS], late_s)
+            motion *= late_s
+            motion[POS] = moved
+            if self.rows is not None:
+                motion[self.rows] = faster
+            innovation.y = innovation.y + (innovation.H @ motion if innovation.turns is None else innovation.turns * faster)
+            if aid.status.name not in self._seeded:
+                self._start_late(aid, innovation, host, motion)
+
+    def _start_late(self, aid: Any, innovation: Any, host: Any, motion: np.ndarray) -> None:
+        """A state that began with what an aid had measured lies behind by the way of its offset."""
+        dx = np.zeros(self.size)
+        for rows in aid.seeds:
+            dx[rows] = motion[rows]
+        host.correct(dx)
+        innovation.y = innovation.y - innovation.H @ dx
+
+    def _late_s(self, aid: Any) -> float:
+        offset = self.known.get(aid.source.partition("/")[0])
+        return 0.0 if offset is None else offset.late_s
+
+    def update(self, aid: Any, innovation: Any, free: np.ndarray, host: Any, *, learn: bool) -> np.ndarray:
+        """Fuse as :func:`.kalman.update` does, carry V along and learn."""
+        D = self._direct(aid, innovation, host)
+        learn = learn and aid.status.stamp_ns > (self._settled_ns or 0)
+        learned, idle = (self._learned if learn else np.zeros_like(self._learned)), np.zeros_like(self._learned)
+        P, y, H, R = host.P, innovation.y, innovation.H, innovation.R
+        if innovation.late is None:
+            return kalman.update_with_parameters(P, y, H, R, free, D, self.V, learned)
+        kalman.update_with_parameters(P.copy(), y, H, R, free, D, self.V.copy(), learned)
+        return kalman.update_with_parameters(P, y, H, R + innovation.late, free, D, self.V, idle)
+
+    def uncertainty(self, aid: Any, innovation: Any, host: Any) -> np.ndarray:
+        """Covariance (m, m) of an innovation by the offsets as far as they are not known or not corrected yet."""
+        U = innovation.H @ self.V + self._direct(aid, innovation, host)
+        return (U * [offset.sigma_s**2 + offset.rest_s**2 for offset in self.known.values()]) @ U.T
+
+    def recovered(self, aid: Any, host: Any) -> None:
+        """A state was taken from an aid: where it is late, it lies behind by as much."""
+        if aid.source:
+            self._seed(aid, self._column(aid.source), host.core.state_rate())
+
+    def _direct(self, aid: Any, innovation: Any, host: Any) -> np.ndarray:
+        """D (m, k): what the offsets do to a measurement directly."""
+        column = self._column(aid.source) if aid.source else None
+        D = np.zeros((len(innovation.y), len(self.known)))
+        if column is None:
+            return D
+        self.note(host.core)
+        t_s, motion = 1e-9 * host.core.t_ns, host.core.state_rate()
+        slope = self.way.slope(t_s - self._late_s(aid), t_s)
+        if self.rows is not None:
+            motion[self.rows] = slope
+        if host.core.climbs_by_aids:  # what moves by the aids alone tells nothing of their time
+            motion[2] = 0.0
+        D[:, column] = -(innovation.H @ motion if innovation.turns is None else innovation.turns * slope)
+        if aid.status.name not in self._seeded:
+            self._seed(aid, column, motion)
+            self._settled_ns = max(self._settled_ns or 0, aid.status.stamp_ns + SETTLING_NS)
+        return D
+
+    def _seed(self, aid: Any, column: int, motion: np.ndarray) -> None:
+        self._seeded.add(aid.status.name)
+        for rows in aid.seeds:
+            self.V[rows, column] = motion[rows]
+
+    def _column(self, source: str) -> int:
+        device = source.partition("/")[0]
+        if device not in self.known:
+            k = len(self.known)
+            self.known[device] = TimeOffset(device)
+            self.V = np.hstack((self.V, np.zeros((self.size, 1))))
+            self._learned, self._begun = (_grown(matrix, k) for matrix in (self._learned, self._begun))
+            self._scatter = np.pad(self._scatter, (0, 1))
+        if source not in self.known[device].sources:
+            self.known[device].sources.append(source)
+        return list(self.known).index(device)
+
+    def doubt(self) -> np.ndarray | None:
+        """What the offsets that were corrected or are likely may still do to the state: covariance (n, n); None for nothing."""
+        likely = [k for k, o in enumerate(self.known.values()) if o.late_s or abs(o.rest_s) > SURE_AGAIN * o.sigma_s]
+        if not likely:
+            return None
+        offsets = [list(self.known.values())[k] for k in likely]
+        by = self.V[:, likely]
+        return (by * [o.sigma_s**2 + o.rest_s**2 for o in offsets]) @ by.T
+
+    # what is known -----------------------------------------------------------------------------------------------------------
+
+    def judge(self, stamp_ns: int, host: Any, *, corrects: bool) -> list[TimeOffset]:
+        """At the end of a span sum up, and correct what has become sure; return what was."""
+        span = stamp_ns // round(1e9 * SPAN_S)
+        if span == self._span or not self.known:
+            return []
+        if self._span is not None:
+            self._sum_up()
+        changed = [offset for offset in self.known.values() if corrects and self._changed(offset, host)]
+        self._span, self._begun = span, self._learned.copy()
+        return changed
+
+    def _sum_up(self) -> None:
+        """Solve the regression, with what this span has added to the scatter."""
+        k, offsets = len(self.known), list(self.known.values())
+        gained = self._learned - self._begun
+        rest = np.array([offset.rest_s for offset in offsets])
+        excess = gained[:, k] - gained[:, :k] @ rest
+        fade = math.exp(-SPAN_S / MEMORY_S)
+        self._scatter = fade * self._scatter + np.outer(excess, excess)
+        prior = np.array([offset.prior_s**-2 for offset in offsets])
+        inverse = np.linalg.inv(self._learned[:, :k] + np.diag(prior))
+        rest, white = inverse @ self._learned[:, k], inverse.diagonal()
+        seen = (inverse @ (self._scatter + np.diag(prior)) @ inverse).diagonal()
+        for j, offset in enumerate(offsets):
+            offset.rest_s, offset.sigma_s = float(rest[j]), math.sqrt(max(white[j], seen[j]))
+            offset.squares = fade**2 * offset.squares + gained[j, j] ** 2
+            offset.prior_s = min(offset.prior_s / math.sqrt(fade), UNKNOWN_S)
+            offset.spans = float(self._learned[j, j] ** 2 / offset.squares) if offset.squares > 0.0 else 0.0
+        self._learned *= fade
+
+    def _changed(self, offset: TimeOffset, host: Any) -> bool:
+        """Correct an offset if it is sure: take what it has done out of the state, and learn what is left."""
+        change_s = offset.judge()
+        if not change_s or (host.core.climbs_by_aids and not offset.is_observed):  # its own motion is too loose for a rough correction
+            return False
+        j, sigma = list(self.known).index(offset.device), max(offset.sigma_s, COARSE * abs(change_s))
+        by = self.V[:, j].copy()
+        self.begin(host.P)
+        host.P[:] += np.outer(by, by) * sigma**2
+        self.end(host.P)
+        host.correct(by * change_s)
+        self._learned[:, -1] -= self._learned[:, j] * offset.rest_s
+        for matrix in (self._learned, self._scatter):
+            matrix[j] = matrix[:, j] = 0.0
+        offset.late_s, offset.rest_s = offset.late_s + change_s, 0.0
+        offset.prior_s = offset.sigma_s = sigma
+        offset.squares = offset.spans = 0.0
+        return True
+
+
+def _grown(matrix: np.ndarray, k: int) -> np.ndarray:
+    """Information and score (k, k + 1) with one source more."""
+    return np.insert(np.pad(matrix, ((0, 1), (0, 0))), k, 0.0, axis=1)

@@ -1,0 +1,96 @@
+"""The order in which the messages of a recording arrived: that of the file, where the receive stamps are no guide to it.
+
+rosbags merges by receive stamp.  That is right for a file that was written topic by topic, and the same as the order of the file for what
+a recorder wrote as it came.  But a clock that was set back while recording (NTP, a bag played in a loop) leaves two flights laid over one
+another by their stamps; there a topic's own stamps go back, and the file is read as it was written.
+"""
+
+from collections.abc import Callable, Collection, Generator
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.reader import DirectoryReader
+from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+Messages = Generator[tuple[Connection, int, bytes], None, None]
+_INDEX_HEAD = 9 + 2 + 4  # opcode and length, channel, bytes of the entries
+_ENTRY = np.dtype([("stamp_ns", "<u8"), ("offset", "<u8")])
+_GOES_BACK = (
+    "SELECT 1 FROM (SELECT timestamp AS now, lag(timestamp) OVER (PARTITION BY topic_id ORDER BY id) AS before FROM messages) "
+    "WHERE now < before LIMIT 1"
+)
+
+
+class ArrivalMcap(McapReader):
+    """An mcap file."""
+
+    @cached_property
+    def goes_back(self) -> bool:
+        """Whether the stamps of a topic go back: within a chunk or from one to the next, by their index."""
+        newest: dict[int, int] = {}
+        for chunk in sorted(self.chunks, key=lambda chunk: chunk.chunk_start_offset):
+            if not chunk.message_index_length:
+                return self._goes_back_by_scan()
+            for channel, place in chunk.message_index_offsets.items():
+                stamps = self._indexed(place)
+                if stamps.size and (stamps[0] < newest.get(channel, 0) or (stamps[1:] < stamps[:-1]).any()):
+                    return True
+                newest[channel] = int(stamps[-1]) if stamps.size else newest.get(channel, 0)
+        return False
+
+    def _indexed(self, place: int) -> np.ndarray:
+        """Stamps (k,) of one channel in a chunk, in the order of the file, from the index record at ``place``."""
+        assert self.bio is not None
+        self.bio.seek(place)
+        size = int.from_bytes(self.bio.read(_INDEX_HEAD)[-4:], "little")
+        entries = np.frombuffer(self.bio.read(size), dtype=_ENTRY)
+        stamps: np.ndarray = entries["stamp_ns"][np.argsort(entries["offset"], kind="stable")]
+        return stamps
+
+    def _goes_back_by_scan(self) -> bool:
+        newest: dict[int, int] = {}
+        for connection, stamp_ns, _ in self.messages_scan(self.connections):
+            if stamp_ns < newest.get(connection.id, 0):
+                return True
+            newest[connection.id] = stamp_ns
+        return False
+
+    def messages(self, connections: Collection[Connection], start: int | None = None, stop: int | None = None) -> Messages:
+        """Yield (connection, stamp ns, CDR bytes) in the order of arrival."""
+        read: Callable[..., Messages] = self.messages_scan if not self.chunks or self.goes_back else super().messages
+        return read(connections, start, stop)
+
+
+class ArrivalSqlite3(Sqlite3Reader):
+    """An sqlite3 file."""
+
+    @cached_property
+    def goes_back(self) -> bool:
+        """Whether the stamps of a topic go back."""
+        assert self.dbconn is not None
+        return self.dbconn.execute(_GOES_BACK).fetchone() is not None
+
+    def messages(self, connections: Collection[Connection], start: int | None = None, stop: int | None = None) -> Messages:
+        """Yield (connection, stamp ns, CDR bytes) in the order of arrival."""
+        if not self.goes_back:
+            yield from super().messages(connections, start, stop)
+            return
+        assert self.dbconn is not None
+        wanted, first, last = {c.id: c for c in connections}, start or 0, 2**63 - 1 if stop is None else stop
+        for topic, stamp_ns, data in self.dbconn.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
+            if topic in wanted and first <= stamp_ns < last:
+                yield wanted[topic], stamp_ns, data
+
+
+class _ArrivalFolder(DirectoryReader):
+    STORAGE_PLUGINS: Any = {"mcap": ArrivalMcap, "sqlite3": ArrivalSqlite3}
+
+
+class ArrivalReader(Reader):
+    """A recording of either storage in the order of arrival."""
+
+    STORAGE_PLUGINS: Any = {"dir": _ArrivalFolder, ".mcap": ArrivalMcap, ".db3": ArrivalSqlite3}
