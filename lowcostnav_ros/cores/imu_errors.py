@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.units import DEGREE, MILLI_G
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov, random_walk
+from lowcostnav_ros.physics.mounting import MOUNTING, check_mounting
 from lowcostnav_ros.sensors.imu_profile import ImuNoise
 
 XYZ = "xyz"
@@ -40,6 +41,15 @@ class ImuSettings:
     accel_turn_on_mg: PerAxis = _axes(5.0, "Accelerometer turn-on bias sigma.", "milli-g", maximum=1e3)
     accel_scale_ppm: PerAxis = _axes(0.0, "Accelerometer scale-factor sigma; 0: no states.", "ppm", maximum=1e5)
     accel_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the accelerometer scale factors.", "s", 1.0)
+    mounting_deg: list = MOUNTING
+    lever_arm_m: list = setting(
+        [0.0] * 3, "IMU relative to base_link, of which the solutions are, forward, right, down.", unit="m", minimum=-100.0, maximum=100.0
+    )
+
+    def __post_init__(self) -> None:
+        check_mounting(self.mounting_deg, "imu.mounting_deg")
+        if len(self.lever_arm_m) != 3:
+            raise SettingsError(f"'imu.lever_arm_m' needs three numbers, forward, right, down, got {len(self.lever_arm_m)}.")
 
 
 def of_axes(value: PerAxis) -> np.ndarray:

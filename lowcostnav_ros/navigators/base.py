@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any, ClassVar, TypeVar
@@ -27,6 +27,7 @@ from lowcostnav_ros.estimation.inertial_spikes import InertialSpikes, Jolt
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.physics.mounting import mounted, mounting_dcm
 
 SILENT_NS = 2_000_000_000
 """A navigator that puts out nothing for longer than this is not healthy, whatever its mode."""
@@ -207,6 +208,7 @@ class Navigator(ABC):
         self._said: tuple[int, str, Level, str] | None = None
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
+        self._turn = mounting_dcm(getattr(getattr(settings, "imu", None), "mounting_deg", ()))
         self.checks = self._source_checks()
 
     # its list ----------------------------------------------------------------------------------------------------------------
@@ -441,6 +443,8 @@ class Navigator(ABC):
         record.received += len(measurement) if isinstance(measurement, ImuBlock) else 1
         if self._magnetometer is not None and isinstance(measurement, MagneticField):
             measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
+        if isinstance(measurement, ImuBlock):
+            measurement = self._in_body_axes(measurement)
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
         for item in self.horizon.take():
@@ -457,6 +461,13 @@ class Navigator(ABC):
         if out:
             self._out_ns = out[-1].stamp_ns
         return out
+
+    def _in_body_axes(self, block: ImuBlock) -> ImuBlock:
+        """Inertial samples turned from the axes of the sensor into those of the body."""
+        if self._turn is None:
+            return block
+        force_b, rate_b = (mounted(self._turn, values) for values in (block.specific_force_b, block.angular_rate_b))
+        return replace(block, specific_force_b=force_b, angular_rate_b=rate_b)
 
     def _push(self, measurement: Measurement, record: InputStatus) -> None:
         """Give a measurement to the horizon; count what is refused."""
@@ -512,12 +523,23 @@ class Navigator(ABC):
         aids = [aid.status for aid in self.aids]
         inputs = list(self.input_status.values())
         mode, level, contradictions = self.mode, self._level(), self.contradictions()
-        reason = "; ".join([self.reason, *self.horizon.clocks.sentences()])
+        reason = "; ".join(filter(None, [self.reason, self._waits_for(), *self.horizon.clocks.sentences()]))
         silent = self._silence()
         if silent and level == Level.OK:
             mode, level, reason = Mode.FAILED, Level.ERROR, f"{silent}; {reason}"
         further = self._sigmas(), inputs, aids, self._integrity(), self._details(), contradictions
         return NavigatorStatus(self.name, mode, reason, level, self.horizon.passed_ns, *further)
+
+    def deprived(self) -> Iterator[str]:
+        """Aids of inputs on which nothing has come, each with its input (``airspeed: no air/velocity``)."""
+        for source, channels in self.channels.items():
+            if not self.input_status[source].received:
+                yield from dict.fromkeys(f"{aid.own(aid.name)}: no {source}" for channel in channels for aid in channel.aids)
+
+    def _waits_for(self) -> str:
+        """Which required inputs have given nothing, while nothing is known yet."""
+        missing = [record.source for record in self.input_status.values() if record.required and not record.received]
+        return f"nothing on {', '.join(missing)}" if missing and self.mode == Mode.INITIALISING else ""
 
     def _silence(self) -> str:
         """Why a navigator that reports itself healthy is not: nothing comes out, or nothing that comes in can be used; empty when it is."""

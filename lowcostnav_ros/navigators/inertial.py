@@ -23,7 +23,8 @@ from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator, position_sigmas
 from lowcostnav_ros.navigators.recovery import Recovery
-from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
+from lowcostnav_ros.physics.earth import displace
+from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
 
@@ -62,8 +63,8 @@ class InertialNavigator(Navigator):
     ----------
     core : InertialCore
     layout : Layout
-    lever_b : ndarray (3,)
-        GPS antenna relative to the IMU, m.
+    lever_b, imu_arm_b : ndarray (3,)
+        GPS antenna relative to the IMU, IMU relative to base_link, m.
     fix_word : str
         What a fix is called in a reason.
     """
@@ -75,7 +76,8 @@ class InertialNavigator(Navigator):
     def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
         super().__init__(settings, stations, latency_s)
         gps, layout = getattr(settings, "gps", None), Layout(self.blocks())
-        self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float)
+        self.imu_arm_b = np.array(settings.imu.lever_arm_m, dtype=float)
+        self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float) - self.imu_arm_b
         self._attach(layout, InertialCore(layout))
         self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
         self.axes, self.recovery = AxesCheck(IMU), Recovery(settings.imu, layout)
@@ -352,6 +354,8 @@ class InertialNavigator(Navigator):
 
     def _solution(self, t_ns: int, nav: np.ndarray, P: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
         wind = self.layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
+        if self.imu_arm_b.any():
+            nav, P = at_base(nav, P, rate_b, self.imu_arm_b)
         return self._solution_at(
             *(t_ns, nav, P, range(CORE, self.layout.size)),
             q_nb=nav[6:10].copy(),
@@ -371,3 +375,17 @@ class InertialNavigator(Navigator):
         P[POS, POS] += in_position
         P[VEL, VEL] += in_velocity
         return position_sigmas(P) | {"tilt_deg": float(np.hypot(north, east)), "heading_deg": float(down)}
+
+
+def at_base(nav: np.ndarray, P: np.ndarray, rate_b: np.ndarray, arm_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """State (10,) and covariance (n, n) of base_link: those of an IMU that stands ``arm_b`` (3,), m, from it, turning at ``rate_b``.
+
+    p - C l and v - C (w x l), so that with the error phi_n of the attitude J = [C l]x and [C (w x l)]x.
+    """
+    C = quat_to_dcm(nav[6:10])
+    arm_n, swing_n = C @ arm_b, C @ np.cross(rate_b, arm_b)
+    base, J = nav.copy(), np.eye(len(P))
+    base[0:3] = displace(nav[0], nav[1], nav[2], -arm_n)
+    base[3:6] -= swing_n
+    J[POS, ATT], J[VEL, ATT] = skew(arm_n), skew(swing_n)
+    return base, J @ P @ J.T

@@ -16,6 +16,7 @@ from lowcostnav_ros.messages.bag import BagError, BagReader
 from lowcostnav_ros.messages.decode import Decoder
 from lowcostnav_ros.messages.foreign import offers
 from lowcostnav_ros.messages.foreign import options as word_options
+from lowcostnav_ros.messages.inputs import inputs_in
 from lowcostnav_ros.messages.rules import DecodeRules
 from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.navigators.base import Navigator
@@ -90,7 +91,7 @@ def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> Replay
 
 
 def _reader(path: str | Path, options: ReplayOptions) -> BagReader:
-    return BagReader(path, Decoder(DecodeRules(everywhere=options.frames)), options.maps)
+    return BagReader(path, Decoder(DecodeRules(everywhere=options.frames)), options.maps, inputs=inputs_in(options.config))
 
 
 class Cast:
@@ -204,6 +205,7 @@ class _Replay(Cast):
         inputs = {s: SourceCounts(counts[s], rejected.get(s, {})) for s in dict.fromkeys([*self.sources, *self.true_sources])}
         bag = Bag(self.reader.path.name, self.reference.identity(), dict(sorted(counts.items())))
         remarks = {f"{name}: {aid.remark}": 1 for name, one in self.navigators.items() for aid in one.aids if aid.remark}
+        remarks |= {f"{name}: {deprived}": 1 for name, one in self.navigators.items() if (deprived := ", ".join(one.deprived()))}
         decoder = self.reader.decoder
         unused = {source for source, _ in decoder.rejected if not decoder.accepted[source]}
         remarks |= {f"nothing usable on {source}: {self.reader.rejections(source)}": 1 for source in sorted(unused)}

@@ -149,6 +149,14 @@ class Ahrs(Navigator):
         self.core.rest()
         self.alignment.restart(None)
 
+    def _in_body_axes(self, block: ImuBlock) -> ImuBlock:
+        """As every navigator; without the centripetal force of an IMU away from base_link, sample by sample."""
+        block, arm_b = super()._in_body_axes(block), self.settings.imu.lever_arm_m
+        if not any(arm_b):
+            return block
+        rate_b = block.angular_rate_b
+        return replace(block, specific_force_b=block.specific_force_b - np.cross(rate_b, np.cross(rate_b, np.array(arm_b, dtype=float))))
+
     def _fuse(self, item: Measurement) -> None:
         if isinstance(item, ImuBlock):
             self._run(item)
