@@ -54,6 +54,7 @@ def main(argv: Sequence[str] | None = None, registry: Any = None) -> int:
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else Exit.CANNOT_RUN
     except KeyboardInterrupt:
+        print(f"{given[0]} was interrupted; what was not finished has not been written.", file=sys.stderr)
         return Exit.INTERRUPTED
     except ValueError as error:
         if not type(error).__module__.startswith("lowcostnav_ros"):

@@ -10,17 +10,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.measurements import Measurement
-from lowcostnav_ros.base.settings import from_mapping, group, setting
+from lowcostnav_ros.base.settings import from_mapping, group, nearest, setting
 from lowcostnav_ros.graph.wiring import PACED
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.checks import WRONG_FRAME
@@ -214,6 +215,14 @@ class NodeBase(Node):
     def node_settings(self) -> NodeSettings:
         """The settings every node has."""
         return self.parameters.settings[-1]
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters; a name that there is none of is refused with the nearest that there is."""
+        unknown = [parameter.name for parameter in parameter_list if not self.has_parameter(parameter.name)]
+        if unknown and hasattr(self, "parameters"):
+            known = self.parameters.names
+            return SetParametersResult(successful=False, reason=f"there is no parameter '{unknown[0]}'{nearest(unknown[0], known)}")
+        return super().set_parameters_atomically(parameter_list)
 
     def listen(self, source: str, handler: Callable[[Measurement], None], *, required: bool = False) -> InputMonitor:
         """Subscribe to a topic, decode what comes and hand good measurements to ``handler``.
