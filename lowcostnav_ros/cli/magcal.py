@@ -78,7 +78,7 @@ def _strength_ut(arguments: argparse.Namespace, columns: Columns) -> float:
     if place is None or year is None:
         raise CalibrationError("The strength of the earth's field is needed: give --strength, or --place and --date.")
     try:
-        field = field_n(*place, year)
+        field = field_n(place[0], place[1], place[2], year)
     except ValueError as error:
         raise CalibrationError(str(error)) from None
     used = field[:2] if arguments.method == "level-turn" else field

@@ -124,7 +124,7 @@ def flown_settings(graph: Graph) -> dict[str, dict[str, Any]]:
             values = to_mapping(_navigator_settings(replace(node, parameters=shared_parameters(graph, node))))
             given = _given(replace(node, parameters=shared_parameters(graph, node)))
             inputs = {name: value for name, value in given.items() if is_of_input(name)}
-            flown[node.executable] = {name: value for name, value in values.items() if name != "imu.profile"} | inputs
+            flown[node.executable] = {name: value for name, value in values.items() if name != "imu.profile" or value == "auto"} | inputs
     return flown
 
 

@@ -16,6 +16,8 @@ from lowcostnav_ros.base.measurements import GpsPosition, Health, ImuBlock, Inte
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.tally import Tally
+from lowcostnav_ros.calibration.imu_look import look_at
+from lowcostnav_ros.cores.imu_errors import AUTO, as_seen, times_the_profile
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import NO_CORRECTION, RECOVERED, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
 from lowcostnav_ros.estimation.clocks import HELD
@@ -44,6 +46,10 @@ COVERED = 0.5
 LAG_S, LONGEST_S = 1.0, 60.0
 """A velocity that is off has been so, unnoticed, for a while, and moves the position for as long as nothing else does, within reason."""
 DISAGREES_NS = 3_000_000_000
+LOOK_NS, ENOUGH_NS = 4_000_000_000, 2_000_000_000
+"""An IMU is looked at for so long from its first sample on, or until the alignment; the second is the least for a profile seen."""
+TOO_MUCH = {True: 10.0, False: 30.0}
+"""White noise this many times the settings' is said, at rest and in motion, where vibration adds to it."""
 GPS_DISAGREES = "GPS and prediction disagree"
 
 
@@ -208,6 +214,8 @@ class Navigator(ABC):
         self._said: tuple[int, str, Level, str] | None = None
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
+        self._first: list[ImuBlock] = []
+        self.imu_words = ""
         self._turn = mounting_dcm(getattr(getattr(settings, "imu", None), "mounting_deg", ()))
         self.checks = self._source_checks()
 
@@ -487,12 +495,33 @@ class Navigator(ABC):
 
     def _screened(self, block: ImuBlock) -> None:
         """Take inertial samples in, spikes replaced; what the state gains instead comes at its own time."""
+        if not self._first or block.stamps_ns[0] - self._first[0].stamps_ns[0] < LOOK_NS:
+            self._first.append(block)
         for jolt, samples, phrase in self.spikes.screen(block):
             if phrase:
                 self.input_status[block.source].reject(phrase)
             if jolt is not None:
                 self._disturb(jolt)
             self._fuse(samples)
+
+    def _still_looks(self) -> bool:
+        """Whether an IMU that is to be flown as it shows itself has shown too little yet."""
+        imu = getattr(self.settings, "imu", None)
+        return imu is not None and imu.profile == AUTO and self._first[-1].stamp_ns - self._first[0].stamp_ns < ENOUGH_NS
+
+    def _seen(self) -> Any:
+        """IMU settings to begin with, by what its first seconds show, where they are to be found so; else None.  Says what is odd."""
+        imu = getattr(self.settings, "imu", None)
+        if imu is None or not self._first:
+            return None
+        joined = ImuBlock.joined(self._first)
+        look = look_at(joined[: int(np.searchsorted(joined.stamps_ns, joined.stamps_ns[0] + LOOK_NS))])
+        if look is None:
+            return None
+        most = TOO_MUCH[look.is_at_rest]
+        odd = [f"{name} noise {n:.0f} times the settings'" for name, n in times_the_profile(imu, look).items() if n > most]
+        self.imu_words = "; ".join([f"{look.words()}, set by it"] if imu.profile == AUTO else odd)
+        return as_seen(imu, look) if imu.profile == AUTO else None
 
     def _disturb(self, jolt: Jolt) -> None:  # noqa: B027 - one without inertial sensors feels nothing
         """Take in what inertial samples that were held back amount to."""
@@ -598,7 +627,8 @@ class Navigator(ABC):
 
     def _details(self) -> Mapping[str, str]:
         """Further values for diagnostics, by name."""
-        return {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark}
+        seen = {"imu": self.imu_words} if self.imu_words else {}
+        return seen | {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark}
 
     def _solution_at(self, t_ns: int, nav: np.ndarray, P: np.ndarray, rows: range, **further: Any) -> NavSolution:
         """Solution with position, velocity and the states ``rows``; ``nav`` begins with lat, lon, height, velocity and ``P`` likewise."""

@@ -1,7 +1,7 @@
 """What all inertial navigators with an error-state filter share: the strapdown core, the way of measurements to aids, modes, outputs."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -304,12 +304,17 @@ class InertialNavigator(Navigator):
         if isinstance(item, GpsPosition):
             self.set_origin(item.lat, item.lon, item.height)
         start = self.start.take(item)
-        if start is not None:
+        if start is not None and self._still_looks():
+            self.mode, self.reason = Mode.ALIGNING, "looking at the IMU"
+        elif start is not None:
             self._begin(start)
         elif self.start.reason:
             self.mode, self.reason = Mode.ALIGNING, self.start.reason
 
     def _begin(self, start: Start) -> None:
+        imu = self._seen()
+        if imu is not None and imu != self.settings.imu:
+            self._fly_on(imu)
         self.begin(start.stamp_ns, start.nav, start.covariance)
         if self.start.force_b is not None:
             self.axes.begin(start.stamp_ns, self.start.force_b[2])
@@ -325,6 +330,13 @@ class InertialNavigator(Navigator):
         self._emitted = stamp_ns // self.output_period_ns
         self._sampled_ns = stamp_ns
         self._aligned, self.reason = True, ""
+
+    def _fly_on(self, imu: ImuSettings) -> None:
+        """Take other numbers of the IMU, before a state is there."""
+        self.settings = replace(self.settings, imu=imu)
+        layout = Layout(self.blocks())
+        self._attach(layout, InertialCore(layout))
+        self.core.history, self.recovery = self.history, Recovery(imu, layout)
 
     def _transfer(self, item: NavSolution) -> None:
         """Start at the state of the master; once aligned, its solutions are ignored."""

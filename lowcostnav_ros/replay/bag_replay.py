@@ -233,6 +233,7 @@ class _Replay(Cast):
         bag = Bag(self.reader.path.name, self.reference.identity(), dict(sorted(counts.items())))
         remarks = {f"{name}: {aid.remark}": 1 for name, one in self.navigators.items() for aid in one.aids if aid.remark}
         remarks |= {f"{name}: {deprived}": 1 for name, one in self.navigators.items() if (deprived := ", ".join(one.deprived()))}
+        remarks |= {f"{name}: IMU {one.imu_words}": 1 for name, one in self.navigators.items() if one.imu_words}
         decoder = self.reader.decoder
         unused = {source for source, _ in decoder.rejected if not decoder.accepted[source]}
         remarks |= {f"nothing usable on {source}: {self.reader.rejections(source)}": 1 for source in sorted(unused)}

@@ -236,6 +236,12 @@ class Ahrs(Navigator):
             self.reason = self.alignment.reason
             return
         floor_mps = max((getattr(own, "velocity_floor_mps", 0.0) for _, own in listed(self.settings)), default=0.0)
+        imu = self._seen() if self._kept is None else None
+        if imu is not None and imu != self.settings.imu:
+            self.settings = replace(self.settings, imu=imu)
+            layout = Layout([core_block(imu), *bias_blocks(imu), *self.aid_blocks()])
+            self._attach(layout, InertialCore(layout))
+            self.core.history = self.history
         begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
         self._aligned, self._kept = True, None
         began_with = {"level": True, "gps": first.gps is not None, "airflow": first.air is not None, "magnetic": first.is_magnetic}
