@@ -83,7 +83,8 @@ def look_at(block: ImuBlock) -> ImuLook | None:
     block : ImuBlock
         FRD, in m/s^2 and rad/s, or whatever stands for them.
     """
-    stamps_s = 1e-9 * (block.stamps_ns - block.stamps_ns[0])
+    block = block[np.isfinite(block.specific_force_b).all(axis=1) & np.isfinite(block.angular_rate_b).all(axis=1)]
+    stamps_s = 1e-9 * (block.stamps_ns - block.stamps_ns[:1])
     if len(stamps_s) < FEWEST:
         return None
     intervals = np.diff(stamps_s)

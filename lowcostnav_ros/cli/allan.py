@@ -10,8 +10,10 @@ from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_rest as rest
 from lowcostnav_ros.cli.jobs import job
 
+EXAMPLE = "example: lowcostnav allan still_bag -o result"
 
-@job("Allan deviation of inertial sensors at rest: chart, coefficients, and the numbers of an IMU profile.", rest.add_arguments)
+
+@job("Allan deviation of inertial sensors at rest: chart, coefficients, and the numbers of an IMU profile.", rest.add_arguments, EXAMPLE)
 def allan(arguments: argparse.Namespace) -> int:
     """Charts and numbers of every column."""
     columns, rate_hz = rest.inertial(arguments)

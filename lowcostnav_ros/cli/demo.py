@@ -36,7 +36,10 @@ def add_arguments(demo: argparse.ArgumentParser) -> None:
     demo.add_argument("--real-time-factor", type=float, metavar="X", help="simulated seconds per second (default: the graph's)")
 
 
-@job("Fly a simulated mission with a GPS outage and write its report.", add_arguments)
+EXAMPLE = "example: lowcostnav demo --out out/demo"
+
+
+@job("Fly a simulated mission with a GPS outage and write its report.", add_arguments, EXAMPLE)
 def demo(arguments: argparse.Namespace) -> int:
     """Fly, replay, report; 0 when nothing was lost and the replay equals the flight to the bit, else 1."""
     graph = load_graph(arguments.graph)

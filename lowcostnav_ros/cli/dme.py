@@ -51,7 +51,10 @@ def add_arguments(dme: argparse.ArgumentParser) -> None:
     table.add_argument("-o", "--output", metavar="FILE", required=True, help="table to write")
 
 
-@job("Plan how DME stations carry a flight without GPS; turn navaid lists into station tables.", add_arguments)
+EXAMPLE = "example: lowcostnav dme plan --airport 37.694,-121.820,122 -o plan"
+
+
+@job("Plan how DME stations carry a flight without GPS; turn navaid lists into station tables.", add_arguments, EXAMPLE)
 def dme(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit status."""
     return {"plan": _plan, "import": _import}[arguments.verb](arguments)

@@ -74,7 +74,10 @@ def _add_plan(verbs: argparse._SubParsersAction) -> None:
     plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the figures there")
 
 
-@job("Positions out of RINEX files; satellites in view and their geometry over a day.", add_arguments)
+EXAMPLE = "example: lowcostnav gnss plan --almanac gps --place 38.7,-9.1,120"
+
+
+@job("Positions out of RINEX files; satellites in view and their geometry over a day.", add_arguments, EXAMPLE)
 def gnss(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit status."""
     return {"locate": _locate, "plan": _plan}[arguments.verb](arguments)

@@ -42,7 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="FILE.yaml", help="write the calibration, and a chart beside it")
 
 
-@job("Calibrate a magnetometer from a turn or a flight: hard iron, scale factors, and how far to trust them.", add_arguments)
+EXAMPLE = "example: lowcostnav magcal turns_bag -o magnetometer.yaml"
+
+
+@job("Calibrate a magnetometer from a turn or a flight: hard iron, scale factors, and how far to trust them.", add_arguments, EXAMPLE)
 def magcal(arguments: argparse.Namespace) -> int:
     """Fit, print how far to trust it, write the calibration."""
     check_files(arguments.output)

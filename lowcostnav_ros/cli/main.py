@@ -15,9 +15,10 @@ exit status: 0 pass, 1 worse than the baseline or a failed check, 2 cannot run (
 examples:
   lowcostnav demo                                          a whole mission with a GPS outage, and its report
   lowcostnav simulate livermore -o flight                  a simulated flight as a bag
-  lowcostnav replay flight --withhold gps/fix,gps/vel@290-350 --out result
+  lowcostnav replay flight --withhold gps/fix,gps/vel@60-120 --out result
   lowcostnav replay flight --baseline flight.baseline.yaml
   lowcostnav report flight -o report.html
+  lowcostnav list                                          scenarios, graphs, navigators, nodes, profiles by name
 """
 
 

@@ -5,15 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.list import names_of
 from lowcostnav_ros.cli.options import between
 from lowcostnav_ros.graph import up as graph_up
-from lowcostnav_ros.graph.description import graph_names, load_graph
+from lowcostnav_ros.graph.description import load_graph
 from lowcostnav_ros.graph.domain import HIGHEST
 
 
 def add_arguments(up: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
-    up.add_argument("graph", help=f"a graph of the package ({', '.join(graph_names())}), or a YAML file")
+    up.add_argument("graph", help=f"a graph of the package ({names_of('graphs')}), or a YAML file")
     text = "ROS domain; default: the graph's, else your ROS_DOMAIN_ID, or any free one where the graph simulates its sensors"
     up.add_argument("--domain", type=int, metavar="N", help=text)
     up.add_argument("--out", metavar="DIR", help="where the graph's recorder writes (default: the folder of the logs)")
