@@ -248,3 +248,30 @@ def encode_fix(stamp_ns: int, place: tuple[float, float, float]):
     from lowcostnav_ros.messages.parts import nav_sat_fix
 
     return nav_sat_fix(stamp_ns, *place, None, "gps")
+
+
+def test_a_node_says_what_it_hears_instead_and_why_a_frame_is_refused(ros):
+    """On /diagnostics and in its log; and a parameter that there is none of is answered with the nearest that there is."""
+    from rclpy.parameter import Parameter
+    from sensor_msgs.msg import Imu, NavSatFix
+
+    from lowcostnav_ros.ros.node_base import NodeBase
+
+    table, seen, said = ros.diagnostics(), [], []
+    ros.probe.create_publisher(NavSatFix, "/fix", 5)
+    imu = ros.probe.create_publisher(Imu, "/imu/data_raw", 5)
+    node = ros.make(lambda **kwargs: NodeBase("listener", **kwargs))
+    node.get_logger().warning = said.append
+    node.listen("gps/fix", seen.append)
+    node.listen("imu/data_raw", seen.append)
+    assert ros.spin_until(lambda: imu.get_subscription_count() == 1)
+    for k in range(1, 4):
+        imu.publish(to_cdr(encode.imu_raw(STEP_NS * k, np.array([0.0, 0.0, -9.8]), np.zeros(3), "imu")))
+    refused = "wrong frame id 'imu', expected base_link or imu_link"
+    rows = {"imu/data_raw": refused, "gps/fix": "is not published; /fix may be it: input.gps/fix.topic: /fix"}
+    for source, words in rows.items():
+        name = f"listener: input {source}"
+        assert ros.spin_until(lambda name=name, words=words: name in table and words in table[name].message), table.get(name)
+    assert said == [f"imu/data_raw: {refused}; accept it by input.imu/data_raw.frames: any, if its axes are right"] and not seen
+    answer = node.set_parameters_atomically([Parameter("input.silent_after", value=1.0)])
+    assert not answer.successful and answer.reason.endswith("'input.silent_after' (did you mean 'input.silent_after_s'?)")

@@ -13,8 +13,8 @@ from lowcostnav_ros.calibration import allan_models as model
 from lowcostnav_ros.calibration.allan import AllanChart, local_slopes
 
 SLOPE_NAMES = {-1.0: "quantisation", -0.5: "white", 0.0: "flicker", 0.5: "random walk", 1.0: "ramp"}
-WELL_KNOWN = 20.0
-"""Degrees of freedom from which on a point of a chart is known to a sixth."""
+WELL_KNOWN = 50.0
+"""Degrees of freedom from which on a point of a chart is known to a tenth."""
 SLOPE_TOLERANCE = 0.15
 DRIFT_EVIDENCE = 12.0
 """Fall of the weighted squares (two parameters more) below which white noise alone is kept."""
