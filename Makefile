@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint unit config docs venv clean
+.PHONY: demo test lint unit config docs docs-check venv clean
 
 demo: venv ## fly a whole mission and write the page
 	$(BIN)/lowcostnav demo
@@ -24,6 +24,9 @@ config: venv ## write the parameter files from the settings that the code declar
 
 docs: venv ## write docs/interfaces.md
 	$(BIN)/python docs/make_interfaces.py
+
+docs-check: venv ## run every command of README and docs in its printed order (ten minutes)
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python docs/commands.py
 
 venv: $(STAMP)
 

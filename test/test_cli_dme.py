@@ -49,9 +49,9 @@ def test_import_writes_a_table_the_plan_can_use(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["plan", "--airport", "37.7"], "--airport: '37.7' must be LAT,LON in degrees."),
-        (["plan", "--airport", "137.7,-121.8"], "--airport: 137.7 must lie between -89 and 89."),
-        (["plan", "--airport", "37.7,east"], "--airport: 'east' must be a number."),
+        (["plan", "--airport", "37.7"], "--airport: '37.7' is not a place; write LAT,LON[,M]"),
+        (["plan", "--airport", "137.7,-121.8"], "--airport: 137.7 must lie between -90 and 90."),
+        (["plan", "--airport", "37.7,east"], "'37.7,east' is not a place"),
         (["plan", "--airport", "37.7,121.8"], "a minus sign of the longitude looks lost"),
         (["plan", "--airport", "51.5,-0.1"], "give a list that covers the place"),
         (["plan", "--airport", "37.7,-121.8", "--altitude-m", "-9000"], "--altitude-m: -9000 must lie between"),

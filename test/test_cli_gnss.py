@@ -73,17 +73,17 @@ def test_locate_reads_compressed_files_and_does_without_header_coordinates(stati
         (["locate", "cut.gz", "s.nav"], "the compressed file is damaged"),
         (["locate", "s.obs", "s.nav", "--mask-deg", "80"], "'mask_deg' must be at least 2 and at most 60 deg"),
         (["locate", "s.obs", "s.nav", "--out", "no/where.csv"], "where.csv does not exist; create it first"),
-        (["plan", "--almanac", "gpss", "--place", "1", "2", "3"], "--almanac gpss is neither a file nor one of gps, galileo, gps_galileo"),
-        (["plan", "--almanac", "gone.alm", "--place", "1", "2", "3"], "gone.alm does not exist"),
-        (["plan", "--almanac", "s.obs", "--place", "1", "2", "3"], "give a YUMA almanac, whose records begin with a line of asterisks"),
-        (["plan", "--almanac", "gps.alm", "--place", "1", "2", "3", "--start", "2026-06-01"], "(weeks are known modulo 1024), "),
-        (["plan", "--almanac", "gps", "--place", "95", "2", "3"], "--place: 95 must lie between -90 and 90."),
-        (["plan", "--almanac", "gps", "--place", "1", "2", "3", "--start", "noon"], "--start 'noon' is not a time"),
-        (["plan", "--almanac", "gps", "--place", "1", "2", "3", "--start", "1970-01-01"], "before GPS time began"),
-        (["plan", "--almanac", "gps", "--place", "1", "2", "3", "--hours", "0"], "--hours: 0 must lie between"),
-        (["plan", "--almanac", "gps", "--place", "1", "2", "3", "--step-s", "-1"], "cannot be planned"),
-        (["plan", "--almanac", "gps", "--place", "1", "2", "3", "--canyon", "0", "10", "0"], "--canyon: cliffs have a height above zero"),
-        (["plan", "--almanac", "gps", "--place", "1", "2", "3", "--canyon", "100", "0", "0"], "--canyon: 'width_m' must be at least 1"),
+        (["plan", "--almanac", "gpss", "--place", "1,2,3"], "--almanac gpss is neither a file nor one of gps, galileo, gps_galileo"),
+        (["plan", "--almanac", "gone.alm", "--place", "1,2,3"], "gone.alm does not exist"),
+        (["plan", "--almanac", "s.obs", "--place", "1,2,3"], "give a YUMA almanac, whose records begin with a line of asterisks"),
+        (["plan", "--almanac", "gps.alm", "--place", "1,2,3", "--start", "2026-06-01"], "(weeks are known modulo 1024), "),
+        (["plan", "--almanac", "gps", "--place", "95,2,3"], "--place: 95 must lie between -90 and 90."),
+        (["plan", "--almanac", "gps", "--place", "1,2,3", "--start", "noon"], "--start 'noon' is not a time"),
+        (["plan", "--almanac", "gps", "--place", "1,2,3", "--start", "1970-01-01"], "before GPS time began"),
+        (["plan", "--almanac", "gps", "--place", "1,2,3", "--hours", "0"], "--hours: 0 must lie between"),
+        (["plan", "--almanac", "gps", "--place", "1,2,3", "--step-s", "-1"], "cannot be planned"),
+        (["plan", "--almanac", "gps", "--place", "1,2,3", "--canyon", "0", "10", "0"], "--canyon: cliffs have a height above zero"),
+        (["plan", "--almanac", "gps", "--place", "1,2,3", "--canyon", "100", "0", "0"], "--canyon: 'width_m' must be at least 1"),
     ],
 )
 def test_refusals_say_what_to_do(station, arguments, sentence, capsys, monkeypatch):
@@ -93,7 +93,7 @@ def test_refusals_say_what_to_do(station, arguments, sentence, capsys, monkeypat
 
 
 def test_plan_of_a_canyon_names_its_windows_and_draws(tmp_path, capsys):
-    place = ("--place", "38.7", "-9.1", "200", "--start", "2026-06-01T06:00", "--hours", "6", "--step-s", "300")
+    place = ("--place", "38.7,-9.1,200", "--start", "2026-06-01T06:00", "--hours", "6", "--step-s", "300")
     status, out, _ = run(capsys, "gnss", "plan", "--almanac", "gps_galileo", *place, "--canyon", 1000, 1000, 250, "-o", tmp_path / "plan")
     assert status == 1
     assert "No good position (PDOP above 6 or fewer than four satellites) for" in out and "down to 3 satellites" in out
@@ -107,7 +107,7 @@ def test_plan_of_a_canyon_names_its_windows_and_draws(tmp_path, capsys):
 
 
 def test_plan_from_an_almanac_leaves_out_the_ill_and_says_its_week(station, capsys):
-    options = ("--place", "38.7", "-9.1", "0", "--start", "2005-04-09", "--hours", "1")
+    options = ("--place", "38.7,-9.1,0", "--start", "2005-04-09", "--hours", "1")
     status, out, _ = run(capsys, "gnss", "plan", "--almanac", station / "gps.alm", *options)
     assert status == 0 and "31 satellites" in out
     assert "1 unhealthy satellite left out (G04)" in out

@@ -27,7 +27,7 @@ def test_shipped_graphs_load(name):
         ({"nodes": [{"executable": "ahrs", "respwan": True}]}, "did you mean 'respawn'"),
         ({"nodes": [{"executable": "ahrs", "config": "nowhere.yaml"}]}, "'nowhere.yaml' of ahrs"),
         ({"nodes": [{"executable": "ahrs", "parameters": [1]}]}, "names and values"),
-        ({"nodes": ["ahrs"], "domain": 300}, "from 1 to 100"),
+        ({"nodes": ["ahrs"], "domain": 300}, "from 0 to 232"),
         ({"nodes": ["ahrs"], "real_time_factor": 0}, "from 0.01 to 1000"),
         ({"nodes": ["ahrs"], "lossless": "yes"}, "true or false"),
         ([], "expected names and values"),

@@ -47,7 +47,7 @@ STEPPED = "velocity stepped without a motion"
 class GpsVelocitySettings(SensorSettings):
     """GPS velocity and the antenna."""
 
-    lever_arm_b_m: list = setting([0.0, 0.0, 0.0], "Antenna relative to the IMU, forward, right, down.", unit="m", minimum=-100.0)
+    lever_arm_b_m: list = setting([0.0, 0.0, 0.0], "Antenna relative to base_link, forward, right, down.", unit="m", minimum=-100.0)
     latency_s: float = setting(0.2, "Longest delay between validity and arrival of a fix.", unit="s", minimum=0.0, maximum=5.0)
     sigma_scale: float = setting(1.0, "Factor on the receiver's stated sigma.", minimum=0.1, maximum=100.0)
     velocity_floor_mps: float = setting(0.05, "Smallest velocity sigma used.", unit="m/s", minimum=0.0, maximum=1e2)
@@ -125,7 +125,7 @@ class PositionAid(ReceiverAid):
     def attach(self, host: Host) -> None:
         """Find the receiver's slow error and the attitude states."""
         super().attach(host)
-        self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
+        self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float) - getattr(host, "imu_arm_b", 0.0)
         self._bias, self.seeds = host.layout.get(self.own("gps_position_bias")), (POS,)
         self._attitude = host.core.attitude_rows if isinstance(host.core, Attitude) else None
         self._velocity = next((aid for aid in host.aids_of(VelocityAid) if aid.key == self.key), None)
@@ -180,7 +180,7 @@ class VelocityAid(ReceiverAid):
         """Take the lever arm."""
         super().attach(host)
         self.seeds = (host.core.velocity_rows,) if host.core.velocity_rows else ()
-        self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
+        self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float) - getattr(host, "imu_arm_b", 0.0)
         self._stepped: tuple[int, np.ndarray] | None = None
         self.sound_since_ns: int | None = None
         self._off_since_ns: int | None = None

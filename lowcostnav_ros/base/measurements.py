@@ -6,6 +6,7 @@ recording are the same thing to everything downstream.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import cast
@@ -49,6 +50,12 @@ class ImuBlock(Measurement):
     def of(cls, source: str, stamps_ns: np.ndarray, specific_force_b: np.ndarray, angular_rate_b: np.ndarray) -> "ImuBlock":
         """Build a block from columns; the head stamp is the last of ``stamps_ns``."""
         return cls(int(stamps_ns[-1]), source, stamps_ns, specific_force_b, angular_rate_b)
+
+    @classmethod
+    def joined(cls, blocks: "Sequence[ImuBlock]") -> "ImuBlock":
+        """One block of several that follow one another."""
+        columns = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("stamps_ns", "specific_force_b", "angular_rate_b"))
+        return cls.of(blocks[-1].source, *columns)
 
     def __len__(self) -> int:
         return len(self.stamps_ns)

@@ -13,6 +13,8 @@ from lowcostnav_ros.calibration import allan_models as model
 from lowcostnav_ros.calibration.allan import AllanChart, local_slopes
 
 SLOPE_NAMES = {-1.0: "quantisation", -0.5: "white", 0.0: "flicker", 0.5: "random walk", 1.0: "ramp"}
+WELL_KNOWN = 50.0
+"""Degrees of freedom from which on a point of a chart is known to a tenth."""
 SLOPE_TOLERANCE = 0.15
 DRIFT_EVIDENCE = 12.0
 """Fall of the weighted squares (two parameters more) below which white noise alone is kept."""
@@ -58,6 +60,14 @@ class AllanFit:
         """Allan variance of the filter model."""
         drift = model.gauss_markov(tau_s, self.drift_sigma, self.drift_tau_s) if self.drift_sigma > 0.0 else 0.0
         return model.white(tau_s, self.white_density) + drift
+
+
+    def misses(self, chart: AllanChart) -> tuple[float, float]:
+        """By what factor the model leaves the deviation where it is known well, at worst, and at which averaging time, s."""
+        known = chart.degrees >= WELL_KNOWN
+        ratio = np.sqrt(self.variance(chart.tau_s[known])) / chart.deviation[known]
+        worst = int(np.argmax(np.abs(np.log(ratio))))
+        return float(max(ratio[worst], 1.0 / ratio[worst])), float(chart.tau_s[known][worst])
 
 
 def fit_chart(chart: AllanChart) -> AllanFit:

@@ -16,6 +16,7 @@ AVERAGE_S = 60.0
 FAST_S = 1.0
 DETREND_S = 10.0
 FEWEST_PER_STRETCH = 10
+COLOUR_S = 0.1, 0.3, 1.0
 SURE_PERIODS = 20.0
 """Correlation times that a record must hold for its autocorrelation to be trusted."""
 
@@ -41,6 +42,8 @@ class StaticIdentification:
     long_term_sigma : float or None
         Scatter of one-minute averages; None for less than three minutes.
     rate_hz, duration_s : float
+    coloured : (float, float)
+        By what factor the noise of means over some time, s, is not that of single samples: 1 where it is white.
     """
 
     mean: float
@@ -53,6 +56,7 @@ class StaticIdentification:
     long_term_sigma: float | None
     rate_hz: float
     duration_s: float
+    coloured: tuple[float, float] = (1.0, 0.0)
 
 
 def identify_static(values: np.ndarray, rate_hz: float) -> StaticIdentification:
@@ -91,7 +95,21 @@ def identify_static(values: np.ndarray, rate_hz: float) -> StaticIdentification:
         long_term_sigma=float(minutes.std(ddof=1)) if len(minutes) >= 3 else None,
         rate_hz=rate_hz,
         duration_s=duration_s,
+        coloured=_coloured(values, rate_hz, white_sigma),
     )
+
+
+def _coloured(values: np.ndarray, rate_hz: float, white_sigma: float) -> tuple[float, float]:
+    """Compare single samples with means, by second differences, which a drift leaves alone; over a second it may be larger for it."""
+    worst = 1.0, 0.0
+    for span_s in COLOUR_S:
+        count = max(2, round(rate_hz * span_s))
+        means = _averages(values, count)
+        if len(means) >= FEWEST_PER_STRETCH and white_sigma > 0.0:
+            ratio = max(float(np.sqrt(np.mean(np.diff(means, 2) ** 2) / 6.0 * count)), 1e-12) / white_sigma
+            factor = max(ratio, 1.0 / ratio) if span_s == COLOUR_S[0] else 1.0 / ratio
+            worst = max(worst, (factor, count / rate_hz))
+    return worst
 
 
 def white_scatter(values: np.ndarray, rate_hz: float, stretch_s: float = DETREND_S) -> float:

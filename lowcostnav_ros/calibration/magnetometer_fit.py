@@ -13,6 +13,7 @@ import numpy as np
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.units import GAUSS
 from lowcostnav_ros.calibration.record import CalibrationError
+from lowcostnav_ros.physics.mounting import MOUNTING, check_mounting, mounting_dcm
 
 FEWEST_SAMPLES = 50
 NARROW_DEG = 15.0
@@ -107,16 +108,19 @@ class MagnetometerCalibration:
 
     hard_iron_ut: list = setting([0.0] * 3, "Centre of the measured cloud, x y z, body axes.", unit="uT", minimum=-1e4, maximum=1e4)
     matrix: list = setting([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], "3x3 by rows, after the hard iron.", minimum=-10.0, maximum=10.0)
+    mounting_deg: list = MOUNTING
 
     def __post_init__(self) -> None:
         for name, count in (("hard_iron_ut", 3), ("matrix", 9)):
             if len(getattr(self, name)) != count:
                 raise SettingsError(f"Magnetometer calibration: '{name}' needs {count} numbers, got {len(getattr(self, name))}.")
+        check_mounting(self.mounting_deg, "magnetometer.mounting_deg")
 
     def apply(self, measured_t: np.ndarray) -> np.ndarray:
-        """Calibrated field, tesla, of measured samples (n, 3) or (3,), tesla, body axes."""
-        offset = np.array(self.hard_iron_ut) * 1e-6
-        return (np.asarray(measured_t, dtype=float) - offset) @ np.reshape(self.matrix, (3, 3)).T
+        """Calibrated field, tesla, body axes, of measured samples (n, 3) or (3,), tesla, axes of the sensor."""
+        offset, turn = np.array(self.hard_iron_ut) * 1e-6, mounting_dcm(self.mounting_deg)
+        field = (np.asarray(measured_t, dtype=float) - offset) @ np.reshape(self.matrix, (3, 3)).T
+        return field if turn is None else field @ turn.T
 
 
 def calibration_of(fit: MagnetometerFit, unit: str) -> MagnetometerCalibration:

@@ -7,6 +7,7 @@ SHORTEST = 50
 UNEVEN = 0.5
 """Share of the median interval by which an interval may differ before it counts as a gap or a repeat."""
 UNEVEN_SHARE = 1e-3
+HOLE, MISSING_SHARE = 1.5, 0.002
 """Share of uneven intervals that is tolerated."""
 
 
@@ -78,4 +79,10 @@ def regular_rate(stamps_s: np.ndarray, name: str = "the record") -> float:
         raise CalibrationError(
             f"{uneven} of {len(intervals)} intervals of {name} are not the usual {usual:g} s; cut out an even stretch or resample."
         )
-    return float(len(intervals) / (stamps_s[-1] - stamps_s[0]))
+    holes = intervals > HOLE * usual
+    missing_s, span_s = float(np.sum(intervals[holes] - usual)), float(stamps_s[-1] - stamps_s[0])
+    if missing_s > MISSING_SHARE * span_s:
+        longest = int(np.argmax(intervals))
+        where = f"the longest of {intervals[longest]:.3g} s after {stamps_s[longest] - stamps_s[0]:.6g} s"
+        raise CalibrationError(f"{name} has {int(holes.sum())} holes of {missing_s:.3g} s together, {where}; cut out an even stretch.")
+    return float(len(intervals) / (span_s - missing_s))

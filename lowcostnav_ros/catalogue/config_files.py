@@ -46,9 +46,10 @@ def find_config(name: str | Path) -> Path:
     for path in (Path(name), config_dir() / name, config_dir() / f"{name}.yaml"):
         if path.is_file():
             return path
-    folder = (config_dir() / name).parent
-    there = ", ".join(sorted(p.stem for p in folder.glob("*.yaml"))) if folder.is_dir() else "nothing"
-    raise SettingsError(f"{name} does not exist, neither here nor among the shipped files ({there}).")
+    folder, kind = (config_dir() / name).parent, Path(name).suffix or ".yaml"
+    there = sorted(p.name if kind != ".yaml" else p.stem for p in folder.glob(f"*{kind}")) if folder.is_dir() else []
+    shipped = f", neither here nor among the shipped files ({', '.join(there)})" if there else "; check the path of the file"
+    raise SettingsError(f"{name} does not exist{shipped}.")
 
 
 def read_parameters(path: str | Path, node: str | None = None) -> dict[str, Any]:

@@ -26,7 +26,7 @@ def with_imu_profile(settings: Any) -> Any:
         When there is no such profile, or a filter cannot fly on its numbers.
     """
     name = getattr(getattr(settings, "imu", None), "profile", "")
-    if not name:
+    if name in ("", "auto"):  # what a unit shows is seen in flight
         return settings
     from lowcostnav_ros.cores.imu_errors import ImuSettings  # the compiler behind it is heavy; few nodes come here
 

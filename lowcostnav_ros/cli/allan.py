@@ -3,17 +3,21 @@
 import argparse
 from typing import Any
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.calibration.allan import allan_chart
 from lowcostnav_ros.calibration.allan_fit import fit_chart
 from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_rest as rest
 from lowcostnav_ros.cli.jobs import job
 
+EXAMPLE = "example: lowcostnav allan still_bag -o result"
 
-@job("Allan deviation of inertial sensors at rest: chart, coefficients, and the numbers of an IMU profile.", rest.add_arguments)
+
+@job("Allan deviation of inertial sensors at rest: chart, coefficients, and the numbers of an IMU profile.", rest.add_arguments, EXAMPLE)
 def allan(arguments: argparse.Namespace) -> int:
     """Charts and numbers of every column."""
     columns, rate_hz = rest.inertial(arguments)
+    rest.require_rest(columns, rate_hz)
     results: dict[str, Any] = {}
     for name, values in columns.values.items():
         chart = allan_chart(rest.named(values, rate_hz, name), rate_hz)
@@ -29,6 +33,7 @@ def allan(arguments: argparse.Namespace) -> int:
             print(f"{name}: the correlation time exceeds a third of the record; only sigma^2/tau is known, record longer.")
     rest.print_grade({name: f.drift_sigma for name, f in fits.items()}, columns)
     numbers = {name: (f.white_density, f.drift_sigma, f.drift_tau_s) for name, f in fits.items()}
+    sound = rest.judge({name: fit.misses(chart) for name, (chart, fit) in results.items()})
     out = rest.out_dir(arguments)
     if out is not None:
         for unit in dict.fromkeys(columns.units.values()):
@@ -36,4 +41,4 @@ def allan(arguments: argparse.Namespace) -> int:
             charts.save(out / f"allan_{rest.quantity(unit)}.png", charts.allan_figure(of_unit, unit))
         rest.write_numbers(out / "allan.csv", heads, rows)
         rest.write_profile(out, "Allan deviation", numbers, columns, rate_hz)
-    return 0
+    return Exit.OK if sound else Exit.WORSE

@@ -6,17 +6,25 @@ from pathlib import Path
 
 import numpy as np
 
+from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.base.tables import Table
-from lowcostnav_ros.base.units import DEGREE_PER_HOUR
+from lowcostnav_ros.base.units import DEGREE, DEGREE_PER_HOUR, MILLI_G
+from lowcostnav_ros.calibration.imu_look import ImuLook, look_at
 from lowcostnav_ros.calibration.profile_text import GYRO_UNITS, profile_text
 from lowcostnav_ros.calibration.record import CalibrationError, checked_record, regular_rate
 from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli.calibrate_input import Columns
 from lowcostnav_ros.cli.options import add_reading, check_folder
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.report.terminal import print_report
 from lowcostnav_ros.sensors.imu_grade import grade
 
+STILL_DPS, STILL_MG = 1.0, 30.0
+"""One-second means that range over more are of a unit that moves, deg/s and milli-g."""
+ACCEL_UNITS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": MILLI_G}
+FITS = 1.6
+"""A model that misses by a larger factor is not to be used."""
 UNITS = ("rad/s", "deg/s", "deg/h", "m/s^2", "g", "mg")
 
 
@@ -54,6 +62,49 @@ def _chosen(columns: Columns, wanted: list[str]) -> Columns:
         if name not in columns.values:
             raise CalibrationError(f"The topic has no axis '{name}'{nearest(name, columns.values)}.")
     return replace(columns, values={name: columns.values[name] for name in wanted})
+
+
+def look(columns: Columns) -> ImuLook | None:
+    """What a recording of both triads shows at a look; None for anything else."""
+    names = [f"{triad}{axis}" for triad in files.INERTIAL for axis in "xyz"]
+    if columns.stamps_s is None or any(name not in columns.values for name in names):
+        return None
+    values = {triad: np.column_stack([columns.values[f"{triad}{axis}"] for axis in "xyz"]) for triad in files.INERTIAL}
+    by_attribute = {attribute: values[triad] for triad, (_, attribute) in files.INERTIAL.items()}
+    stamps_ns = np.round(1e9 * columns.stamps_s).astype(np.int64)
+    return look_at(ImuBlock.of("imu/data_raw", stamps_ns, by_attribute["specific_force_b"], by_attribute["angular_rate_b"]))
+
+
+def require_rest(columns: Columns, rate_hz: float) -> None:
+    """Refuse a recording in motion, which an error model would take for drift.
+
+    Raises
+    ------
+    CalibrationError
+    """
+    for name, values in columns.values.items():
+        unit = columns.units[name]
+        most, factor = (STILL_DPS, GYRO_UNITS[unit] / DEGREE) if unit in GYRO_UNITS else (STILL_MG, ACCEL_UNITS.get(unit, 0.0) / MILLI_G)
+        count = max(1, round(rate_hz))
+        seconds = values[: len(values) // count * count].reshape(-1, count).mean(axis=1) * factor
+        moved = float(np.ptp(np.quantile(seconds, [0.02, 0.98]))) if len(seconds) > 1 else 0.0
+        if moved > most:
+            words = f"{moved:.3g} {'deg/s' if unit in GYRO_UNITS else 'mg'}"
+            raise CalibrationError(
+                f"{columns.source} is not at rest: one-second means of {name} range over {words}; take a stretch at rest "
+                "(lowcostnav identify shows what can be seen in motion)."
+            )
+
+
+def judge(misses: dict[str, tuple[float, float]]) -> bool:
+    """Print by how much a model misses what was measured; return whether it can be trusted."""
+    name = max(misses, key=lambda name: misses[name][0])
+    factor, at_s = misses[name]
+    if factor <= FITS:
+        print(f"verdict: the model holds within {100.0 * (factor - 1.0):.0f} % ({name} at {at_s:.3g} s)")
+        return True
+    print(f"verdict: NOT TO BE USED, the model misses {name} at {at_s:.3g} s by a factor of {factor:.2g}: disturbance, or no white noise.")
+    return False
 
 
 def named(values: np.ndarray, rate_hz: float, name: str) -> np.ndarray:

@@ -20,7 +20,10 @@ def add_arguments(convert: argparse.ArgumentParser) -> None:
     convert.add_argument("--at-rest", action="store_true", help="RINEX: the header's coordinates are the truth, recorded as truth/odometry")
 
 
-@job("Turn a recorded log (CSV, or RINEX files) into a bag with the standard topics.", add_arguments)
+EXAMPLE = "example: lowcostnav convert my_logs -o flight --profile my_profile.yaml"
+
+
+@job("Turn a recorded log (CSV, or RINEX files) into a bag with the standard topics.", add_arguments, EXAMPLE)
 def convert(arguments: argparse.Namespace) -> int:
     """Turn a recorded log into a bag."""
     if arguments.navigation:

@@ -13,8 +13,9 @@ from rich.console import Console
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.options import check_folder
 from lowcostnav_ros.cli.progress import progress_bar
-from lowcostnav_ros.graph.description import Graph, GraphError, load_graph
+from lowcostnav_ros.graph.description import Graph, GraphError, graph_names, load_graph
 from lowcostnav_ros.graph.monitor import number
 from lowcostnav_ros.graph.process import Event
 from lowcostnav_ros.graph.runner import GraphRunner
@@ -35,10 +36,17 @@ def add_arguments(demo: argparse.ArgumentParser) -> None:
     demo.add_argument("--real-time-factor", type=float, metavar="X", help="simulated seconds per second (default: the graph's)")
 
 
-@job("Fly a simulated mission with a GPS outage and write its report.", add_arguments)
+EXAMPLE = "example: lowcostnav demo --out out/demo"
+
+
+@job("Fly a simulated mission with a GPS outage and write its report.", add_arguments, EXAMPLE)
 def demo(arguments: argparse.Namespace) -> int:
     """Fly, replay, report; 0 when nothing was lost and the replay equals the flight to the bit, else 1."""
     graph = load_graph(arguments.graph)
+    if not graph.lossless:
+        names = ", ".join(name for name in graph_names() if load_graph(name).lossless)
+        raise GraphError(f"--graph: {graph.name} may lose messages, so its replay need not equal it; lossless graphs: {names}.")
+    check_folder(arguments.out)
     if arguments.real_time_factor:
         graph = dataclasses.replace(graph, real_time_factor=arguments.real_time_factor)
     return _demonstrate(graph, _emptied(Path(arguments.out)), result_console())

@@ -7,7 +7,6 @@
 
 import argparse
 import csv
-import math
 import re
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.catalogue.config_files import find_config
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import between, check_files
+from lowcostnav_ros.cli.options import between, check_files, check_folder, let_values_begin_with_minus, place_of
 from lowcostnav_ros.radionav.coverage import altitudes_above
 from lowcostnav_ros.radionav.navaid_import import NavaidList, lost_longitude_signs, navaids_from_text, select_near, table_as_text
 from lowcostnav_ros.report.dme.figures import FIGURES
@@ -35,7 +34,7 @@ def add_arguments(dme: argparse.ArgumentParser) -> None:
     verbs = dme.add_subparsers(dest="verb", metavar="VERB", required=True)
     text = "Coverage, best pairs and expected error without GPS; exit status 1 when it exceeds 0.5 NM at every altitude."
     plan = verbs.add_parser("plan", help="what the stations around a place or along a route are good for", description=text)
-    _let_places_begin_with_minus(plan)
+    let_values_begin_with_minus(plan)
     where = plan.add_mutually_exclusive_group(required=True)
     where.add_argument("--airport", metavar="LAT,LON[,HEIGHT]", help="degrees, and metres above sea level (default 0)")
     where.add_argument("--route", metavar="FILE|LAT,LON;LAT,LON...", help="waypoints in degrees, or a CSV with lat_deg, lon_deg")
@@ -44,7 +43,7 @@ def add_arguments(dme: argparse.ArgumentParser) -> None:
     plan.add_argument("--speed-mps", type=float, default=46.3, help="speed over ground (default: %(default)s, 90 kt)")
     plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the figures there")
     table = verbs.add_parser("import", help="station table out of a public navaid list", description="Write a station table near a place.")
-    _let_places_begin_with_minus(table)
+    let_values_begin_with_minus(table)
     table.add_argument("source", help="OurAirports navaids.csv, X-Plane earth_nav.dat, FlightGear nav.dat or our own format")
     table.add_argument("--near", metavar="LAT,LON", required=True, help="place in degrees")
     table.add_argument("--within-nm", type=float, default=130.0, help="distance from it (default: %(default)g NM)")
@@ -52,18 +51,17 @@ def add_arguments(dme: argparse.ArgumentParser) -> None:
     table.add_argument("-o", "--output", metavar="FILE", required=True, help="table to write")
 
 
-def _let_places_begin_with_minus(parser: argparse.ArgumentParser) -> None:
-    """Let ``--route -17.7,177.4;...`` be a value: argparse takes only plain negative numbers for one, and half the world is south."""
-    parser._negative_number_matcher = re.compile(r"-\.?\d[-\d.,;\s]*$")
+EXAMPLE = "example: lowcostnav dme plan --airport 37.694,-121.820,122 -o plan"
 
 
-@job("Plan how DME stations carry a flight without GPS; turn navaid lists into station tables.", add_arguments)
+@job("Plan how DME stations carry a flight without GPS; turn navaid lists into station tables.", add_arguments, EXAMPLE)
 def dme(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit status."""
     return {"plan": _plan, "import": _import}[arguments.verb](arguments)
 
 
 def _plan(arguments: argparse.Namespace) -> int:
+    check_folder(arguments.output)
     waypoints, elevation = _place(arguments)
     altitudes = _altitudes(arguments.altitude_m, elevation)
     navaids = _read(arguments.stations, 0.0)
@@ -76,7 +74,7 @@ def _plan(arguments: argparse.Namespace) -> int:
 
 def _import(arguments: argparse.Namespace) -> int:
 
-    (lat, lon), *_ = _waypoints(arguments.near, "--near")
+    lat, lon, _ = place_of(arguments.near, "--near")
     if not arguments.within_nm > 0.0:
         raise SettingsError(f"--within-nm must be positive, got {arguments.within_nm:g}.")
     check_files(arguments.output)
@@ -100,14 +98,15 @@ def _place(arguments: argparse.Namespace) -> tuple[list[tuple[float, float]], fl
     """Waypoints (rad), one for an airport, and the elevation of the place, m above sea level."""
     if arguments.route:
         path = Path(arguments.route)
+        if not path.is_file() and not re.search(r"\d", arguments.route.partition(",")[0]) or path.suffix == ".csv" and not path.is_file():
+            raise SettingsError(f"--route: the file {path} does not exist; give one, or LAT,LON;LAT,LON in quotes.")
         text = _waypoint_file(path) if path.is_file() else arguments.route
         waypoints = _waypoints(text, "--route")
         if len(waypoints) < 2:
             raise SettingsError(f"--route '{arguments.route}' needs two waypoints or more: a file, or LAT,LON;LAT,LON in quotes.")
         return waypoints, 0.0
-    cells = arguments.airport.split(",")
-    elevation = _number(cells[2], "--airport", -500.0, 6000.0) if len(cells) == 3 else 0.0
-    return _waypoints(",".join(cells[:2] if len(cells) == 3 else cells), "--airport"), elevation
+    lat, lon, elevation = place_of(arguments.airport, "--airport")
+    return [(lat, lon)], elevation
 
 
 def _waypoint_file(path: Path) -> str:
@@ -119,13 +118,7 @@ def _waypoint_file(path: Path) -> str:
 
 
 def _waypoints(text: str, option: str) -> list[tuple[float, float]]:
-    waypoints = []
-    for part in text.strip().strip(";").split(";"):
-        cells = part.split(",")
-        if len(cells) != 2:
-            raise SettingsError(f"{option}: '{part.strip()}' must be LAT,LON in degrees.")
-        waypoints.append((math.radians(_number(cells[0], option, -89.0, 89.0)), math.radians(_number(cells[1], option, -180.0, 180.0))))
-    return waypoints
+    return [place_of(part, option)[:2] for part in text.strip().strip(";").split(";")]
 
 
 def _altitudes(text: str | None, elevation: float) -> list[float]:

@@ -54,7 +54,9 @@ def check_python() -> Finding:
 def check_rclpy() -> Finding:
     """Rclpy, from wheels of the pinned versions or from a system ROS."""
     if importlib.util.find_spec("rclpy") is None:
-        return Finding(False, "not installed: pip install '.[ros]', or source /opt/ros/jazzy/setup.bash.")
+        from lowcostnav_ros.graph.domain import INSTALL_ROS
+
+        return Finding(False, f"not installed: {INSTALL_ROS}.")
     other = []
     for name, wanted in PINNED.items():
         try:
@@ -82,10 +84,14 @@ def check_environment() -> Finding:
         return Finding(False, "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF stops local discovery, too: set it to LOCALHOST.")
     if os.environ.get("_ROS_WHEELS_BOOTSTRAP_COMPLETE") and not os.environ.get("LD_LIBRARY_PATH"):
         return Finding(False, "unset _ROS_WHEELS_BOOTSTRAP_COMPLETE: without LD_LIBRARY_PATH beside it ROS is not found.")
-    from lowcostnav_ros.graph.domain import RANGE, discovery
+    from lowcostnav_ros.graph.domain import RANGE, discovery, users_domain
 
-    heard = "nodes receive on this machine only" if discovery() else f"nodes are open to the network ({RANGE}={os.environ[RANGE]})"
-    return Finding(True, f"ROS_DOMAIN_ID={os.environ.get('ROS_DOMAIN_ID', 'unset, the runner chooses a free one')}; {heard}")
+    try:
+        domain = users_domain()
+    except ValueError as error:
+        return Finding(False, str(error))
+    heard = "this machine only" if discovery() else f"the network ({os.environ.get(RANGE) or 'SUBNET, the default'})"
+    return Finding(True, f"your own sensors are heard on ROS domain {domain} from {heard}; a simulated graph takes a free domain")
 
 
 def check_ament_index() -> Finding:

@@ -34,7 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--docs", metavar="FILE", help="write the page of the documentation, docs/faults.md")
 
 
-@job("Inject faults into a flight and judge what every navigator makes of them.", add_arguments)
+EXAMPLE = "example: lowcostnav faults --fault 'gps_*' --out result"
+
+
+@job("Inject faults into a flight and judge what every navigator makes of them.", add_arguments, EXAMPLE)
 def faults(arguments: argparse.Namespace) -> int:
     """Fly, judge, print; 1 when a navigator is wrong and sure."""
     names = chosen(arguments.fault, arguments.quick)

@@ -1,8 +1,8 @@
 """The gnss job: positions out of a receiver's RINEX files, and which satellites a place will see.
 
     lowcostnav gnss locate station.05o station.05n --out positions.csv --page positions.html
-    lowcostnav gnss plan --almanac current.alm --place 38.7 -9.1 500 --start 2026-06-01T06:00 --hours 12 -o plan
-    lowcostnav gnss plan --almanac gps_galileo --place 38.7 -9.1 200 --canyon 1000 1000 250
+    lowcostnav gnss plan --almanac current.alm --place 38.7,-9.1,500 --start 2026-06-01T06:00 --hours 12 -o plan
+    lowcostnav gnss plan --almanac gps_galileo --place 38.7,-9.1,200 --canyon 1000 1000 250
 """
 
 import argparse
@@ -18,7 +18,7 @@ from lowcostnav_ros.base.settings import SettingsError, from_mapping
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.catalogue.equipment import load_almanac
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import between, check_files
+from lowcostnav_ros.cli.options import between, check_files, check_folder, let_values_begin_with_minus, place_of
 from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
 from lowcostnav_ros.gnss import GnssError
@@ -60,8 +60,9 @@ def _add_locate(verbs: argparse._SubParsersAction) -> None:
 def _add_plan(verbs: argparse._SubParsersAction) -> None:
     text = "Satellites in view and dilutions of precision over some hours; exit status 1 when the position is not good all the time."
     plan = verbs.add_parser("plan", help="satellites in view and their geometry at a place over a day", description=text)
+    let_values_begin_with_minus(plan)
     plan.add_argument("--almanac", required=True, metavar="FILE|NAME", help="YUMA almanac, or nominal orbits: gps, galileo, gps_galileo")
-    plan.add_argument("--place", required=True, nargs=3, type=float, metavar=("LAT", "LON", "H"), help="degrees, m above the ellipsoid")
+    plan.add_argument("--place", required=True, metavar="LAT,LON[,M]", help="degrees, and metres above the ellipsoid (default 0)")
     plan.add_argument("--start", metavar="TIME", help="UTC, such as 2026-06-01T06:00 (default: now)")
     plan.add_argument("--hours", type=float, default=24.0, metavar="N", help="length (default: %(default)g)")
     plan.add_argument("--step-s", type=float, default=60.0, metavar="S", help="time between looks (default: %(default)g)")
@@ -73,7 +74,10 @@ def _add_plan(verbs: argparse._SubParsersAction) -> None:
     plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the figures there")
 
 
-@job("Positions out of RINEX files; satellites in view and their geometry over a day.", add_arguments)
+EXAMPLE = "example: lowcostnav gnss plan --almanac gps --place 38.7,-9.1,120"
+
+
+@job("Positions out of RINEX files; satellites in view and their geometry over a day.", add_arguments, EXAMPLE)
 def gnss(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit status."""
     return {"locate": _locate, "plan": _plan}[arguments.verb](arguments)
@@ -118,19 +122,17 @@ def located_with_progress(observations: Observations, navigation: Navigation, se
 
 
 def _plan(arguments: argparse.Namespace) -> int:
-    lat_deg, lon_deg, height = arguments.place
-    between("--place", lat_deg, -90.0, 90.0)
-    between("--place", lon_deg, -180.0, 360.0)
-    between("--place", height, -1000.0, 20_000.0)
+    check_folder(arguments.output)
+    place = place_of(arguments.place, "--place")
     between("--pdop", arguments.pdop, 1.0, 1000.0)
     between("--hours", arguments.hours, 0.1, 24.0 * 31.0)
     start = _start(arguments.start)
     satellites, start_s, notes = _satellites(arguments.almanac, start)
     lowest, hidden = _lowest(arguments)
-    place = math.radians(lat_deg), math.radians(lon_deg), height
     with progress_bar("plan") as advance:
         sky = plan_sky(satellites, place, lowest, arguments.hours, start_s, arguments.step_s, advance)
-    title = f"{Path(arguments.almanac).name}, {len(satellites)} satellites, from {lat_deg:g}, {lon_deg:g}, {height:g} m"
+    lat_deg, lon_deg = math.degrees(place[0]), math.degrees(place[1])
+    title = f"{Path(arguments.almanac).name}, {len(satellites)} satellites, from {lat_deg:g}, {lon_deg:g}, {place[2]:g} m"
     plan = GnssPlan(sky, title, hidden, start, arguments.pdop, lowest, notes)
     print_plan(plan)
     if arguments.output:

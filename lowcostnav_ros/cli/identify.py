@@ -3,16 +3,26 @@
 import argparse
 import math
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.calibration.identification import identify_static
 from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_rest as rest
 from lowcostnav_ros.cli.jobs import job
 
+EXAMPLE = "example: lowcostnav identify flight   what the IMU shows: rate, jitter, noise, units, axes; at rest its error model"
 
-@job("Error model of sensors at rest by mean, scatter and autocorrelation, as numbers of an IMU profile.", rest.add_arguments)
+
+@job("What an IMU shows: rate, noise, units, axes; at rest its error model, as numbers of a profile.", rest.add_arguments, EXAMPLE)
 def identify(arguments: argparse.Namespace) -> int:
     """Mean, scatter, correlation time of every column."""
     columns, rate_hz = rest.inertial(arguments)
+    look = rest.look(columns)
+    if look is not None:
+        print("\n".join([look.words(), *(f"note: {finding}" for finding in look.findings)]))
+    if look is not None and not look.is_at_rest and arguments.output is None:
+        print("in motion: the white noise is an upper bound, vibration included; a drift shows in a recording at rest.")
+        return Exit.WORSE if look.findings else Exit.OK
+    rest.require_rest(columns, rate_hz)
     found = {name: identify_static(rest.named(values, rate_hz, name), rate_hz) for name, values in columns.values.items()}
     rows = [
         (n, f.mean, f.mean_sigma, f.white_sigma, f.drift_sigma, f.correlation_time_s or 0.0, f.long_term_sigma or math.nan)
@@ -23,6 +33,7 @@ def identify(arguments: argparse.Namespace) -> int:
     for name, f in found.items():
         if f.correlation_time_s is not None and not f.correlation_time_sure:
             print(f"{name}: the record holds fewer than 20 correlation times; expect the true one to be longer.")
+    sound = rest.judge({name: f.coloured for name, f in found.items()}) and not (look is not None and look.findings)
     rest.print_grade({name: f.drift_sigma for name, f in found.items()}, columns)
     out = rest.out_dir(arguments)
     if out is not None:
@@ -32,4 +43,4 @@ def identify(arguments: argparse.Namespace) -> int:
         numbers = {n: (f.white_density, f.drift_sigma, f.correlation_time_s or 0.0) for n, f in found.items()}
         rest.write_numbers(out / "identify.csv", heads, rows)
         rest.write_profile(out, "mean, scatter and autocorrelation", numbers, columns, rate_hz)
-    return 0
+    return Exit.OK if sound else Exit.WORSE

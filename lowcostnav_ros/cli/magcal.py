@@ -1,7 +1,6 @@
 """The magcal job: a magnetometer calibrated from a turn or a flight."""
 
 import argparse
-import math
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli.calibrate_input import Columns
 from lowcostnav_ros.cli.calibrate_rest import split
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import add_reading, check_files
+from lowcostnav_ros.cli.options import add_reading, check_files, let_values_begin_with_minus, place_of
 from lowcostnav_ros.physics.geomagnetism import field_n
 
 METHODS = ("full", "two-step", "batch", "known-strength", "level-turn")
@@ -29,6 +28,7 @@ UNITS = ("T", "G", "mG", "uT", "nT")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
+    let_values_begin_with_minus(parser)
     parser.add_argument("source", metavar="BAG|CSV", help="recording with the attitudes to calibrate from")
     parser.add_argument("--topic", default="imu/mag", help="magnetometer topic of a bag (default: imu/mag)")
     add_reading(parser)
@@ -42,10 +42,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="FILE.yaml", help="write the calibration, and a chart beside it")
 
 
-@job("Calibrate a magnetometer from a turn or a flight: hard iron, scale factors, and how far to trust them.", add_arguments)
+EXAMPLE = "example: lowcostnav magcal turns_bag -o magnetometer.yaml"
+
+
+@job("Calibrate a magnetometer from a turn or a flight: hard iron, scale factors, and how far to trust them.", add_arguments, EXAMPLE)
 def magcal(arguments: argparse.Namespace) -> int:
     """Fit, print how far to trust it, write the calibration."""
     check_files(arguments.output)
+    arguments.place = None if arguments.place is None else place_of(arguments.place, "--place")
     table = files.is_table(arguments.source)
     wanted = split(arguments.column)
     columns = files.read_table(arguments.source, wanted, arguments.unit or "") if table else files.read_topic(arguments, files.MAGNETIC)
@@ -73,25 +77,15 @@ def _strength_ut(arguments: argparse.Namespace, columns: Columns) -> float:
 
     if arguments.strength is not None:
         return arguments.strength
-    place, year = _place(arguments.place) or columns.place, arguments.date or columns.decimal_year
+    place, year = arguments.place or columns.place, arguments.date or columns.decimal_year
     if place is None or year is None:
         raise CalibrationError("The strength of the earth's field is needed: give --strength, or --place and --date.")
     try:
-        field = field_n(*place, year)
+        field = field_n(place[0], place[1], place[2], year)
     except ValueError as error:
         raise CalibrationError(str(error)) from None
     used = field[:2] if arguments.method == "level-turn" else field
     return float(np.linalg.norm(used)) * 1e6
-
-
-def _place(text: str | None) -> tuple[float, float, float] | None:
-    if text is None:
-        return None
-    try:
-        lat_deg, lon_deg, *height = (float(part) for part in text.split(","))
-        return math.radians(lat_deg), math.radians(lon_deg), height[0] if height else 0.0
-    except ValueError:
-        raise CalibrationError(f"'{text}' is not a place; write latitude and longitude in degrees, such as 37.4,-122.1.") from None
 
 
 def _fit(arguments: argparse.Namespace, measured_ut: np.ndarray, strength_ut: float) -> MagnetometerFit:

@@ -15,9 +15,10 @@ exit status: 0 pass, 1 worse than the baseline or a failed check, 2 cannot run (
 examples:
   lowcostnav demo                                          a whole mission with a GPS outage, and its report
   lowcostnav simulate livermore -o flight                  a simulated flight as a bag
-  lowcostnav replay flight --withhold gps/fix,gps/vel@290-350 --out result
+  lowcostnav replay flight --withhold gps/fix,gps/vel@60-120 --out result
   lowcostnav replay flight --baseline flight.baseline.yaml
   lowcostnav report flight -o report.html
+  lowcostnav list                                          scenarios, graphs, navigators, nodes, profiles by name
 """
 
 
@@ -54,6 +55,7 @@ def main(argv: Sequence[str] | None = None, registry: Any = None) -> int:
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else Exit.CANNOT_RUN
     except KeyboardInterrupt:
+        print(f"{given[0]} was interrupted; what was not finished has not been written.", file=sys.stderr)
         return Exit.INTERRUPTED
     except ValueError as error:
         if not type(error).__module__.startswith("lowcostnav_ros"):

@@ -38,7 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", metavar="FILE", help="write rank, singular values and shares of the states over time as JSON")
 
 
-@job("Which states of a navigator are observable, along a recording.", add_arguments)
+EXAMPLE = "example: lowcostnav observability flight --navigator ins_gps"
+
+
+@job("Which states of a navigator are observable, along a recording.", add_arguments, EXAMPLE)
 def observability(arguments: argparse.Namespace) -> int:
     """Replay the bag through one navigator and print which of its states were observable."""
     if not 0.0 < arguments.period <= 3600.0:

@@ -1,7 +1,9 @@
 """Checks of options that several jobs share."""
 
 import argparse
+import math
 import os
+import re
 from pathlib import Path
 
 from lowcostnav_ros.base.settings import SettingsError
@@ -45,6 +47,29 @@ def check_folder(path: str | None) -> None:
             raise SettingsError(f"{there} is no folder; give another place for {path}.")
         if not os.access(there, os.W_OK):
             raise SettingsError(f"{path} cannot be written; check the permissions of {there}.")
+
+
+def let_values_begin_with_minus(parser: argparse.ArgumentParser) -> None:
+    """Let ``--place -33.97,18.6`` be a value: argparse takes only plain negative numbers for one, and half the world is south."""
+    parser._negative_number_matcher = re.compile(r"-\.?\d[-\d.,;\s]*$")
+
+
+def place_of(text: str, option: str) -> tuple[float, float, float]:
+    """Return latitude, longitude (rad) and height (m, 0 where none is given) of ``LAT,LON[,M]``, degrees; the one way to write a place.
+
+    Raises
+    ------
+    SettingsError
+    """
+    try:
+        lat_deg, lon_deg, height, *further = [*map(float, text.split(",")), *([0.0] * (text.count(",") == 1))]
+    except ValueError:
+        further = [0.0]
+    if further:
+        raise SettingsError(f"{option}: '{text.strip()}' is not a place; write LAT,LON[,M] in degrees and metres, as in 37.4,-122.1.")
+    between(option, lat_deg, -90.0, 90.0)
+    between(option, lon_deg, -180.0, 360.0)
+    return math.radians(lat_deg), math.radians(lon_deg), between(option, height, -1000.0, 20_000.0)
 
 
 def between(option: str, value: float, low: float, high: float) -> float:

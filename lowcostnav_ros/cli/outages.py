@@ -20,7 +20,8 @@ from lowcostnav_ros.studies.outages.tables import outage_table
 NOTES = """\
 The recording is flown through once; at every start the navigators are copied as they fly and the copies fly on without GPS.
 The numbers equal those of 'replay --withhold' with the same window to the last bit.
-errors: against truth/odometry (or --truth) where the bag has it, else the recorded fixes."""
+errors: against truth/odometry (or --truth) where the bag has it, else the recorded fixes.
+example: lowcostnav outages flight --length 10,60 --every 15 --out outages"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -26,7 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", metavar="PROFILE", help=text)
 
 
-@job("IMU profiles with their grade, and the numbers a filter takes from one.", add_arguments)
+EXAMPLE = "example: lowcostnav profiles crista"
+
+
+@job("IMU profiles with their grade, and the numbers a filter takes from one.", add_arguments, EXAMPLE)
 def profiles(arguments: argparse.Namespace) -> int:
     """List profiles; of one that was asked for also what a filter takes from it."""
     names = arguments.names or imu_profile_names()

@@ -22,7 +22,8 @@ from lowcostnav_ros.report.terminal import print_result, print_table, result_con
 
 NOTES = """\
 withholding: 'gps/fix,gps/vel@290-350' keeps these sources from the navigators from 290 s to 350 s, @290- to the end; without @ all flight.
-  A window that starts before the bag's first stamp counts from the bag's start, any other is read as stamps (t_s).
+  Seconds count from the bag's start; a window that starts after its first stamp (t_s) is read as stamps.
+example: lowcostnav replay flight --withhold gps/fix,gps/vel@60-120 --out result
 errors: against truth/odometry (or --truth) where the bag has it, else against the withheld fixes."""
 
 

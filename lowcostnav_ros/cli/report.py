@@ -14,14 +14,18 @@ from lowcostnav_ros.report.flight.page import write_page
 def add_arguments(report: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
     report.add_argument("source", help="a bag, which is replayed first, or a directory written by replay --out")
-    report.add_argument("-o", "--output", required=True, metavar="HTML", help="page to write")
+    report.add_argument("-o", "--output", metavar="HTML", help="page to write (default: SOURCE.html)")
     add_common(report, " (bags only)")
     report.add_argument("--title", help="heading of the page (default: the name of the bag)")
 
 
-@job("One self-contained HTML page about a flight: map, errors in their sigmas, aids, tables.", add_arguments)
+EXAMPLE = "example: lowcostnav report flight"
+
+
+@job("One self-contained HTML page about a flight: map, errors in their sigmas, aids, tables.", add_arguments, EXAMPLE)
 def report(arguments: argparse.Namespace) -> int:
     """Write the page; returns 0."""
+    arguments.output = arguments.output or f"{Path(arguments.source).with_suffix('.html').name}"
     check_files(arguments.output)
     source = Path(arguments.source)
     with tempfile.TemporaryDirectory(prefix="lowcostnav-report-") as folder:

@@ -12,7 +12,7 @@ from rich.markup import escape
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import check_files
+from lowcostnav_ros.cli.options import check_files, check_folder
 from lowcostnav_ros.report.terminal import print_table
 from lowcostnav_ros.reproduce import cluster, page, registry, run
 from lowcostnav_ros.reproduce.registry import BETTER, CRASHED, DIFFERS, REPRODUCED, VERDICTS, Entry
@@ -47,6 +47,7 @@ def reproduce(arguments: argparse.Namespace) -> int:
         _list(entries)
         return 0
     check_files(arguments.json)
+    check_folder(arguments.out)
     if arguments.seed < 0 or (arguments.workers is not None and arguments.workers < 1):
         raise SettingsError("The seed must not be negative, and at least one worker is needed.")
     out = Path(arguments.out) if arguments.out else None

@@ -4,11 +4,12 @@ import argparse
 import importlib
 
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.list import names_of
 
 
 def add_arguments(run: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
-    run.add_argument("node", help="name of the node, such as ahrs or recorder")
+    run.add_argument("node", help=f"one of {names_of('nodes')}")
     run.add_argument("ros_args", nargs=argparse.REMAINDER, help="passed on to the node, usually --ros-args ...")
 
 

@@ -14,6 +14,7 @@ from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.catalogue.imu_by_name import profile_settings
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.list import names_of
 from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.convert.convert import Record
 from lowcostnav_ros.cores.imu_errors import ImuSettings
@@ -28,14 +29,17 @@ from lowcostnav_ros.simulation.truth_states import TruthStates
 
 def add_arguments(simulate: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
-    simulate.add_argument("scenario", help="name of a scenario of the package, or a YAML file")
+    simulate.add_argument("scenario", help=f"a scenario ({names_of('scenarios')}), or a YAML file")
     simulate.add_argument("-o", "--output", required=True, metavar="BAG", help="bag to create")
     simulate.add_argument("--seed", type=int, help="seed instead of the scenario's")
     simulate.add_argument("--duration", type=float, metavar="S", help="seconds to fly instead of the scenario's")
     simulate.add_argument("--storage", choices=("mcap", "sqlite3"), default="mcap", help="storage of the bag (default: mcap)")
 
 
-@job("Fly a scenario offline and record truth and sensors as the nodes would publish them.", add_arguments)
+EXAMPLE = "example: lowcostnav simulate livermore -o flight"
+
+
+@job("Fly a scenario offline and record truth and sensors as the nodes would publish them.", add_arguments, EXAMPLE)
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly a scenario and write the bag, with the settings a navigator needs to know its IMU by."""
     if arguments.duration is not None and not arguments.duration > 0.0:

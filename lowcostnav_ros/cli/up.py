@@ -1,22 +1,31 @@
 """The up job: a graph of nodes on a terminal."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.cli.list import names_of
+from lowcostnav_ros.cli.options import between
 from lowcostnav_ros.graph import up as graph_up
 from lowcostnav_ros.graph.description import load_graph
+from lowcostnav_ros.graph.domain import HIGHEST
 
 
 def add_arguments(up: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
-    up.add_argument("graph", help="name of a graph of the package, or a YAML file")
-    up.add_argument("--out", metavar="DIR", help="where the graph's recorder writes")
+    up.add_argument("graph", help=f"a graph of the package ({names_of('graphs')}), or a YAML file")
+    text = "ROS domain; default: the graph's, else your ROS_DOMAIN_ID, or any free one where the graph simulates its sensors"
+    up.add_argument("--domain", type=int, metavar="N", help=text)
+    up.add_argument("--out", metavar="DIR", help="where the graph's recorder writes (default: the folder of the logs)")
     up.add_argument("--until-finished", action="store_true", help="stop when the flight is over")
     up.add_argument("--no-table", action="store_true", help="print events line by line, even on a terminal")
 
 
-EXAMPLE = "example: lowcostnav up livermore --until-finished --out runs/1"
+EXAMPLE = """\
+examples:
+  lowcostnav up livermore --until-finished --out runs/1   a simulated flight, live, with a table
+  ROS_DOMAIN_ID=7 lowcostnav up navigators_only           the navigators and a recorder on your own sensors' topics"""
 
 
 @job("Start a graph of nodes, watch it, stop it with Ctrl-C.", add_arguments, EXAMPLE)
@@ -24,4 +33,7 @@ def up(arguments: argparse.Namespace) -> int:
     """Start a graph and keep it up."""
     out = Path(arguments.out) if arguments.out else None
     show = False if arguments.no_table else None
-    return graph_up.up(load_graph(arguments.graph), out=out, show=show, until_finished=arguments.until_finished)
+    graph = load_graph(arguments.graph)
+    if arguments.domain is not None:
+        graph = replace(graph, domain=round(between("--domain", arguments.domain, 0, HIGHEST)))
+    return graph_up.up(graph, out=out, show=show, until_finished=arguments.until_finished)

@@ -1,13 +1,16 @@
 """Errors of the inertial sensors: settings as a data sheet states them, and the state blocks that model them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.settings import setting
+from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.units import DEGREE, MILLI_G
+from lowcostnav_ros.calibration.imu_look import ImuLook
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov, random_walk
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
+from lowcostnav_ros.physics.mounting import MOUNTING, check_mounting
 from lowcostnav_ros.sensors.imu_profile import ImuNoise
 
 XYZ = "xyz"
@@ -27,7 +30,7 @@ class ImuSettings:
     of automotive grade.
     """
 
-    profile: str = setting("", "IMU profile (config/profiles, or a file): overrides the values below that are left at their defaults.")
+    profile: str = setting("", "IMU profile (config/profiles, a file, or auto: by what it shows): sets those below left at their defaults.")
     gyro_noise_dps_rthz: PerAxis = _axes(0.012, "Gyro white noise.", "deg/s/sqrt(Hz)", 1e-7, 10.0)
     gyro_bias_dps: PerAxis = _axes(0.05, "Gyro in-run bias, Gauss-Markov sigma.", "deg/s", maximum=10.0)
     gyro_bias_tau_s: PerAxis = _axes(300.0, "Correlation time of the gyro bias.", "s", 1.0)
@@ -40,6 +43,15 @@ class ImuSettings:
     accel_turn_on_mg: PerAxis = _axes(5.0, "Accelerometer turn-on bias sigma.", "milli-g", maximum=1e3)
     accel_scale_ppm: PerAxis = _axes(0.0, "Accelerometer scale-factor sigma; 0: no states.", "ppm", maximum=1e5)
     accel_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the accelerometer scale factors.", "s", 1.0)
+    mounting_deg: list = MOUNTING
+    lever_arm_m: list = setting(
+        [0.0] * 3, "IMU relative to base_link, of which the solutions are, forward, right, down.", unit="m", minimum=-100.0, maximum=100.0
+    )
+
+    def __post_init__(self) -> None:
+        check_mounting(self.mounting_deg, "imu.mounting_deg")
+        if len(self.lever_arm_m) != 3:
+            raise SettingsError(f"'imu.lever_arm_m' needs three numbers, forward, right, down, got {len(self.lever_arm_m)}.")
 
 
 def of_axes(value: PerAxis) -> np.ndarray:
@@ -73,6 +85,35 @@ def imu_settings(noise: ImuNoise) -> ImuSettings:
         accel_scale_ppm=axes(noise.accel_scale_sigma, 1e-6),
         accel_scale_tau_s=axes(noise.accel_scale_tau_s),
     )
+
+
+AUTO, MARGIN = "auto", 1.5
+"""Name of the profile that is seen; what is seen in a few seconds is doubted by so much."""
+SCALED = 1.0 / 3.0, 30.0
+"""Biases follow white noise, within these factors of the usual ones: a quiet unit may have a large bias all the same."""
+
+
+def as_seen(imu: ImuSettings, look: ImuLook) -> ImuSettings:
+    """Settings by what a unit shows: noise as seen, biases in proportion, turn-on biases at least as large as they are at rest.
+
+    Values that are not the usual ones stay.
+    """
+    usual, values = ImuSettings(), dict[str, Any]()
+    noise = {"gyro": ("dps", DEGREE, look.gyro_noise), "accel": ("mg", MILLI_G, look.accel_noise)}
+    rest = {"gyro": float(np.abs(look.mean_rate).max()), "accel": abs(float(np.linalg.norm(look.mean_force)) - STANDARD_GRAVITY)}
+    for sensor, (unit, scale, density) in noise.items():
+        name, bias, turn_on = f"{sensor}_noise_{unit}_rthz", f"{sensor}_bias_{unit}", f"{sensor}_turn_on_{unit}"
+        seen = min(max(MARGIN * float(density.max()) / scale, 1e-4), 10.0)
+        factor = min(max(seen / getattr(usual, name), SCALED[0]), SCALED[1])
+        felt = min(MARGIN * rest[sensor] / scale, 10.0 if unit == "dps" else 1e3) if look.is_at_rest else 0.0
+        values |= {name: seen, bias: factor * getattr(usual, bias), turn_on: max(factor * getattr(usual, turn_on), felt)}
+    return replace(imu, **{name: value for name, value in values.items() if getattr(imu, name) == getattr(usual, name)})
+
+
+def times_the_profile(imu: ImuSettings, look: ImuLook) -> dict[str, float]:
+    """How many times the settings' white noise each sensor shows, by its worst axis."""
+    gyro, accel = of_axes(imu.gyro_noise_dps_rthz) * DEGREE, of_axes(imu.accel_noise_mg_rthz) * MILLI_G
+    return {"gyro": float((look.gyro_noise / gyro).max()), "accelerometer": float((look.accel_noise / accel).max())}
 
 
 def core_block(imu: ImuSettings) -> Block:

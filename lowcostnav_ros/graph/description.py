@@ -5,6 +5,10 @@ A graph names its nodes; what every one of them shares stands at the top::
     scenario: livermore          # simulators take their settings from this scenario
     real_time_factor: 1.0        # 2.0 flies twice as fast as the clock on the wall
     lossless: false              # true: publishing waits, nothing is lost (recordings for regression)
+    domain: 7                    # ROS domain; default: that of the environment, or any free one where the graph simulates its sensors
+    inputs:                      # of navigators and recorders: where a source comes from, frame ids accepted beside the usual ones
+      imu/data_raw: {topic: /mavros/imu/data_raw, frames: [imu]}
+    parameters: {imu.mounting_deg: [0, 0, 90]}   # of every node that has such a parameter
     nodes:
       - executable: ins_gps      # one of the executables of the package
         name: ins_gps            # node name, default the executable
@@ -14,7 +18,7 @@ A graph names its nodes; what every one of them shares stands at the top::
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -22,9 +26,11 @@ from typing import Any
 from lowcostnav_ros.base.documents import read_yaml
 from lowcostnav_ros.base.settings import nearest, shown
 from lowcostnav_ros.catalogue.config_files import config_dir
+from lowcostnav_ros.graph.domain import HIGHEST
 from lowcostnav_ros.graph.executables import EXECUTABLES, MONITOR, SIMULATOR, SOURCE, kind_of
+from lowcostnav_ros.messages.inputs import is_of_input, parse_inputs
 
-TOP_KEYS = ("scenario", "domain", "lossless", "real_time_factor", "nodes")
+TOP_KEYS = ("scenario", "domain", "lossless", "real_time_factor", "inputs", "parameters", "nodes")
 NODE_KEYS = ("executable", "name", "config", "parameters", "respawn")
 
 
@@ -45,7 +51,10 @@ class GraphNode:
 
 @dataclass(frozen=True)
 class Graph:
-    """A checked graph; ``domain`` None means any free one."""
+    """A checked graph; ``domain`` None means that of the environment, or any free one where the graph simulates or plays its sensors.
+
+    ``inputs`` and ``parameters`` hold dotted names and values for all nodes: ``input.<source>.topic`` and ``.frames``, and any other.
+    """
 
     name: str
     nodes: tuple[GraphNode, ...]
@@ -53,6 +62,13 @@ class Graph:
     domain: int | None = None
     lossless: bool = False
     real_time_factor: float = 1.0
+    inputs: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def has_source(self) -> bool:
+        """Whether a flight is simulated or played in the graph, so that it listens to nobody's sensors."""
+        return any(kind_of(node.executable) in (SOURCE, SIMULATOR) for node in self.nodes)
 
     def node(self, name: str) -> GraphNode:
         """Return a node by name; raises GraphError when there is none."""
@@ -109,8 +125,8 @@ def parse_graph(content: Any, name: str, folder: Path | None = None) -> Graph:
     if isinstance(factor, bool) or not isinstance(factor, int | float) or not 0.01 <= factor <= 1000.0:
         raise GraphError(f"{name}: 'real_time_factor' must be a number from 0.01 to 1000, got {shown(factor)}.")
     domain = content.get("domain")
-    if domain is not None and (isinstance(domain, bool) or not isinstance(domain, int) or not 1 <= domain <= 100):
-        raise GraphError(f"{name}: 'domain' must be a whole number from 1 to 100, got {shown(domain)}.")
+    if domain is not None and (isinstance(domain, bool) or not isinstance(domain, int) or not 0 <= domain <= HIGHEST):
+        raise GraphError(f"{name}: 'domain' must be a whole number from 0 to {HIGHEST}, got {shown(domain)}.")
     if not isinstance(content.get("lossless", False), bool):
         raise GraphError(f"{name}: 'lossless' must be true or false, got {shown(content['lossless'])}.")
     scenario = str(content.get("scenario") or "")
@@ -119,7 +135,23 @@ def parse_graph(content: Any, name: str, folder: Path | None = None) -> Graph:
     for one in names:
         if names.count(one) > 1:
             raise GraphError(f"{name}: two nodes are called '{one}'; give one of them another 'name'.")
-    return Graph(name, nodes, scenario, domain, content.get("lossless", False), float(factor))
+    shared = dict(_dotted(content.get("parameters") or {}, f"{name}: 'parameters'"))
+    inputs = {f"input.{key}": value for key, value in _dotted(content.get("inputs") or {}, f"{name}: 'inputs'")}
+    for key in inputs:
+        if not is_of_input(key):
+            raise GraphError(f"{name}: 'inputs' gives sources a topic or frames, as in 'imu/data_raw: {{topic: /imu}}', not '{key[6:]}'.")
+    parse_inputs(inputs, name)
+    return Graph(name, nodes, scenario, domain, content.get("lossless", False), float(factor), inputs, shared)
+
+
+def _dotted(values: Any, where: str, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    if not isinstance(values, Mapping):
+        raise GraphError(f"{where}: expected names and values, got {type(values).__name__}.")
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _dotted(value, where, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
 
 
 def _node(entry: Any, where: str, scenario: str, folder: Path | None) -> GraphNode:

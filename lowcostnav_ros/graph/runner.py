@@ -13,7 +13,7 @@ from typing import Any, Self
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode
-from lowcostnav_ros.graph.domain import free_domain, node_environment
+from lowcostnav_ros.graph.domain import LOCALHOST, RANGE, free_domain, node_environment, require_ros, users_domain
 from lowcostnav_ros.graph.executables import KINDS, RECORDER, SOURCE, kind_of
 from lowcostnav_ros.graph.monitor import MonitorProcess, Reports
 from lowcostnav_ros.graph.process import Event, NodeProcess, What, write_parameters
@@ -51,6 +51,7 @@ class GraphRunner:
         self.log_dir = Path(log_dir or _new_log_folder(graph.name))
         self.out = Path(out or self.log_dir)
         self.events: list[Event] = []
+        self.title = graph.name
         self.processes: dict[str, NodeProcess] = {}
         self.reports = Reports(self._process_id)
         self._domain = contextlib.ExitStack()
@@ -59,12 +60,12 @@ class GraphRunner:
         self._failing: set[str] = set()
 
     def __enter__(self) -> Self:
+        require_ros()
         self.log_dir.mkdir(parents=True, exist_ok=True)
         if any(n.executable == "recorder" for n in self.graph.nodes) and (self.out / "recording").exists():
             raise GraphError(f"{self.out / 'recording'} exists already; choose another folder or remove it first.")
         self._write_settings(self.log_dir / "settings")
-        self.domain = self._domain.enter_context(free_domain(self.graph.domain))
-        environment = node_environment(self.domain, self.log_dir)
+        environment = self._environment()
         try:
             self._monitor = MonitorProcess(environment, self.log_dir / "monitor.log", self.reports.take)
             self._monitor.start()
@@ -78,6 +79,19 @@ class GraphRunner:
 
     def __exit__(self, *_exception: object) -> None:
         self.stop()
+
+    def _environment(self) -> dict[str, str]:
+        """That of the node processes: a graph without sensors of its own hears what this environment hears."""
+        graph = self.graph
+        try:
+            wanted = graph.domain if graph.domain is not None or graph.has_source else users_domain()
+        except ValueError as error:
+            raise GraphError(str(error)) from error
+        self.domain = self._domain.enter_context(free_domain(wanted))
+        environment = node_environment(self.domain, self.log_dir, usual=LOCALHOST if graph.has_source else "")
+        heard = environment.get(RANGE, "").upper()
+        self.title = f"{graph.name} on ROS domain {self.domain}, {'this machine' if heard == LOCALHOST else heard.lower() or 'subnet'}"
+        return environment
 
     def watch(self) -> list[Event]:
         """Look after the processes once: notice deaths, silence and full disks, restart; return what happened."""
@@ -164,6 +178,13 @@ class GraphRunner:
                 elif kind == RECORDER and process.exit_code == Exit.WORSE and process.name in was_alive - self._failing:
                     self._note(Event(process.name, What.FAILS, process.last_line().rstrip(".")))
         self._domain.close()
+
+    @property
+    def recording(self) -> Path | None:
+        """Where the graph's recorder has written, None without one."""
+        recorders = [node.name for node in self.graph.nodes if kind_of(node.executable) == RECORDER]
+        paths = (self.rows.get(f"{name}: recording", {}).get("values", {}).get("path") for name in recorders)
+        return next((Path(path) for path in paths if path and Path(path).exists()), None)
 
     def _running(self) -> list[NodeProcess]:
         return [*self.processes.values(), *([self._monitor] if self._monitor else [])]

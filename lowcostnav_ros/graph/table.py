@@ -18,7 +18,7 @@ def table(runner: GraphRunner) -> "Table":
     from rich.table import Table
     from rich.text import Text
 
-    view = Table(title=f"{runner.graph.name}, ROS domain {runner.domain}", title_justify="left")
+    view = Table(title=runner.title, title_justify="left")
     for title in ("node", "state", "inputs"):
         view.add_column(title)
     for title in ("CPU %", "MB", "restarts"):

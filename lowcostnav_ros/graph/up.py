@@ -42,7 +42,9 @@ def up(graph: Graph, out: Path | None = None, show: bool | None = None, until_fi
     show = sys.stdout.isatty() if show is None else show
     before = {number: signal.signal(number, _raise_stop) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     try:
-        with GraphRunner(graph, out=out, on_event=(lambda _: None) if show else print) as runner:
+        with GraphRunner(graph, out=out, on_event=(lambda _: None) if show else _say) as runner:
+            if not show:
+                _say(f"{runner.title}; {len(graph.nodes)} nodes; logs in {runner.log_dir}")
             try:
                 _watch(runner, show, until_finished)
             except _Stop:
@@ -54,6 +56,8 @@ def up(graph: Graph, out: Path | None = None, show: bool | None = None, until_fi
         with suppress(OSError):  # the terminal may be gone
             for event in trouble:
                 print(event, file=sys.stderr)
+            if runner.recording is not None:
+                _say(f"recording in {runner.recording}; lowcostnav report {runner.recording} -o report.html shows it")
         return Exit.WORSE if trouble else Exit.OK
     except _Stop:
         return Exit.OK
@@ -63,6 +67,11 @@ def up(graph: Graph, out: Path | None = None, show: bool | None = None, until_fi
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _say(what: object) -> None:
+    """Print at once, also into a pipe."""
+    print(what, flush=True)
 
 
 def _raise_stop(*_: object) -> None:

@@ -7,11 +7,12 @@ from collections import Counter
 from dataclasses import replace
 from typing import Any
 
-from lowcostnav_ros.base.settings import to_mapping
+from lowcostnav_ros.base.settings import chosen_class, declared, nearest, to_mapping
 from lowcostnav_ros.catalogue.config_files import read_parameters
 from lowcostnav_ros.catalogue.navigator_topics import topics_of
-from lowcostnav_ros.graph.description import Graph, GraphNode, takes_scenario
-from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, RECORDER, SOURCE, kind_of
+from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode, takes_scenario
+from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, RECORDER, SOURCE, kind_of, settings_of
+from lowcostnav_ros.messages.inputs import is_of_input
 from lowcostnav_ros.messages.rules import parse_further
 from lowcostnav_ros.messages.topics import TOPICS
 from lowcostnav_ros.navigators.registry import NAVIGATORS
@@ -84,7 +85,27 @@ def shared_parameters(graph: Graph, node: GraphNode) -> dict[str, Any]:
     if kind_of(node.executable) == NAVIGATOR and graph.real_time_factor > 1.0:
         # transport takes wall time, the horizon counts stamps: flying faster needs a longer lag (it delays, it changes no solution)
         values["horizon.lag_s"] = min(setting_of(node, "horizon.lag_s") * graph.real_time_factor, LONGEST_LAG_S)
-    return values | dict(node.parameters)
+    if kind_of(node.executable) in (NAVIGATOR, RECORDER):
+        values |= graph.inputs
+    return values | _of_all(graph, node) | dict(node.parameters)
+
+
+def _of_all(graph: Graph, node: GraphNode) -> dict[str, Any]:
+    """Those of the parameters for all nodes that a node has."""
+    if not graph.parameters:
+        return {}
+    known = {other.name: _parameters_of(other) for other in graph.nodes}
+    for name in graph.parameters:
+        if not any(name in names for names in known.values()):
+            raise GraphError(f"{graph.name}: no node has the parameter '{name}'{nearest(name, set().union(*known.values()))}.")
+    return {name: value for name, value in graph.parameters.items() if name in known[node.name]}
+
+
+def _parameters_of(node: GraphNode) -> set[str]:
+    settings = settings_of(node.executable)
+    if settings is None:
+        return set()
+    return {entry.name for entry in declared(chosen_class(settings, _given(node)))}
 
 
 def setting_of(node: GraphNode, name: str) -> Any:
@@ -101,7 +122,9 @@ def flown_settings(graph: Graph) -> dict[str, dict[str, Any]]:
     for node in graph.nodes:
         if kind_of(node.executable) == NAVIGATOR:
             values = to_mapping(_navigator_settings(replace(node, parameters=shared_parameters(graph, node))))
-            flown[node.executable] = {name: value for name, value in values.items() if name != "imu.profile"}
+            given = _given(replace(node, parameters=shared_parameters(graph, node)))
+            inputs = {name: value for name, value in given.items() if is_of_input(name)}
+            flown[node.executable] = {name: value for name, value in values.items() if name != "imu.profile" or value == "auto"} | inputs
     return flown
 
 
@@ -109,9 +132,13 @@ def _navigator_settings(node: GraphNode) -> Any:
     from lowcostnav_ros.catalogue import building  # loads the compiler, which a graph without navigators does not need
 
     settings_class = NAVIGATORS[node.executable].Settings
-    file = {} if node.config is None else read_parameters(node.config, node.name)
-    values = {name: value for name, value in {**file, **node.parameters}.items() if not building.is_of_node(name)}
+    values = {name: value for name, value in _given(node).items() if not building.is_of_node(name)}
     return building.complete_settings(settings_class, values, node.name)
+
+
+def _given(node: GraphNode) -> dict[str, Any]:
+    """What its parameter file and its graph give a node."""
+    return {**({} if node.config is None else read_parameters(node.config, node.name)), **node.parameters}
 
 
 def navigator_of(node: GraphNode) -> Any:

@@ -23,6 +23,8 @@ from lowcostnav_ros.messages.arrival import ArrivalReader
 from lowcostnav_ros.messages.checks import WRONG_FRAME
 from lowcostnav_ros.messages.decode import Decoder, Rejected
 from lowcostnav_ros.messages.foreign import mapped, offers, options
+from lowcostnav_ros.messages.inputs import Inputs, inputs_in
+from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.messages.storage import SafeWriter
 from lowcostnav_ros.messages.store import STORE, full_type
 from lowcostnav_ros.messages.unclosed import UnclosedReader, files_of
@@ -156,6 +158,8 @@ class BagReader:
         See :func:`~lowcostnav_ros.messages.foreign.parse_maps`.
     is_torn : bool, optional
         Read what is whole of a recording that has been closed and is damaged since.
+    inputs : Inputs, optional
+        Names and frames of its sources beside those in the settings that it carries; unlike ``maps``, of topics that may be missing.
 
     Attributes
     ----------
@@ -176,12 +180,20 @@ class BagReader:
     """
 
     def __init__(
-        self, path: str | Path, decoder: Decoder | None = None, maps: Mapping[str, str] | None = None, is_torn: bool = False
+        self,
+        path: str | Path,
+        decoder: Decoder | None = None,
+        maps: Mapping[str, str] | None = None,
+        is_torn: bool = False,
+        inputs: Inputs | None = None,
     ) -> None:
         self.path, self.maps = Path(path), dict(maps or {})
         self.decoder = decoder or Decoder()
+        carried = inputs_in(self.settings_folder) | (inputs or Inputs())
+        self.decoder.rules.allow(carried.frames)
         self._reader: Any = _opened(self.path, is_torn)
         self.is_closed = isinstance(self._reader, ArrivalReader)
+        self.maps = carried.maps(c.topic for c in self._reader.connections) | self.maps
         self.types = {mapped(c.topic, self.maps): c.msgtype for c in self._reader.connections}
         self._refuse_double_names()
         stated = [c.msgcount for c in self._reader.connections]
@@ -245,11 +257,11 @@ class BagReader:
                 found = {theirs: ours for theirs, ours in offers(self.types).items() if ours in (source, "")}
                 remedy = f"; read one with {options(found)}" if found else nearest(source, self.types)
                 raise BagError(f"{self.path} has no topic '{source}'{remedy}.")
-            expected = self._msgtype_of(source)
-            if expected is None:
+            kind = self._decoded_as(source)
+            if kind is None:
                 raise BagError(f"{self.path}: topic '{source}' carries nothing a navigator reads{nearest(source, topics.TOPICS)}.")
-            if self.types[source] != expected:
-                raise BagError(f"{self.path}: topic '{source}' is of type {self.types[source]}, expected {expected}.")
+            if not kind.takes(self.types[source]):
+                raise BagError(f"{self.path}: topic '{source}' is of type {self.types[source]}, expected {kind.msgtype}.")
 
     def stream(self, sources: Iterable[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
         """Yield (source, receive stamp ns, CDR bytes) in the order of arrival, memory flat; all topics where ``sources`` is None.
@@ -299,11 +311,12 @@ class BagReader:
 
     def decodable(self) -> list[str]:
         """List the sources of this recording that are measurements, with the type they ought to have."""
-        return [s for s, msgtype in self.types.items() if self._msgtype_of(s) == msgtype]
+        kinds = {source: self._decoded_as(source) for source in self.types}
+        return [source for source, kind in kinds.items() if kind is not None and kind.takes(self.types[source])]
 
-    def _msgtype_of(self, source: str) -> str | None:
+    def _decoded_as(self, source: str) -> Kind | None:
         kind = self.decoder.rules.kind_of(source)
-        return None if kind is None or kind.decode is None else kind.msgtype
+        return None if kind is None or kind.decode is None else kind
 
     def nothing(self, sources: Sequence[str]) -> BagError:
         """Return the refusal of a recording of which nothing can be used: what was rejected and why, or what there is instead."""

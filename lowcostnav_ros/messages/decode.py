@@ -48,7 +48,9 @@ def decode(
     if kind is None or kind.decode is None:
         return Rejected(source, "unknown topic")
     if kind.msgtype != msgtype and kind.msgtype != full_type(msgtype):
-        return Rejected(source, "wrong message type", f"{full_type(msgtype)}, expected {kind.msgtype}")
+        if full_type(msgtype) not in kind.also:
+            return Rejected(source, "wrong message type", f"{full_type(msgtype)}, expected {kind.msgtype}")
+        return _carefully(raw, kind, rules, Counter() if notes is None else notes, full_type(msgtype))
     if kind.fast is not None:
         measurement = kind.fast(raw, kind, rules)
         if measurement is not None:
@@ -141,11 +143,11 @@ class Decoder:
             self.accepted[source] += 1
 
 
-def _carefully(raw: bytes | memoryview, kind: Kind, rules: DecodeRules, notes: Notes) -> Measurement | Rejected:
+def _carefully(raw: bytes | memoryview, kind: Kind, rules: DecodeRules, notes: Notes, other: str = "") -> Measurement | Rejected:
     stamp_ns = 0
     assert kind.decode is not None, f"{kind.name} has no decoder"
     try:
-        message = from_cdr(raw, kind.msgtype)
+        message = kind.also[other](from_cdr(raw, other)) if other else from_cdr(raw, kind.msgtype)
     except Exception as error:
         return Rejected(kind.name, "malformed message", str(error)[:120])
     try:

@@ -50,7 +50,7 @@ def offers(types: Mapping[str, str]) -> dict[str, str]:
     lacking = [kind for name, kind in TOPICS.items() if kind.sensed and name not in types]
     found: dict[str, str] = {}
     for kind in lacking:
-        alike = [source for source in types if types[source] == kind.msgtype and source not in found and _is_foreign(source, types)]
+        alike = [source for source in types if kind.takes(types[source]) and source not in found and _is_foreign(source, types)]
         ranked = sorted((rank, source) for source in alike if (rank := _likeness(source, kind)) is not None)
         if ranked:
             found[ranked[0][1]] = kind.name

@@ -64,6 +64,7 @@ class Kind(TopicSpec):
     recorded : the recorder records it unless it is given a list
     by_type : encodes measurements of its class from sources that are no topic of this package, too
     fast : (bytes, kind, rules) to measurement, or to None where ``decode`` has to look
+    also : other message types that carry the same, each with what makes the expected one of its message objects
     encode_many : measurement of several samples, with ``stamps_ns``, to the CDR bytes of each
     """
 
@@ -81,6 +82,11 @@ class Kind(TopicSpec):
     by_type: bool = True
     fast: "Callable[[Any, Kind, Any], Measurement | None] | None" = None
     encode_many: Callable[[Any], list[bytes]] | None = None
+    also: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
+
+    def takes(self, msgtype: str) -> bool:
+        """Whether messages of a type can be decoded as this kind."""
+        return msgtype == self.msgtype or msgtype in self.also
 
 
 TOPICS: Registry[Kind] = Registry("topic", _ROOM, many=True)

@@ -52,6 +52,11 @@ def nav_sat_fix(stamp_ns: int, lat: float, lon: float, height: float, cov_n: np.
     return NavSatFix(header(stamp_ns, frame_id), state, math.degrees(lat), math.degrees(lon), float(height), cov, kind)
 
 
+def without_covariance(message: Any) -> Any:
+    """Return the TwistWithCovarianceStamped of a TwistStamped: its covariance is unknown."""
+    return TwistStamped(message.header, TwistWithCovariance(message.twist, np.zeros(36)))
+
+
 def twist_stamped(stamp_ns: int, frame_id: str, linear: np.ndarray, cov: np.ndarray) -> Any:
     """Build a TwistWithCovarianceStamped of a linear velocity and its (3, 3) covariance, both already in the message's axes."""
     full = two_blocks(cov, np.eye(3) * UNKNOWN_VARIANCE)

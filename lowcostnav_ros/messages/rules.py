@@ -73,6 +73,12 @@ class DecodeRules:
         self.frames[source] = (frames,) if isinstance(frames, str) else frames
         self._known.pop(source, None)
 
+    def allow(self, frames: Mapping[str, Collection[str]]) -> None:
+        """Accept further frame ids of some sources."""
+        for source, further in frames.items():
+            self.frames[source] = {*self.frames.get(source, ()), *further}
+            self._known.pop(source, None)
+
     def accept(self, listener: Listener) -> None:
         """Assign the kinds and frames that a navigator's settings give its sources; a frame that any listener accepts is accepted.
 

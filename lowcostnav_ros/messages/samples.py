@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, displace
-from lowcostnav_ros.physics.rotation import euler_to_dcm
+from lowcostnav_ros.physics.mounting import mounting_dcm
 
 M = TypeVar("M")
 
@@ -40,10 +40,8 @@ class TableRow(_Headed):
 
     def mounted(self, name: str) -> np.ndarray:
         """Return a field turned from sensor axes into body axes."""
-        values = self.values[name]
-        for turn in self.mounting_deg:
-            values = values @ euler_to_dcm(*np.radians(turn)).T
-        return values
+        values, turn = self.values[name], mounting_dcm(self.mounting_deg)
+        return values if turn is None else values @ turn.T
 
     def cov(self) -> np.ndarray:
         """Return the covariance of three sigmas."""

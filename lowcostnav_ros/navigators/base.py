@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any, ClassVar, TypeVar
@@ -15,6 +15,8 @@ from lowcostnav_ros.base.measurements import Health, ImuBlock, Integrity, Magnet
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.tally import Tally
+from lowcostnav_ros.calibration.imu_look import look_at
+from lowcostnav_ros.cores.imu_errors import AUTO, as_seen, times_the_profile
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import NO_CORRECTION, RECOVERED, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
 from lowcostnav_ros.estimation.clocks import HELD
@@ -26,6 +28,7 @@ from lowcostnav_ros.estimation.time_offsets import TimeOffsets
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
 from lowcostnav_ros.navigators.trust import Trust
 from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.physics.mounting import mounted, mounting_dcm
 
 SILENT_NS = 2_000_000_000
 """A navigator that puts out nothing for longer than this is not healthy, whatever its mode."""
@@ -35,6 +38,10 @@ ALL_REFUSED = 100
 AidType = TypeVar("AidType", bound=Aid)
 HEALTH_NS = 1_000_000_000
 """A navigator says how it is at least once in this time of stamps."""
+LOOK_NS, ENOUGH_NS = 4_000_000_000, 2_000_000_000
+"""An IMU is looked at for so long from its first sample on, or until the alignment; the second is the least for a profile seen."""
+TOO_MUCH = {True: 10.0, False: 30.0}
+"""White noise this many times the settings' is said, at rest and in motion, where vibration adds to it."""
 
 @dataclass(frozen=True)
 class HorizonSettings:
@@ -202,6 +209,9 @@ class Navigator(ABC):
         self._said: tuple[int, str, Level, str] | None = None
         calibration = getattr(settings, "magnetometer", None)
         self._magnetometer = None if calibration is None or calibration == type(calibration)() else calibration
+        self._first: list[ImuBlock] = []
+        self.imu_words = ""
+        self._turn = mounting_dcm(getattr(getattr(settings, "imu", None), "mounting_deg", ()))
         self.trust = Trust(self)
 
     # its list ----------------------------------------------------------------------------------------------------------------
@@ -392,6 +402,8 @@ class Navigator(ABC):
         record.received += len(measurement) if isinstance(measurement, ImuBlock) else 1
         if self._magnetometer is not None and isinstance(measurement, MagneticField):
             measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
+        if isinstance(measurement, ImuBlock):
+            measurement = self._in_body_axes(measurement)
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
         for item in self.horizon.take():
@@ -408,6 +420,13 @@ class Navigator(ABC):
         if out:
             self._out_ns = out[-1].stamp_ns
         return out
+
+    def _in_body_axes(self, block: ImuBlock) -> ImuBlock:
+        """Inertial samples turned from the axes of the sensor into those of the body."""
+        if self._turn is None:
+            return block
+        force_b, rate_b = (mounted(self._turn, values) for values in (block.specific_force_b, block.angular_rate_b))
+        return replace(block, specific_force_b=force_b, angular_rate_b=rate_b)
 
     def _push(self, measurement: Measurement, record: InputStatus) -> None:
         """Give a measurement to the horizon; count what is refused."""
@@ -427,12 +446,33 @@ class Navigator(ABC):
 
     def _screened(self, block: ImuBlock) -> None:
         """Take inertial samples in, spikes replaced; what the state gains instead comes at its own time."""
+        if not self._first or block.stamps_ns[0] - self._first[0].stamps_ns[0] < LOOK_NS:
+            self._first.append(block)
         for jolt, samples, phrase in self.spikes.screen(block):
             if phrase:
                 self.input_status[block.source].reject(phrase)
             if jolt is not None:
                 self._disturb(jolt)
             self._fuse(samples)
+
+    def _still_looks(self) -> bool:
+        """Whether an IMU that is to be flown as it shows itself has shown too little yet."""
+        imu = getattr(self.settings, "imu", None)
+        return imu is not None and imu.profile == AUTO and self._first[-1].stamp_ns - self._first[0].stamp_ns < ENOUGH_NS
+
+    def _seen(self) -> Any:
+        """IMU settings to begin with, by what its first seconds show, where they are to be found so; else None.  Says what is odd."""
+        imu = getattr(self.settings, "imu", None)
+        if imu is None or not self._first:
+            return None
+        joined = ImuBlock.joined(self._first)
+        look = look_at(joined[: int(np.searchsorted(joined.stamps_ns, joined.stamps_ns[0] + LOOK_NS))])
+        if look is None:
+            return None
+        most = TOO_MUCH[look.is_at_rest]
+        odd = [f"{name} noise {n:.0f} times the settings'" for name, n in times_the_profile(imu, look).items() if n > most]
+        self.imu_words = "; ".join([f"{look.words()}, set by it"] if imu.profile == AUTO else odd)
+        return as_seen(imu, look) if imu.profile == AUTO else None
 
     def _disturb(self, jolt: Jolt) -> None:  # noqa: B027 - one without inertial sensors feels nothing
         """Take in what inertial samples that were held back amount to."""
@@ -463,12 +503,23 @@ class Navigator(ABC):
         aids = [aid.status for aid in self.aids]
         inputs = list(self.input_status.values())
         mode, level, contradictions = self.mode, self._level(), self.contradictions()
-        reason = "; ".join([self.reason, *self.horizon.clocks.sentences()])
+        reason = "; ".join(filter(None, [self.reason, self._waits_for(), *self.horizon.clocks.sentences()]))
         silent = self._silence()
         if silent and level == Level.OK:
             mode, level, reason = Mode.FAILED, Level.ERROR, f"{silent}; {reason}"
         further = self._sigmas(), inputs, aids, self._integrity(), self._details(), contradictions
         return NavigatorStatus(self.name, mode, reason, level, self.horizon.passed_ns, *further)
+
+    def deprived(self) -> Iterator[str]:
+        """Aids of inputs on which nothing has come, each with its input (``airspeed: no air/velocity``)."""
+        for source, channels in self.channels.items():
+            if not self.input_status[source].received:
+                yield from dict.fromkeys(f"{aid.own(aid.name)}: no {source}" for channel in channels for aid in channel.aids)
+
+    def _waits_for(self) -> str:
+        """Which required inputs have given nothing, while nothing is known yet."""
+        missing = [record.source for record in self.input_status.values() if record.required and not record.received]
+        return f"nothing on {', '.join(missing)}" if missing and self.mode == Mode.INITIALISING else ""
 
     def _silence(self) -> str:
         """Why a navigator that reports itself healthy is not: nothing comes out, or nothing that comes in can be used; empty when it is."""
@@ -539,7 +590,8 @@ class Navigator(ABC):
         """Further values for diagnostics, by name."""
         known = {} if self.offsets is None else self.offsets.known
         stamps = {f"stamps of {device}": offset.words() for device, offset in known.items()}
-        return {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark} | stamps
+        seen = {"imu": self.imu_words} if self.imu_words else {}
+        return seen | {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark} | stamps
 
     def _solution_at(self, t_ns: int, nav: np.ndarray, P: np.ndarray, rows: range, **further: Any) -> NavSolution:
         """Solution with position, velocity and the states ``rows``; ``nav`` begins with lat, lon, height, velocity and ``P`` likewise."""

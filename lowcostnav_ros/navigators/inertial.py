@@ -1,7 +1,7 @@
 """What all inertial navigators with an error-state filter share: the strapdown core, the way of measurements to aids, modes, outputs."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
-from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
+from lowcostnav_ros.cores.inertial import ATT, CORE, POS, VEL, InertialCore
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
@@ -23,7 +23,8 @@ from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator, position_sigmas
 from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
-from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
+from lowcostnav_ros.physics.earth import displace
+from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
 from lowcostnav_ros.starts.point_solution import SlopeVelocity
@@ -63,8 +64,8 @@ class InertialNavigator(Navigator):
     ----------
     core : InertialCore
     layout : Layout
-    lever_b : ndarray (3,)
-        GPS antenna relative to the IMU, m.
+    lever_b, imu_arm_b : ndarray (3,)
+        GPS antenna relative to the IMU, IMU relative to base_link, m.
     fix_word : str
         What a fix is called in a reason.
     """
@@ -76,7 +77,8 @@ class InertialNavigator(Navigator):
     def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
         super().__init__(settings, stations, latency_s)
         gps, layout = getattr(settings, "gps", None), Layout(self.blocks())
-        self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float)
+        self.imu_arm_b = np.array(settings.imu.lever_arm_m, dtype=float)
+        self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float) - self.imu_arm_b
         self._attach(layout, InertialCore(layout))
         self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
         self.slope = SlopeVelocity()
@@ -326,12 +328,17 @@ class InertialNavigator(Navigator):
         if isinstance(item, GpsPosition):
             self.set_origin(item.lat, item.lon, item.height)
         start = self.start.take(item)
-        if start is not None:
+        if start is not None and self._still_looks():
+            self.mode, self.reason = Mode.ALIGNING, "looking at the IMU"
+        elif start is not None:
             self._begin(start)
         elif self.start.reason:
             self.mode, self.reason = Mode.ALIGNING, self.start.reason
 
     def _begin(self, start: Start) -> None:
+        imu = self._seen()
+        if imu is not None and imu != self.settings.imu:
+            self._fly_on(imu)
         self.begin(start.stamp_ns, start.nav, start.covariance)
         if self.start.force_b is not None:
             self.axes.begin(start.stamp_ns, self.start.force_b[2])
@@ -347,6 +354,13 @@ class InertialNavigator(Navigator):
         self._emitted = stamp_ns // self.output_period_ns
         self._sampled_ns = stamp_ns
         self._aligned, self.reason = True, ""
+
+    def _fly_on(self, imu: ImuSettings) -> None:
+        """Take other numbers of the IMU, before a state is there."""
+        self.settings = replace(self.settings, imu=imu)
+        layout = Layout(self.blocks())
+        self._attach(layout, InertialCore(layout))
+        self.core.history, self.recovery = self.history, Recovery(imu, layout)
 
     def _transfer(self, item: NavSolution) -> None:
         """Start at the state of the master; once aligned, its solutions are ignored."""
@@ -377,6 +391,8 @@ class InertialNavigator(Navigator):
 
     def _solution(self, t_ns: int, nav: np.ndarray, P: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
         wind = self.layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
+        if self.imu_arm_b.any():
+            nav, P = at_base(nav, P, rate_b, self.imu_arm_b)
         return self._solution_at(
             *(t_ns, nav, P, range(CORE, self.layout.size)),
             q_nb=nav[6:10].copy(),
@@ -393,3 +409,17 @@ class InertialNavigator(Navigator):
         P = self.P[:CORE, :CORE] + self.trust.doubt(self.core.t_ns)
         north, east, down = np.sqrt(np.maximum(np.diag(P)[ATT], 0.0)) / DEGREE
         return position_sigmas(P) | {"tilt_deg": float(np.hypot(north, east)), "heading_deg": float(down)}
+
+
+def at_base(nav: np.ndarray, P: np.ndarray, rate_b: np.ndarray, arm_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """State (10,) and covariance (n, n) of base_link: those of an IMU that stands ``arm_b`` (3,), m, from it, turning at ``rate_b``.
+
+    p - C l and v - C (w x l), so that with the error phi_n of the attitude J = [C l]x and [C (w x l)]x.
+    """
+    C = quat_to_dcm(nav[6:10])
+    arm_n, swing_n = C @ arm_b, C @ np.cross(rate_b, arm_b)
+    base, J = nav.copy(), np.eye(len(P))
+    base[0:3] = displace(nav[0], nav[1], nav[2], -arm_n)
+    base[3:6] -= swing_n
+    J[POS, ATT], J[VEL, ATT] = skew(arm_n), skew(swing_n)
+    return base, J @ P @ J.T

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from lowcostnav_ros.base.documents import read_yaml
 from lowcostnav_ros.base.settings import SettingsError
-from lowcostnav_ros.graph.domain import discovery
+from lowcostnav_ros.graph.domain import discovery, require_ros
 from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, NODES, SIMULATOR, kind_of, needs_compiler, sensor_of
 from lowcostnav_ros.graph.parent import end_with_runner
 
@@ -26,8 +26,9 @@ def run_executable(name: str, args: Sequence[str]) -> int:
     for option, path in pairwise(args):
         if option == "--params-file":  # rcl flies on the defaults where a file holds none, and ends in a traceback where it is no YAML
             _check_parameter_file(path)
-    if not os.environ.get("ROS_LOCALHOST_ONLY"):
+    if not os.environ.get("ROS_LOCALHOST_ONLY"):  # which overrides the range
         os.environ.update(discovery())
+    require_ros()
     make = _maker(name)
     from lowcostnav_ros.ros.run import run
 

@@ -98,7 +98,7 @@ class Recorder(NodeBase):
         return count
 
     def _put(self, spec: topics.TopicSpec, raw: bytes) -> None:
-        self._guarded(self._writer.write, spec.name, spec.msgtype, self._last_ns, raw)
+        self._guarded(self._writer.write, spec.name, self.msgtypes[spec.name], self._last_ns, raw)
 
     def _guarded(self, write: Callable, *arguments: Any) -> None:
         try:
@@ -115,6 +115,7 @@ class Recorder(NodeBase):
 
     def rows(self) -> Iterable[Status]:
         """One row per topic that has come, a timeout is no fault of the recorder; and one of the recording."""
+        self._check_publishers()
         for monitor in self.inputs.values():
             if monitor.count:
                 row = monitor.status(self.get_name())

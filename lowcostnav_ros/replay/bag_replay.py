@@ -13,9 +13,10 @@ from lowcostnav_ros.catalogue.building import Registry, build_navigators
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import BagError, BagReader
-from lowcostnav_ros.messages.decode import Decoder
+from lowcostnav_ros.messages.decode import Decoder, decode
 from lowcostnav_ros.messages.foreign import offers
 from lowcostnav_ros.messages.foreign import options as word_options
+from lowcostnav_ros.messages.inputs import inputs_in
 from lowcostnav_ros.messages.rules import DecodeRules
 from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.navigators.base import Navigator
@@ -24,9 +25,10 @@ from lowcostnav_ros.replay.columns import columns_of
 from lowcostnav_ros.replay.evaluation import Truth
 from lowcostnav_ros.replay.links import output_topic
 from lowcostnav_ros.replay.result import Bag, Recording, ReplayResult, SourceCounts
+from lowcostnav_ros.replay.result_files import results_in
 from lowcostnav_ros.replay.selection import Selection, SelectionError, check_names, select
 from lowcostnav_ros.replay.session import Session, first_stamp, timed
-from lowcostnav_ros.replay.withhold import Withhold, check_sources, resolve
+from lowcostnav_ros.replay.withhold import Window, Withhold, WithholdError, check_sources, resolve
 
 DEFAULT_TRUTH = "truth/odometry"
 TRUE_WIND = "truth/wind"
@@ -85,12 +87,19 @@ def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> Replay
         (BagError, SelectionError, SettingsError, WithholdError) each with one sentence that says what to do.
     """
     options = options or ReplayOptions()
+    if options.out is not None:
+        with results_in(options.out) as part:
+            return _replayed(path, dataclasses.replace(options, out=part))
+    return _replayed(path, options)
+
+
+def _replayed(path: str | Path, options: ReplayOptions) -> ReplayResult:
     with (_reader(path, options) as reader, _reader(path, options) as recorded, _reader(path, options) as reference):
         return _Replay(reader, recorded, reference, options).run()
 
 
 def _reader(path: str | Path, options: ReplayOptions) -> BagReader:
-    return BagReader(path, Decoder(DecodeRules(everywhere=options.frames)), options.maps)
+    return BagReader(path, Decoder(DecodeRules(everywhere=options.frames)), options.maps, inputs=inputs_in(options.config))
 
 
 class Cast:
@@ -168,6 +177,8 @@ class _Replay(Cast):
         head = next(stream)
         first_ns = first_stamp(head)
         windows = [resolve(w, first_ns) for w in self.options.withhold]
+        for window in windows:
+            self._check_window(window, first_ns)
         rules = self.reader.decoder.rules
         further = self.options.out, rules, self.options.smooth
         session = Session(self.navigators, windows, self.truth is not None, self.outputs, *further)
@@ -185,6 +196,23 @@ class _Replay(Cast):
         result = session.finish()
         wall_s = perf_counter() - began
         return timed(dataclasses.replace(result, recording=self._about()), wall_s, self.decode_s)
+
+    def _check_window(self, window: Window, first_ns: int) -> None:
+        """Refuse, before the work, a window in which there is nothing to withhold, and say what is silent there."""
+        last: dict[str, int] = {}
+        silent: dict[str, str] = {}
+        for source, _, raw in self.reference.stream(sorted(window.sources)):
+            stamp_ns = decode(source, self.reference.types[source], raw, self.reference.decoder.rules).stamp_ns
+            if window.holds(source, stamp_ns):
+                return
+            if stamp_ns >= window.end_ns and source not in silent and source in last:
+                silent[source] = f"{source} from {1e-9 * (last[source] - first_ns):.0f} to {1e-9 * (stamp_ns - first_ns):.0f} s"
+            last[source] = stamp_ns
+        ended = (f"{source} from {1e-9 * (last[source] - first_ns):.0f} s on" for source in sorted(last.keys() - silent.keys()))
+        missing = f"; silent already, from the start: {', '.join([*silent.values(), *ended])}" if last else ""
+        end_s = 1e-9 * max(last.values(), default=first_ns)
+        span = f"the recording spans {1e-9 * first_ns:.1f} to {end_s:.1f} s (0 to {end_s - 1e-9 * first_ns:.1f} s from the start)"
+        raise WithholdError(f"--withhold: nothing fell in the window '{window.text}'; {span}{missing}.")
 
     def _timed(self, stream: Iterator[Measurement]) -> Iterator[Measurement]:
         while True:
@@ -204,6 +232,8 @@ class _Replay(Cast):
         inputs = {s: SourceCounts(counts[s], rejected.get(s, {})) for s in dict.fromkeys([*self.sources, *self.true_sources])}
         bag = Bag(self.reader.path.name, self.reference.identity(), dict(sorted(counts.items())))
         remarks = {f"{name}: {aid.remark}": 1 for name, one in self.navigators.items() for aid in one.aids if aid.remark}
+        remarks |= {f"{name}: {deprived}": 1 for name, one in self.navigators.items() if (deprived := ", ".join(one.deprived()))}
+        remarks |= {f"{name}: IMU {one.imu_words}": 1 for name, one in self.navigators.items() if one.imu_words}
         decoder = self.reader.decoder
         unused = {source for source, _ in decoder.rejected if not decoder.accepted[source]}
         remarks |= {f"nothing usable on {source}: {self.reader.rejections(source)}": 1 for source in sorted(unused)}

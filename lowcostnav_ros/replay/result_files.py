@@ -1,8 +1,11 @@
 """Result files of a replay: one CSV of solutions per navigator, of its errors, its aids' innovations and its further states."""
 
 import csv
+import json
 import math
-from collections.abc import Iterable, Sequence
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +31,7 @@ SMOOTHED_FILES = {"_smoothed": SOLUTION_HEADER, "_smoothed_errors": ERRORS_HEADE
 """And of one that was smoothed."""
 TRUTH_HEADER = "t_s,lat_deg,lon_deg,height_m,vn_mps,ve_mps,vd_mps,roll_deg,pitch_deg,heading_deg"
 TRUTH_WIND_HEADER = "t_s,wind_north_mps,wind_east_mps"
+SUMMARY = "summary.json"
 GPS_HEADER = "t_s,lat_deg,lon_deg,height_m,withheld"
 
 _SOLUTION_FORMATS = ("%.10f", "%.10f", "%.4f", *("%.5f",) * 3, *("%.6f",) * 3, *("%.4f",) * 3, "%.6f", *("%.4f",) * 3)
@@ -35,6 +39,34 @@ _TRUTH_FORMATS = ("%.10f", "%.10f", "%.4f", *("%.5f",) * 3, *("%.6f",) * 3)
 _ERROR_FORMATS = ("%.5f",) * (2 * len(AXES))
 STATES_PERIOD_NS = 1_000_000_000
 """States and integrity, which change slowly, are written this far apart."""
+
+
+@contextmanager
+def results_in(folder: Path) -> Iterator[Path]:
+    """Give a folder to write results to; they take the place of an earlier run's in ``folder`` when all are there, else nothing is left."""
+    part = folder / ".partial"
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir()
+    try:
+        yield part
+        for earlier in _results_of(folder):
+            earlier.unlink(missing_ok=True)
+        for new in part.iterdir():
+            new.replace(folder / new.name)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _results_of(folder: Path) -> list[Path]:
+    """Files of an earlier run: what its summary names."""
+    try:
+        names = [str(name) for name in json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["navigators"]]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    parts = [f"{name}{part}" for name in names for part in (*NAVIGATOR_FILES, *SMOOTHED_FILES)]
+    parts += ["truth", "truth_wind", "gps", *(f"recorded_{name}" for name in names)]
+    return [folder / SUMMARY, *(folder / f"{part}.csv" for part in parts)]
 
 
 def seconds_text(stamp_ns: int) -> str:

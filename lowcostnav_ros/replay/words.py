@@ -52,7 +52,9 @@ def _availability(navigator: NavigatorResult) -> str:
 
 def _sizes(part: ErrorSummary) -> str:
     if part.horizontal_m:
-        return f"worst {distance(part.horizontal_m.max)}, 95 % within {distance(part.horizontal_m.p95)}"
+        level, upright = part.horizontal_m, part.vertical_m
+        worse = f", vertically {distance(upright.max)}" if upright and upright.max > level.max else ""
+        return f"worst {distance(level.max)}{worse}, 95 % within {distance(level.p95)}"
     found = ((axis, part.size(f"{axis}_deg")) for axis in ("heading", "pitch", "roll"))
     angles = [f"{axis} {size.p95:.1f}\N{DEGREE SIGN}" for axis, size in found if size]
     return f"95 % within {', '.join(angles)}" if angles else "nothing comparable"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.report import svg
-from lowcostnav_ros.report.decimate import thin, thin_envelope
+from lowcostnav_ros.report.decimate import thin, thin_dots, thin_envelope
 
 LEFT, RIGHT, TOP, BOTTOM = 62, 12, 20, 20
 
@@ -179,18 +179,20 @@ def _curve(frame: Frame, curve: Curve) -> str:
 
 
 def _band(frame: Frame, band: Band) -> str:
-    finite = np.isfinite(band.sigma)
-    t, sigma = thin_envelope(band.t_s[finite], band.sigma[finite])
-    x = np.concatenate([frame.x(t), frame.x(t)[::-1]])
-    parts = []
-    for times, opacity in ((2.0, 0.13), (1.0, 0.2)):
-        y = np.concatenate([frame.y(times * sigma), frame.y(-times * sigma)[::-1]])
-        parts.append(svg.path(svg.path_data(x, y, closed=True), fill=band.colour, fill_opacity=opacity, stroke="none"))
-    return "".join(parts)
+    """Draw a band, each stretch without a gap (NaN) for itself: where nothing was estimated there was no sigma."""
+    data: dict[float, list[str]] = {2.0: [], 1.0: []}
+    finite = np.flatnonzero(np.isfinite(band.sigma))
+    for rows in np.split(finite, np.flatnonzero(np.diff(finite) > 1) + 1):
+        t, sigma = thin_envelope(band.t_s[rows], band.sigma[rows])
+        x = np.concatenate([frame.x(t), frame.x(t)[::-1]])
+        for times, paths in data.items():
+            paths.append(svg.path_data(x, np.concatenate([frame.y(times * sigma), frame.y(-times * sigma)[::-1]]), closed=True))
+    opacities = {2.0: 0.13, 1.0: 0.2}
+    return "".join(svg.path("".join(paths), fill=band.colour, fill_opacity=opacities[k], stroke="none") for k, paths in data.items())
 
 
 def _dots(frame: Frame, dots: Dots) -> str:
-    t, values = thin(dots.t_s, dots.values, 500)
+    t, values = thin_dots(dots.t_s, dots.values)
     data = svg.dots_data(np.asarray(frame.x(t)), np.asarray(frame.y(values)))
     return svg.path(data, fill="none", stroke=dots.colour, stroke_width=dots.size, stroke_linecap="round")
 

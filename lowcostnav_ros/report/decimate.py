@@ -32,6 +32,18 @@ def thin(x: np.ndarray, y: np.ndarray, buckets: int = BUCKETS) -> tuple[np.ndarr
     return x[keep], y[keep]
 
 
+def thin_dots(x: np.ndarray, y: np.ndarray, most: int = BUCKETS) -> tuple[np.ndarray, np.ndarray]:
+    """Keep every k-th point, so that they stay as dense where they were dense, and those that stick out furthest from the median.
+
+    At most about ``most`` points of each kind; ``x``, ``y`` have shape (n,).
+    """
+    if len(x) <= 2 * most:
+        return x, y
+    far = np.argsort(-np.abs(y - np.nanmedian(y)), kind="stable")[: most // 4]
+    keep = np.union1d(np.arange(0, len(x), -(-len(x) // most)), far)
+    return x[keep], y[keep]
+
+
 def thin_envelope(x: np.ndarray, y: np.ndarray, buckets: int = BUCKETS // 2) -> tuple[np.ndarray, np.ndarray]:
     """Keep the largest y of every bucket of x: for the edge of a sigma band, which must not look smaller than it was."""
     if len(x) <= buckets:

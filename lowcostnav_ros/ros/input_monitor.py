@@ -60,7 +60,7 @@ class InputMonitor:
         self._looked, self._usual_hz, self._flood = (clock(), 0), 0.0, ""
         self.count = self.gaps = self.backward = 0
         self.rejected: Counter[str] = Tally()
-        self.last_reject = ""
+        self.last_reject = self._detail = ""
         self.trouble = ""  # set when the transport itself reports one: another type, an incompatible QoS
         self._taken = (0, 0)
         self._refusal = ""
@@ -111,10 +111,10 @@ class InputMonitor:
             self._steps += 1  # a plain mean at first: one jittering step must not stand for the interval
             self._stamp_interval_ns += (step - self._stamp_interval_ns) * max(0.05, 1.0 / self._steps)
 
-    def reject(self, reason: str) -> None:
-        """Count one rejection under its reason."""
+    def reject(self, reason: str, detail: str = "") -> None:
+        """Count one rejection under its reason; ``detail`` is the message's own."""
         self.rejected[reason] += 1
-        self.last_reject = reason
+        self.last_reject, self._detail = reason, f" {detail[:120]}" if detail else ""
         self._last_reject_at = self._clock()
 
     def refused(self, received: int, refused: int, reason: str) -> None:
@@ -151,7 +151,7 @@ class InputMonitor:
         if self._refusal:
             return timed_out, f"{self.topic}: {self._refusal}"
         if self._last_reject_at is not None and now - self._last_reject_at < RECENT_S:
-            return WARN, f"{self.topic}: {self.last_reject} ({sum(self.rejected.values())} rejected of {self.count})"
+            return WARN, f"{self.topic}: {self.last_reject}{self._detail} ({sum(self.rejected.values())} rejected of {self.count})"
         return OK, f"{self.topic}: {self.rate_hz:.1f} Hz"
 
     @property

@@ -94,7 +94,7 @@ class NavigatorNode(NodeBase):
         self._published_at = 0.0
         self._origin = None
         self._first_ns: int | None = None
-        self._is_map_settled = False
+        self._is_map_settled = self._has_said = False
         self._reset_at, self._asked_at = -math.inf, -math.inf
         self.navigator.map_origins = self.decoder.rules.origins
         if self._room != NAV and not self._is_attitude_only:
@@ -162,12 +162,20 @@ class NavigatorNode(NodeBase):
             self._first_ns = measurement.stamp_ns
         elif measurement.stamp_ns - self._first_ns > SETTLING_NS:
             self._is_map_settled = True
+            self._say_what_is_missing()
         fused = self.navigator.feed(measurement)
         self._keep_the_map()
         self._publish_origin(measurement.stamp_ns)
         for solution in fused:
             self._publish(solution, "_fused")
         self._publish_output(measurement)
+
+    def _say_what_is_missing(self) -> None:
+        """Name, once, the aids that have got nothing since the start."""
+        if not self._has_said:
+            self._has_said, deprived = True, ", ".join(self.navigator.deprived())
+            if deprived:
+                self.get_logger().warning(f"flying without {deprived}")
 
     def _publish_output(self, measurement: Measurement) -> None:
         """Publish the low-latency solution when it is time: by the inertial stamps, or by its own where nothing inertial drives it."""

@@ -10,18 +10,24 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.measurements import Measurement
-from lowcostnav_ros.base.settings import from_mapping, group, setting
+from lowcostnav_ros.base.settings import from_mapping, group, nearest, setting
 from lowcostnav_ros.graph.wiring import PACED
 from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages.checks import WRONG_FRAME
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
+from lowcostnav_ros.messages.foreign import offers
+from lowcostnav_ros.messages.inputs import Inputs, is_of_input, parse_inputs, remedy
 from lowcostnav_ros.ros import polling, qos
 from lowcostnav_ros.ros.diagnostics import DiagnosticsPublisher
 from lowcostnav_ros.ros.flow import ProgressReport, header_stamp_ns
@@ -170,6 +176,8 @@ class NodeBase(Node):
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **kwargs)
         try:
             given = given_parameters(self) | {name: [] for name in self._given_empty}
+            self.sources = self._take_inputs(given)
+            given = {name: value for name, value in given.items() if not is_of_input(name)}
             bases = settings(given) if callable(settings) else settings
             self.parameters = Parameters(self, [*bases, NodeSettings()], given, self._changed, self.build_settings)
         except Exception:
@@ -178,11 +186,24 @@ class NodeBase(Node):
         self._poller = polling.Poller()
         self._progress: ProgressReport | None = None
         self.decoder = Decoder(DecodeRules(everywhere=tuple(self.node_settings.input.frames)))
+        self.decoder.rules.allow(self.sources.frames)
+        self.msgtypes: dict[str, str] = {}
+        self._subscribed: dict[str, tuple[Subscription, Callable[[bytes], None]]] = {}
         self._gates: dict[str, OriginGate] = {}
         self.inputs: dict[str, InputMonitor] = {}
         self.outputs: dict[str, Output] = {}
         self.create_service(Trigger, "~/reset", self._reset)
         self.diagnostics = DiagnosticsPublisher(self, self.rows)
+
+    def _take_inputs(self, given: dict[str, Any]) -> Inputs:
+        """Where its sources come from, of parameters that are there to be read from now on."""
+        inputs = parse_inputs(given, self.get_name())
+        for name in filter(is_of_input, given):
+            if self.has_parameter(name):
+                self.undeclare_parameter(name)
+                descriptor = ParameterDescriptor(description="Where a source comes from.", read_only=True, dynamic_typing=True)
+                self.declare_parameter(name, given[name], descriptor, ignore_override=True)
+        return inputs
 
     def declare_parameters(self, namespace: str, parameters: list, ignore_override: bool = False) -> list:
         """Declare parameters; an empty list from a file, which ROS takes for 'not set' and cannot declare, is remembered instead."""
@@ -195,19 +216,26 @@ class NodeBase(Node):
         """The settings every node has."""
         return self.parameters.settings[-1]
 
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters; a name that there is none of is refused with the nearest that there is."""
+        unknown = [parameter.name for parameter in parameter_list if not self.has_parameter(parameter.name)]
+        if unknown and hasattr(self, "parameters"):
+            known = self.parameters.names
+            return SetParametersResult(successful=False, reason=f"there is no parameter '{unknown[0]}'{nearest(unknown[0], known)}")
+        return super().set_parameters_atomically(parameter_list)
+
     def listen(self, source: str, handler: Callable[[Measurement], None], *, required: bool = False) -> InputMonitor:
         """Subscribe to a topic, decode what comes and hand good measurements to ``handler``.
 
         Bad messages are counted under their reason and go no further.  Odometry that arrives before the origin of its map frame is
         held until the origin is known.
         """
-        spec = topics.spec(source, self.decoder.rules)
-        msgtype = spec.msgtype
+        msgtype = topics.spec(source, self.decoder.rules).msgtype
 
         def take(monitor: InputMonitor, raw: bytes) -> None:
-            result = self.decoder.decode(source, msgtype, raw)
+            result = self.decoder.decode(source, self.msgtypes[source], raw)
             if isinstance(result, Rejected):
-                monitor.reject(result.reason)
+                self._refuse(monitor, result)
                 return
             monitor.stamped(result.stamp_ns)
             handler(result)
@@ -235,11 +263,31 @@ class NodeBase(Node):
                     raise
                 self._defect(monitor, error)
 
-        profile = qos.for_subscription(spec, self.node_settings.qos.lossless)
-        name = f"/{spec.name}" if spec.name in ABSOLUTE else spec.name
         self.inputs[source] = monitor
-        self.subscribe(message_class(spec.msgtype), name, arrived, profile)
+        self._subscribe_to(source, spec.msgtype, arrived)
         return monitor
+
+    def _subscribe_to(self, source: str, msgtype: str, handler: Callable[[bytes], None]) -> None:
+        """Subscribe to the topic that carries a source, as messages of a type; in place of what was subscribed to for it."""
+        if source in self._subscribed:
+            self._poller.drop(self._subscribed[source][0])
+            self.destroy_subscription(self._subscribed[source][0])
+        profile = qos.for_subscription(topics.spec(source, self.decoder.rules), self.node_settings.qos.lossless)
+        self.msgtypes[source] = msgtype
+        self._subscribed[source] = self.subscribe(message_class(msgtype), self._topic_of(source), handler, profile), handler
+
+    def _topic_of(self, source: str) -> str:
+        """Topic to subscribe to for a source."""
+        name = self.sources.topics.get(source, source if source in ABSOLUTE else "")
+        return f"/{name}" if name else source
+
+    def _refuse(self, monitor: InputMonitor, refused: Rejected) -> None:
+        """Count a message that cannot be used; the first of a reason goes to the log in full, with what to do."""
+        if refused.reason not in monitor.rejected:
+            frames = f"input.{monitor.topic}.frames"
+            advice = f"; accept it by {frames}: any, if its axes are right" if refused.reason == WRONG_FRAME else ""
+            self.get_logger().warning(f"{monitor.topic}: {refused.reason} {refused.detail}".rstrip() + advice)
+        monitor.reject(refused.reason, refused.detail)
 
     def _defect(self, monitor: InputMonitor, error: Exception) -> None:
         """Count what a handler raised, by its kind: its text, which may hold numbers and names, goes to the log, once."""
@@ -256,12 +304,13 @@ class NodeBase(Node):
         self._progress = ProgressReport(self)
         return self._progress
 
-    def subscribe(self, kind: type, name: str, handler: Callable[[bytes], None], profile: QoSProfile) -> None:
+    def subscribe(self, kind: type, name: str, handler: Callable[[bytes], None], profile: QoSProfile) -> Subscription:
         """Subscribe to the bytes of a topic; :meth:`poll` hands them to ``handler``."""
         subscription = self.create_subscription(
             kind, name, handler, profile, callback_group=self._poller.group, event_callbacks=NO_SUBSCRIPTION_EVENTS, raw=True
         )
         self._poller.add(subscription, handler)
+        return subscription
 
     def poll(self) -> int:
         """Handle what has come on the inputs; return how many messages.  An executor that spins this node must call it, too."""
@@ -313,21 +362,35 @@ class NodeBase(Node):
         self.on_settings(settings)
 
     def _check_publishers(self) -> None:
-        """Find the reason of inputs without data: publishers of another type, or of an incompatible quality of service."""
+        """Find the reason of inputs without data, another type or quality of service of their publishers; take over a type that serves."""
         for source, monitor in self.inputs.items():
             monitor.trouble = self._trouble_of(source) if monitor.is_silent() else ""
 
     def _trouble_of(self, source: str) -> str:
         is_lossless = self.node_settings.qos.lossless
-        spec = topics.spec(source, self.decoder.rules)
-        publishers = self.get_publishers_info_by_topic(f"/{source}" if source in ABSOLUTE else source)
-        others = [p.topic_type for p in publishers if p.topic_type != spec.msgtype]
+        spec, msgtype = topics.spec(source, self.decoder.rules), self.msgtypes[source]
+        publishers = self.get_publishers_info_by_topic(self._topic_of(source))
+        others = [p.topic_type for p in publishers if p.topic_type != msgtype]
+        if others and len(others) == len(publishers) and spec.takes(others[0]):
+            self._subscribe_to(source, others[0], self._subscribed[source][1])
+            return ""
         if others:
             return f"is published as {others[0]}, expected {spec.msgtype}"
+        if not publishers:
+            return self._offer(source)
         own = qos.for_subscription(spec, is_lossless)
         offers = [qos_check_compatible(p.qos_profile, own) for p in publishers]
         reasons = [why for verdict, why in offers if verdict == QoSCompatibility.ERROR]
         return f"is published with a QoS incompatible with qos.lossless={is_lossless} ({reasons[0].strip()})" if reasons else ""
+
+
+    def _offer(self, source: str) -> str:
+        """What else is published that may be this source."""
+        own = {topic.lstrip("/") for topic in (*self.outputs, *map(self._topic_of, self.inputs))}
+        there = {name.lstrip("/"): types[0] for name, types in self.get_topic_names_and_types() if self.count_publishers(name)}
+        found = offers({name: msgtype for name, msgtype in there.items() if name not in own})
+        topic = next((theirs + source if theirs.endswith("/") else theirs for theirs, ours in found.items() if ours in (source, "")), "")
+        return f"is not published; /{topic} may be it: {remedy(source, topic)}" if topic in there else ""
 
 
 def message_class(msgtype: str) -> type:

@@ -64,6 +64,11 @@ class Parameters:
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._apply)
 
+    @property
+    def names(self) -> list[str]:
+        """Names of all of them."""
+        return list(self._known)
+
     def _build(self, values: Mapping[str, Any]) -> list:
         return [self._make(c, {d.name: values[d.name] for d in declared(c)}, self._where) for c in self._classes]
 

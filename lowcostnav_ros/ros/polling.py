@@ -50,6 +50,10 @@ class Poller:
         """Take on a raw subscription that was made in :attr:`group`."""
         self._entries.append((subscription, handler))
 
+    def drop(self, subscription: Subscription) -> None:
+        """Forget a subscription."""
+        self._entries = [entry for entry in self._entries if entry[0] is not subscription]
+
     def take(self) -> int:
         """Hand on what has come, in order of arrival; return how many messages there were."""
         batch, self._held = self._held, []

@@ -8,7 +8,7 @@ from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity
 from lowcostnav_ros.messages import checks, topics
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.kind import Quantity, TopicSpec, describe
-from lowcostnav_ros.messages.parts import twist_stamped
+from lowcostnav_ros.messages.parts import twist_stamped, without_covariance
 from lowcostnav_ros.messages.rules import Refusal
 from lowcostnav_ros.messages.samples import VELOCITY
 
@@ -38,4 +38,5 @@ describe(
     from_row=lambda row: row.of(AirVelocity, np.array([row["tas"], 0.0, 0.0]), _cov(row.variance())),
     sample=lambda at: at.of(AirVelocity, VELOCITY, _cov(4.0)),
     sensed=True,
+    also={topics.TWIST_ALONE: without_covariance},
 )

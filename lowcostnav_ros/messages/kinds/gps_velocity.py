@@ -8,7 +8,7 @@ from lowcostnav_ros.base.measurements import GpsVelocity
 from lowcostnav_ros.messages import checks, topics
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, WORLD_AXES, Quantity, TopicSpec, describe
-from lowcostnav_ros.messages.parts import twist_stamped
+from lowcostnav_ros.messages.parts import twist_stamped, without_covariance
 from lowcostnav_ros.messages.samples import VELOCITY
 
 
@@ -31,4 +31,5 @@ describe(
     from_row=lambda row: row.of(GpsVelocity, row["velocity"], row.cov()),
     sample=lambda at: at.of(GpsVelocity, VELOCITY, 0.01 * np.eye(3)),
     sensed=True,
+    also={topics.TWIST_ALONE: without_covariance},
 )

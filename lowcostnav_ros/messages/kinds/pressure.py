@@ -6,7 +6,7 @@ from typing import Any
 from lowcostnav_ros.base.measurements import Pressure
 from lowcostnav_ros.messages import checks, parts, topics
 from lowcostnav_ros.messages.checks import Received
-from lowcostnav_ros.messages.kind import BODY_FRAMES, Quantity, TopicSpec, describe
+from lowcostnav_ros.messages.kind import Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.rules import Refusal
 
 
@@ -46,7 +46,7 @@ def _describe(name: str, description: str, refuse: Callable[[float], None], vari
         measurement=Pressure,
         decode=decode,
         encode=_encode,
-        frames=BODY_FRAMES | {"air_data"},
+        frames=frozenset(),  # a scalar has no orientation
         variances=(variance,),
         fields={"value": Quantity(1, "pressure"), "sigma": Quantity(1, "pressure")},
         from_row=lambda row: row.of(Pressure, row["value"], row.variance()),

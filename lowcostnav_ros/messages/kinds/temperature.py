@@ -5,7 +5,7 @@ from typing import Any
 from lowcostnav_ros.base.measurements import AirTemperature
 from lowcostnav_ros.base.units import celsius, kelvin
 from lowcostnav_ros.messages import checks, parts, topics
-from lowcostnav_ros.messages.kind import BODY_FRAMES, Quantity, TopicSpec, describe
+from lowcostnav_ros.messages.kind import Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.rules import Refusal
 
 
@@ -31,7 +31,7 @@ describe(
     measurement=AirTemperature,
     decode=_decode,
     encode=_encode,
-    frames=BODY_FRAMES | {"air_data"},
+    frames=frozenset(),  # a scalar has no orientation
     variances=(4.0,),
     fields={"value": Quantity(1, "temperature"), "sigma": Quantity(1, "temperature")},
     from_row=lambda row: row.of(AirTemperature, row["value"], row.variance()),

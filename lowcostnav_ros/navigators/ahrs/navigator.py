@@ -149,6 +149,14 @@ class Ahrs(Navigator):
         self.core.rest()
         self.alignment.restart(None)
 
+    def _in_body_axes(self, block: ImuBlock) -> ImuBlock:
+        """As every navigator; without the centripetal force of an IMU away from base_link, sample by sample."""
+        block, arm_b = super()._in_body_axes(block), self.settings.imu.lever_arm_m
+        if not any(arm_b):
+            return block
+        rate_b = block.angular_rate_b
+        return replace(block, specific_force_b=block.specific_force_b - np.cross(rate_b, np.cross(rate_b, np.array(arm_b, dtype=float))))
+
     def _fuse(self, item: Measurement) -> None:
         if isinstance(item, ImuBlock):
             self._run(item)
@@ -232,6 +240,12 @@ class Ahrs(Navigator):
             self.reason = self.alignment.reason
             return
         floor_mps = max((getattr(own, "velocity_floor_mps", 0.0) for _, own in listed(self.settings)), default=0.0)
+        imu = self._seen() if self._kept is None else None
+        if imu is not None and imu != self.settings.imu:
+            self.settings = replace(self.settings, imu=imu)
+            layout = Layout([core_block(imu), *bias_blocks(imu), *self.aid_blocks()])
+            self._attach(layout, InertialCore(layout))
+            self.core.history = self.history
         begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
         self._aligned, self._kept = True, None
         if self.offsets is not None:

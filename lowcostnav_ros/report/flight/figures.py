@@ -116,7 +116,10 @@ def requirement_figures(result: Result, axis: TimeAxis) -> list[str]:
         lines = [Curve(ends, np.full(2, limits[side]), "#c0392b", f"cat {name}", 1.1, dash)
                  for (name, limits), dash in zip(CATEGORIES_M.items(), ("2 3", "5 4", None), strict=True)]  # fmt: skip
         top = 1.05 * min(max(largest, highest), 3.0 * highest)
-        charts.append(time_chart(title, axis, [*lines, *curves], limits=(0.0, top)) if curves else "")
+        beyond = f", off scale up to {largest:.0f} m" if largest > top else ""
+        charts.append(time_chart(title.replace("]", f"{beyond}]"), axis, [*lines, *curves], limits=(0.0, top)) if curves else "")
+        if beyond:
+            charts.append(time_chart(title.replace("]", ", whole range]"), axis, curves, limits=(0.0, 1.05 * largest)))
     return charts
 
 
