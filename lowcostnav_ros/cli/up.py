@@ -6,6 +6,7 @@ from pathlib import Path
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.graph import up as graph_up
 from lowcostnav_ros.graph.description import load_graph
+from lowcostnav_ros.graph.wiring import completed
 
 
 def add_arguments(up: argparse.ArgumentParser) -> None:
@@ -24,4 +25,4 @@ def up(arguments: argparse.Namespace) -> int:
     """Start a graph and keep it up."""
     out = Path(arguments.out) if arguments.out else None
     show = False if arguments.no_table else None
-    return graph_up.up(load_graph(arguments.graph), out=out, show=show, until_finished=arguments.until_finished)
+    return graph_up.up(completed(load_graph(arguments.graph)), out=out, show=show, until_finished=arguments.until_finished)
