@@ -138,13 +138,15 @@ class Host(Protocol):
     ``inertial_is_suspect``: the IMU is known to be worse than set.  ``excluded(aid)``: why its source contradicts others and is not to be
     used; ``agrees_again(aid)`` tells that it is sound again; ``is_frozen(aid)``: why a source that contradicts the prediction is no
     measurement; ``doubts(aid, stamp_ns)``: why the solution is not to recover to it, though it has been rejected for
-    ``recovery_s(aid, stamp_ns)``; ``noise_factor(aid)``: what its stated variance is to be multiplied by.
+    ``recovery_s(aid, stamp_ns)``; ``movable`` (n,): 0 for states that no measurement may move at present, None: all may;
+    ``noise_factor(aid)``: what its stated variance is to be multiplied by.
     """
 
     name: str
     layout: Layout
     core: Any
     inertial_is_suspect: bool
+    movable: np.ndarray | None
 
     @property
     def P(self) -> np.ndarray: ...
@@ -366,7 +368,9 @@ class Aid(ABC):
 
     def fuse(self, innovation: Innovation, host: Host) -> None:
         """Apply: update the covariance, inject the correction."""
-        free = np.ones(len(host.P)) if innovation.free is None else innovation.free
+        free = innovation.free
+        if free is None:
+            free = np.ones(len(host.P)) if host.movable is None else host.movable
         host.correct(kalman.update(host.P, innovation.y, innovation.H, innovation.R, free))
 
     def recover(self, measurement: Any, innovation: Innovation, host: Host) -> None:
