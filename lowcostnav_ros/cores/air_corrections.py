@@ -202,7 +202,7 @@ class AirCorrectionsCore(ReckoningCore):
         return np.array([math.sqrt(max(float(row @ self.P @ row), 0.0)) for row in rows])
 
     def velocity(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Estimated velocity over ground (3,), m/s NED, now, its derivative (3, n) by the error states, and what they do not explain of it."""
+        """Velocity over ground (3,), m/s NED, now, its derivative (3, n) by the error states, and what they do not explain of it."""
         settings, held, n = self.settings, self.held, self.layout.size
         q_nb, swing = held.attitude(self.t_ns)
         out, G = np.zeros(3), np.zeros((3, n))

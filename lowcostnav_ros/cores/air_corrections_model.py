@@ -1,10 +1,10 @@
-"""Velocity over ground from airspeed, airflow angles, attitude and wind, with ten corrections, and its derivatives (Eggers 1995, 7.1, 7.3.4).
+"""Velocity over ground from airspeed, airflow angles, attitude and wind, with ten corrections, and its derivatives (Eggers 1995).
 
     V = (I + Z) C(psi, theta + dtheta, phi + dphi) u [S (V_C - V_0) + B + V_0] + W,     u = (1, v_y / v_x, v_z / v_x),  Z = [zeta x]
 
-Corrections y (12,): zeta north, east, down [rad], pitch, bank [rad], airspeed scale S [-] and bias B about V_0, wind north, east, down, and
-what adds to the incidence and the sideslip where no vane measures them [rad].  Speeds in any one unit.  There is no heading correction: it is
-zeta about the vertical.  The derivatives by pitch and bank leave Z out, second order.
+Corrections y (12,): zeta north, east, down [rad], pitch, bank [rad], airspeed scale S [-] and bias B about V_0, wind north, east, down,
+and what adds to the incidence and the sideslip where no vane measures them [rad].  Speeds in any one unit.  There is no heading correction:
+it is zeta about the vertical.  The derivatives by pitch and bank leave Z out, second order (sections 7.1 and 7.3.4).
 """
 
 import numpy as np

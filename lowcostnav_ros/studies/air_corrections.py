@@ -67,11 +67,17 @@ class Truth:
     @classmethod
     def of(cls, seen: AirSeen, corrections: np.ndarray, variation: float = 0.0) -> "Truth":
         """Compute the velocity: the sensors show what is seen, the corrections make it true."""
-        return cls(seen, corrections, _velocities(*_columns(seen, variation), corrections, REFERENCE_KT), variation)
+        return cls(seen, corrections, _velocities(*columns(seen, variation), corrections, REFERENCE_KT), variation)
 
 
 def true_corrections(
-    n: int, wind_n: np.ndarray, zeta: np.ndarray | float = 0.0, pitch: float = 6e-4, bank: float = 5e-4, scale: float = 1.05, bias: float = 4.7
+    n: int,
+    wind_n: np.ndarray,
+    zeta: np.ndarray | float = 0.0,
+    pitch: float = 6e-4,
+    bank: float = 5e-4,
+    scale: float = 1.05,
+    bias: float = 4.7,
 ) -> np.ndarray:
     """Corrections (n, 10) of constant angles, scale and bias; ``wind_n`` (n, 3), ``zeta`` (n, 3)."""
     out = np.zeros((n, 10))
@@ -80,8 +86,8 @@ def true_corrections(
     return out
 
 
-def _columns(seen: AirSeen, variation: float) -> tuple[np.ndarray, np.ndarray]:
-    """Euler angles (n, 3), true heading, and air velocity (n, 3) of the airspeed, incidence and sideslip; nose right is air from the left."""
+def columns(seen: AirSeen, variation: float) -> tuple[np.ndarray, np.ndarray]:
+    """Euler angles (n, 3), true heading, and air velocity (n, 3) by airspeed, incidence and sideslip; nose right is air from the left."""
     euler = np.column_stack((seen.bank, seen.pitch, seen.heading + variation))
     tangents = np.column_stack((np.ones(len(seen)), -np.tan(seen.sideslip) / np.cos(seen.incidence), np.tan(seen.incidence)))
     return euler, seen.airspeed[:, None] * tangents
@@ -118,8 +124,8 @@ def final_tuning(R: float = 0.0625, wind_q: float = 1.0, zeta_q: float = 4.03e-8
 
 @dataclass(frozen=True)
 class Run:
-    """Histories: estimates before the update (n, 10), predicted velocity (n, 3), variance of the residual (n, 3), covariance after (n, 10, 10),
-    GPS velocity (n, 3)."""
+    """Histories: estimates before the update (n, 10), predicted velocity (n, 3), variance of the residual (n, 3), covariance after
+    (n, 10, 10), GPS velocity (n, 3)."""
 
     estimates: np.ndarray
     predicted: np.ndarray
@@ -131,9 +137,9 @@ class Run:
 def estimate(truth: Truth, measured: np.ndarray, tuning: Tuning) -> Run:
     """Run the ten-state estimator over a flight, in the order of the thesis's listing: predict with the corrections as they are, update."""
     t = tuning
-    columns = _columns(truth.seen, truth.variation)
-    found = _estimate(*columns, measured, t.Q, t.R, t.P0, t.decay, t.active, t.start, REFERENCE_KT, t.propagates_first)
-    return Run(*found, measured)
+    euler, air_b = columns(truth.seen, truth.variation)
+    found = _estimate(euler, air_b, measured, t.Q, t.R, t.P0, t.decay, t.active, t.start, REFERENCE_KT, t.propagates_first)
+    return Run(found[0], found[1], found[2], found[3], measured)
 
 
 @kernel

@@ -1,7 +1,7 @@
 """A flight from load factor, roll and thrust alone, and what attitude reference and air data see of it (Eggers 1995, routine ``hcref``).
 
 No aerodynamics: lift turns the velocity, thrust is a factor on speed, gravity acts along the path, incidence goes with the load factor.
-Speeds are in any unit u, ``gravity`` in u/s.  NED; sideslip is positive with the nose to the right of the air velocity, as the thesis has it.
+Speeds are in any unit u, ``gravity`` in u/s.  NED; sideslip is positive with the nose to the right of the air velocity, as in the thesis.
 """
 
 import math
@@ -147,14 +147,18 @@ def fly(
         Step, s; in units of speed per second.
     """
     n = len(lift)
-    columns = (np.ascontiguousarray(np.broadcast_to(np.asarray(c, float), n)) for c in (lift, roll, slip, factor))
-    seen, path = _fly(*columns, np.array(velocity, float), float(bank), float(variation), float(dt), float(gravity))
-    return AirSeen(*np.ascontiguousarray(seen.T), path)
+    a, b, c, d = (np.ascontiguousarray(np.broadcast_to(np.asarray(one, float), n)) for one in (lift, roll, slip, factor))
+    return _seen(*_fly(a, b, c, d, np.array(velocity, float), float(bank), float(variation), float(dt), float(gravity)))
 
 
 def fly_in_envelope(
     n: int, *, dt: float = 1.0, gravity: float = 9.80665, speed: float = 150.0, scale: float = 1.0, variation: float = 0.0
 ) -> AirSeen:
-    """Fly a closed loop of slow sines: bank 60 deg, climb 25 deg, speed by 30 per cent, sideslip 1 deg, all times ``scale``; it starts east."""
-    seen, path = _fly_in_envelope(n, np.array([0.0, float(speed), 0.0]), float(dt), float(gravity), float(scale), float(speed), float(variation))
-    return AirSeen(*np.ascontiguousarray(seen.T), path)
+    """Fly slow sines: bank 60 deg, climb 25 deg, speed by 30 per cent, sideslip 1 deg, all times ``scale``; it starts east."""
+    start, numbers = np.array([0.0, float(speed), 0.0]), map(float, (dt, gravity, scale, speed, variation))
+    return _seen(*_fly_in_envelope(n, start, *numbers))
+
+
+def _seen(seen: np.ndarray, path: np.ndarray) -> AirSeen:
+    heading, pitch, bank, airspeed, incidence, slip = np.ascontiguousarray(seen.T)
+    return AirSeen(heading, pitch, bank, airspeed, incidence, slip, path)

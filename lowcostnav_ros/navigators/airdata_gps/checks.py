@@ -10,8 +10,8 @@ from lowcostnav_ros.physics.rotation import wrap
 STUCK_NS = 8_000_000_000
 MOVED = 1e-9
 SIGN, LEAST_SIGN = "sideslip has the opposite sign: residual follows it", 5.0
-FORGET = 0.985
-"""What is left of the sums of the sign's regression from one fix to the next."""
+SPACED_NS, FORGET = 2_000_000_000, 0.97
+"""Spacing of what the regression of the sign compares, and what is left of its sums from one to the next."""
 SAME_COURSE, SAME_SPEED = math.radians(8.0), 0.06
 OTHER_NORTH = "heading counts from the other north: estimated error equals the magnetic variation"
 
@@ -30,19 +30,21 @@ class VaneWatch:
 
 
 class SignWatch:
-    """Regression of the lateral residual on what the sideslip has changed by since the last fix: -2 where its sign is wrong."""
+    """Regression of the change of what GPS shows of the wind on the change of what sideslip adds to it: -2 where its sign is wrong."""
 
     def __init__(self) -> None:
-        self._last: float | None = None
-        self._xx = self._xy = self._yy = 0.0
-        self._count = 0.0
+        self._last: tuple[int, np.ndarray, np.ndarray] | None = None
+        self._xx = self._xy = self._yy = self._count = 0.0
 
-    def take(self, lateral_mps: float, residual_mps: float) -> str:
-        """Take lateral airspeed and lateral residual at a fix in; what is wrong, empty for nothing."""
-        change, self._last = 0.0 if self._last is None else lateral_mps - self._last, lateral_mps
-        self._xx, self._xy = FORGET * self._xx + change * change, FORGET * self._xy + change * residual_mps
-        self._yy, self._count = FORGET * self._yy + residual_mps * residual_mps, FORGET * self._count + 1.0
-        if self._count < 20.0 or self._xx <= 1e-6:
+    def take(self, stamp_ns: int, lateral_n: np.ndarray, wind_n: np.ndarray) -> str:
+        """Take sideways airspeed (3,), NED, and velocity over ground less air velocity (3,) in; what is wrong, empty for nothing."""
+        if self._last is None or stamp_ns - self._last[0] >= SPACED_NS:
+            if self._last is not None and stamp_ns - self._last[0] < 2 * SPACED_NS:
+                x, y = lateral_n - self._last[1], wind_n - self._last[2]
+                self._xx, self._xy, self._yy = FORGET * self._xx + x @ x, FORGET * self._xy + x @ y, FORGET * self._yy + y @ y
+                self._count = FORGET * self._count + 3.0
+            self._last = stamp_ns, lateral_n, wind_n
+        if self._count < 30.0 or self._xx <= 1e-6:
             return ""
         slope = self._xy / self._xx
         scatter = max(self._yy - slope * self._xy, 1e-9) / self._count

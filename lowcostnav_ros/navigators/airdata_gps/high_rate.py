@@ -1,7 +1,7 @@
 """The second filter of the cascade: position and velocity on GPS and the corrected air-data velocity, at the rate of the attitude.
 
-Gains by a Riccati equation in flight (multirate) or the four that it converges to, stored (fixed_gain).  In metres the gains are the same at
-every latitude; in degrees those to longitude go with 1 / cos(latitude) and the one from longitude to velocity with cos(latitude).
+Gains by a Riccati equation in flight (multirate) or the four that it converges to, stored (fixed_gain).  In metres the gains are the same
+at every latitude; in degrees those to longitude go with 1 / cos(latitude) and the one from longitude to velocity with cos(latitude).
 """
 
 import numpy as np
@@ -50,20 +50,27 @@ class HighRateFilter:
         dt = 1e-9 * (t_ns - self.t_ns)
         if dt <= 0.0:
             return
-        self.nav, self.t_ns = np.array(displace(*self.nav, self.vel_n * dt)), t_ns
+        self.nav, self.t_ns = self._displaced(self.vel_n * dt), t_ns
         fix, self._fix = self._fix, None
         self._phase = 0 if fix is not None else min(self._phase + 1, self._model.steps - 1)  # without GPS the last gain stays
         K = self._gain(dt)
         y = [air_vel_n - self.vel_n]
         if fix is not None:
             age = 1e-9 * (t_ns - fix[0].stamp_ns)
-            y = [difference_n(fix[0].lat, fix[0].lon, fix[0].height, *self.nav) + age * fix[1].vel_n, fix[1].vel_n - self.vel_n, *y]
+            y = [
+                difference_n(fix[0].lat, fix[0].lon, fix[0].height, self.nav[0], self.nav[1], self.nav[2]) + age * fix[1].vel_n,
+                fix[1].vel_n - self.vel_n,
+                *y,
+            ]
         moved, turned = K @ np.array(y)
-        self.nav, self.vel_n = np.array(displace(*self.nav, moved)), self.vel_n + turned
+        self.nav, self.vel_n = self._displaced(moved), self.vel_n + turned
 
     def ahead(self, t_ns: int) -> np.ndarray:
         """Place (3,) at a later time."""
-        return np.array(displace(*self.nav, self.vel_n * 1e-9 * max(t_ns - self.t_ns, 0)))
+        return self._displaced(self.vel_n * 1e-9 * max(t_ns - self.t_ns, 0))
+
+    def _displaced(self, d_n: np.ndarray) -> np.ndarray:
+        return np.array(displace(self.nav[0], self.nav[1], self.nav[2], d_n))
 
     def _gain(self, dt: float) -> np.ndarray:
         """The gain of the phase: stored, or from the covariance, which is carried on."""

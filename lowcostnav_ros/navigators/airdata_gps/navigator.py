@@ -17,6 +17,7 @@ from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Atti
 from lowcostnav_ros.base.modes import Level, Mode
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
 from lowcostnav_ros.cores.air_corrections import AirCorrectionsCore, correction_blocks
+from lowcostnav_ros.cores.air_corrections_model import WIND
 from lowcostnav_ros.cores.reckoning_model import POS
 from lowcostnav_ros.estimation.aiding import Aid, unique
 from lowcostnav_ros.estimation.error_state import Layout
@@ -109,7 +110,9 @@ class AirDataGps(Navigator):
         self._straight, self._is_straight = StraightWatch(self.settings.straight_s), False
         self._variation: float | None = None
         self._variation_ns = -(10**18)
-        self._before_m, self._back_ns, self.recovered_in_s = 0.0, None, None
+        self._before_m = 0.0
+        self._back_ns: int | None = None
+        self.recovered_in_s: float | None = None
         self._found: dict[str, str] = {}
         self._since: dict[str, int] = {}
         self.restart_channels()
@@ -250,13 +253,15 @@ class AirDataGps(Navigator):
     def _look(self, stamp_ns: int) -> None:
         """Look at the residual of a velocity that was used."""
         core, aid = self.core, self.aids_of(VelocityAid)[0]
-        residual, held = aid.status.innovation, core.held
-        if residual is None or not held.airborne:
+        held = core.held
+        if aid.status.observation is None or not held.airborne:
             return
         q_nb = held.attitude(stamp_ns)[0]
         self._is_straight = self._straight.is_straight(stamp_ns, quat_to_euler(q_nb)[2], held.speed)
         if held.measured[1]:
-            self._say(SIGN, bool(self._sign.take(float(held.vel_b[1]), float((quat_to_dcm(q_nb).T @ residual)[1]))))
+            air_n = core.velocity()[0] - core.corrections()[WIND : WIND + 3]
+            lateral_n = held.vel_b[1] * quat_to_dcm(q_nb)[:, 1]
+            self._say(SIGN, bool(self._sign.take(stamp_ns, lateral_n, aid.status.observation - air_n)))
         if self._variation is not None:
             heading, total = self.settings.heading, core.totals()[2]
             expected = math.hypot(heading.bias_deg, heading.offset_deg) * DEGREE
@@ -327,7 +332,7 @@ class AirDataGps(Navigator):
         return Level.ERROR if self._alert() else super()._level()
 
     def _details(self) -> dict[str, str]:
-        recovered = {} if self.recovered_in_s is None else {"recovered_in_s": f"{self.recovered_in_s:.1f}"}
+        recovered: dict[str, str] = {} if self.recovered_in_s is None else {"recovered_in_s": f"{self.recovered_in_s:.1f}"}
         return {**super()._details(), **recovered, "filter": self.settings.filter}
 
     # outputs -----------------------------------------------------------------------------------------------------------------

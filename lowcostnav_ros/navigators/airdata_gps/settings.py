@@ -35,10 +35,10 @@ class AirDataGpsOwnSettings(AirCorrectionsSettings):
         "joint: position among the corrections; multirate, fixed_gain: the thesis's cascade of two filters.",
         choices=("joint", "multirate", "fixed_gain"),
     )
-    bump_m: float = setting(1.0, "Position sigma added when the satellites change (the stated sigma steps).", unit="m", minimum=0.0, maximum=100.0)
+    bump_m: float = setting(1.0, "Position sigma added when the satellites change.", unit="m", minimum=0.0, maximum=100.0)
     straight_s: float = setting(
-        30.0, "After straight flight at one speed this long the corrections but wind are held; 0 never.", unit="s", minimum=0.0, maximum=3600.0
+        30.0, "After straight flight this long all corrections but the wind are held; 0 never.", unit="s", minimum=0.0, maximum=3600.0
     )
     alert_nm: float = setting(0.5, "Estimated horizontal sigma above which an alert is raised.", unit="NM", minimum=0.01, maximum=100.0)
     cascade: CascadeSettings = group(CascadeSettings)
-    horizon: HorizonSettings = group(HorizonSettings, lag_s=0.25, output_period_s=0.02)  # the AHRS's fused attitude comes one lag of its own later
+    horizon: HorizonSettings = group(HorizonSettings, lag_s=0.25, output_period_s=0.02)  # as of dead reckoning

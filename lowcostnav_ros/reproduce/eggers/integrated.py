@@ -29,6 +29,7 @@ from lowcostnav_ros.studies.air_corrections import (
     TAU_S,
     TILT_RAD,
     Truth,
+    columns,
     final_tuning,
     markov,
     true_corrections,
@@ -58,8 +59,8 @@ class Flight:
     gps_velocity: np.ndarray
 
     @classmethod
-    def of(cls, seed: int) -> "Flight":
-        """Fly one."""
+    def of(cls, seed: int, N: int = N) -> "Flight":
+        """Fly one of ``N`` steps."""
         rng = np.random.default_rng([seed, 0xE66])
         a_wind, a_zeta = np.exp(-DT / WIND_TAU), np.exp(-DT / TAU_S)
         wind = markov(N, a_wind, WIND_SIGMA * np.sqrt(1.0 - a_wind**2), rng, CENTRE_KT)
@@ -128,18 +129,11 @@ def _blend(air, gps_p, gps_v, first, others, feet):
     return position, velocity
 
 
-def columns(truth: Truth) -> tuple[np.ndarray, np.ndarray]:
-    """Euler angles and air velocities as the filters take them."""
-    from lowcostnav_ros.studies.air_corrections import _columns
-
-    return _columns(truth.seen, truth.variation)
-
-
 def corrected(flight: Flight) -> np.ndarray:
     """Air-data velocity (n, 3) with corrections once a second (E9, E13)."""
     tuning = final_tuning(GPS_KT2)
     args = tuning.Q, tuning.R, tuning.P0, np.array([DECAY] * 3 + [1.0] * 7), REFERENCE_KT, 50
-    return _cascade(*columns(flight.truth), flight.noise, flight.gps_velocity, *args)
+    return _cascade(*columns(flight.truth.seen, 0.0), flight.noise, flight.gps_velocity, *args)
 
 
 def gains(air_kt2: float, change_kt2: float) -> tuple[np.ndarray, np.ndarray]:
@@ -166,7 +160,7 @@ def legacy(flight: Flight) -> tuple[np.ndarray, np.ndarray]:
 
 def uncorrected(flight: Flight) -> np.ndarray:
     """Airspeed along the nose (n, 3): no angle, no wind, no correction."""
-    euler, air_b = columns(flight.truth)
+    euler, air_b = columns(flight.truth.seen, 0.0)
     y = np.zeros(COUNT)
     y[5] = 1.0
     ahead = air_b * [1.0, 0.0, 0.0]
@@ -225,20 +219,20 @@ def places(flight: Flight) -> tuple[np.ndarray, np.ndarray]:
 
 def stream(flight: Flight) -> Iterator[Measurement]:
     """What the navigator receives: SI, FRD, at true north."""
-    euler, air_b = columns(flight.truth)
+    euler, air_b = columns(flight.truth.seen, 0.0)
     quats = eulers_to_quat(euler)
     _, fixes = places(flight)
     cov_air, cov_att = np.diag([0.01, 0.01, 0.01]), 1e-6 * np.eye(3)
     cov_p, cov_v, still = (FOOT * GPS_FT) ** 2 * np.eye(3), (KNOT * GPS_KT) ** 2 * np.eye(3), np.zeros(3)
     turns = np.array([rotvec_from_quat(quat_multiply(quat_conjugate(a), b)) for a, b in pairwise(quats)])
     rates = np.vstack((turns, turns[-1:])) / DT
-    for k in range(N):
+    for k in range(len(quats)):
         stamp = START_NS + k * 20_000_000
         seen = KNOT * (air_b[k] + quat_to_dcm(quats[k]).T @ flight.noise[k])
         yield Attitude(stamp, "imu/data_fused", quats[k], cov_att, rates[k], still)
         yield AirVelocity(stamp, "air/velocity", seen, cov_air)
         if k % 4 == 0:
-            yield GpsPosition(stamp, "gps/fix", *map(float, fixes[k]), cov_p)
+            yield GpsPosition(stamp, "gps/fix", float(fixes[k, 0]), float(fixes[k, 1]), float(fixes[k, 2]), cov_p)
             yield GpsVelocity(stamp, "gps/vel", KNOT * flight.gps_velocity[k], cov_v)
 
 
