@@ -1,4 +1,4 @@
-"""``airdata_gps/velocity_aiding``: a velocity over ground for a receiver that carries its position from fix to fix with one."""
+"""``gps/velocity_aiding``: a velocity over ground for a receiver that carries its position from fix to fix with one."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ def _encode(sent: NavSolution) -> Any:
 
 describe(
     __name__,
-    TopicSpec("airdata_gps/velocity_aiding", topics.TWIST, "Velocity over ground for the receiver, ENU, low latency.", "map", "m/s"),
+    TopicSpec("gps/velocity_aiding", topics.TWIST, "Velocity over ground for the receiver, ENU, low latency.", "map", "m/s"),
     measurement=NavSolution,
     decode=_decode,
     encode=_encode,

@@ -60,7 +60,7 @@ class AirDataGps(Navigator):
     smooths = True
     colour = "#0072b2"
     dash = "2 3"
-    aiding = "airdata_gps/velocity_aiding"
+    aiding = "gps/velocity_aiding"
     standby = True
     OwnSettings = AirDataGpsOwnSettings
     needs = ("gps",)
