@@ -87,7 +87,10 @@ def steady_gains(_: Context) -> Outcome:
     vertical = cycle(axis(None))
     good_vertical = [same_digits(a, b) for a, b in zip(entries(vertical), _printed(PRINTED_VERTICAL), strict=True)]
     readings = []
-    for name, r in (("position noise of the listing, 4.1353e-15 deg^2", LISTED_DEG2), ("position noise of the text, 4.14e-10 deg^2", 4.1353e-10)):
+    for name, r in (
+        ("position noise of the listing, 4.1353e-15 deg^2", LISTED_DEG2),
+        ("position noise of the text, 4.14e-10 deg^2", 4.1353e-10),
+    ):
         ours = entries(cycle(axis(0.0, r)))
         good = [same_digits(a, b) for a, b in zip(ours, _printed(PRINTED_HORIZONTAL), strict=True)]
         text = f"{sum(good)} of 12 horizontal and {sum(good_vertical)} of 12 vertical entries; position from GPS position {ours[0]:.5g}"
@@ -155,8 +158,10 @@ def convergence(_: Context) -> Outcome:
     """Variance after phase 4 from a start above and below."""
     model = FEET
     steady = cycle(model).posterior[-1]
-    runs = {name: np.array([P for _, _, P in multirate.run(model, start, 4000)][3::4]) for name, start in (
-        ("above", np.diag([5.0, 20.0])), ("below", 1e-3 * np.eye(2)))}
+    runs = {
+        name: np.array([P for _, _, P in multirate.run(model, start, 4000)][3::4])
+        for name, start in (("above", np.diag([5.0, 20.0])), ("below", 1e-3 * np.eye(2)))
+    }
     above, below = runs["above"][:, 0, 0], runs["below"][:, 0, 0]
     monotone = bool((np.diff(above) <= 1e-12).all() and (np.diff(below) >= -1e-12).all())
     velocity = max(abs(run[5, 1, 1] / steady[1, 1] - 1.0) for run in runs.values())
