@@ -343,9 +343,8 @@ def one_filter(context: Context) -> Outcome:
     nees = [float(np.mean([getattr(f, name) for f in found])) for name in ("nees_position", "nees_velocity")]
     text = f"{position:.2f} ft, {velocity:.2f} kt; NEES {nees[0]:.2f}, {nees[1]:.2f}"
     good = position < 1.55 and velocity < 0.68 and all(2.5 < value < 3.6 for value in nees)
-    return better(
-        text, good, f"position by a factor of {1.55 / position:.1f}, velocity by {0.68 / velocity:.1f}", "not better in both, or sigma off"
-    )
+    margin = f"position by a factor of {1.55 / position:.1f}, velocity by {0.68 / velocity:.1f}"
+    return better(text, good, margin, "not better in both, or the sigma is off")
 
 
 @result(
