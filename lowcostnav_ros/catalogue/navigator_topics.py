@@ -12,7 +12,7 @@ def topics_of(name: str, room: str = "") -> tuple[str, ...]:
     label = label_of(name)
     room = label.room or room or name
     own = label.outputs or tuple(f"{room}/{part}" for part in NAVIGATOR_TOPICS if part != HEALTH)
-    return (*own, f"{room}/{HEALTH}")
+    return (*own, *filter(None, (label.aiding,)), f"{room}/{HEALTH}")
 
 
 def fused_topics(name: str) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from lowcostnav_ros.cli.options import between
 from lowcostnav_ros.graph import up as graph_up
 from lowcostnav_ros.graph.description import load_graph
 from lowcostnav_ros.graph.domain import HIGHEST
+from lowcostnav_ros.graph.wiring import completed
 
 
 def add_arguments(up: argparse.ArgumentParser) -> None:
@@ -36,4 +37,4 @@ def up(arguments: argparse.Namespace) -> int:
     graph = load_graph(arguments.graph)
     if arguments.domain is not None:
         graph = replace(graph, domain=round(between("--domain", arguments.domain, 0, HIGHEST)))
-    return graph_up.up(graph, out=out, show=show, until_finished=arguments.until_finished)
+    return graph_up.up(completed(graph), out=out, show=show, until_finished=arguments.until_finished)

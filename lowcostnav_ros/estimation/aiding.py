@@ -155,7 +155,7 @@ class Host(Protocol):
     :class:`CorrectionNotFinite`; ``gps_good(stamp_ns)``: GPS holds the solution.
     ``inertial_is_suspect``: the IMU is known to be worse than set.  ``offsets``: of the stamps, where they can be seen.
     ``excluded(aid)``: why its source contradicts others and is not to be used; ``recovery_s(aid, stamp_ns)``: how long it must be
-    rejected before the solution recovers to it.
+    rejected before the solution recovers to it; ``movable`` (n,): 0 for states that no measurement may move at present, None: all may.
     """
 
     name: str
@@ -163,6 +163,7 @@ class Host(Protocol):
     core: Any
     inertial_is_suspect: bool
     offsets: TimeOffsets | None
+    movable: np.ndarray | None
 
     @property
     def trust(self) -> Trust: ...
@@ -385,7 +386,9 @@ class Aid(ABC):
 
     def fuse(self, innovation: Innovation, host: Host) -> None:
         """Apply: update the covariance, inject the correction."""
-        free = np.ones(len(host.P)) if innovation.free is None else innovation.free
+        free = innovation.free
+        if free is None:
+            free = np.ones(len(host.P)) if host.movable is None else host.movable
         if host.offsets is None:
             dx = kalman.update(host.P, innovation.y, innovation.H, innovation.R, free)
         else:

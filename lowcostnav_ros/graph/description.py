@@ -172,6 +172,11 @@ def _node(entry: Any, where: str, scenario: str, folder: Path | None) -> GraphNo
     return GraphNode(executable, _name(entry.get("name", executable), where), config, dict(parameters), respawn)
 
 
+def made_node(executable: str, graph: Graph) -> GraphNode:
+    """Return a node of an executable with its shipped configuration, as a graph that only names it has it."""
+    return _node(executable, graph.name, graph.scenario, None)
+
+
 def _name(name: Any, where: str) -> str:
     """A name that ROS takes and that is a file's name, too: the log and the parameters of the node bear it."""
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,99}", name) or name == MONITOR:

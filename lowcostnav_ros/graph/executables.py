@@ -20,14 +20,16 @@ class Executable:
     """One executable, as a node class describes itself in ``@executable("player", kind="source", Settings=PlayerSettings)``.
 
     ``kind`` is one of :data:`KINDS`; ``compiled`` is False where a process computes next to nothing: without the compiler it needs half the
-    memory; ``inputs`` are the topics it is known to subscribe to.  The class is made without arguments; ``Settings``, if any, are those of
-    its parameter file.
+    memory; ``inputs`` are the topics it is known to subscribe to, ``outputs`` those it makes for navigators of what they do not take: a
+    graph in which nothing is known to publish them gets the node by itself.  The class is made without arguments; ``Settings``, if any,
+    are those of its parameter file.
     """
 
     name: str
     kind: str = NODE
     compiled: bool = True
     inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
 
 
 NODES = ClassRegistry("node", "lowcostnav_ros.nodes", "executable", Executable)

@@ -10,14 +10,15 @@ from typing import Any
 from lowcostnav_ros.base.settings import chosen_class, declared, nearest, to_mapping
 from lowcostnav_ros.catalogue.config_files import read_parameters
 from lowcostnav_ros.catalogue.navigator_topics import topics_of
-from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode, takes_scenario
-from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, RECORDER, SOURCE, kind_of, settings_of
+from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode, made_node, takes_scenario
+from lowcostnav_ros.graph.executables import EXECUTABLES, NAVIGATOR, NODES, RECORDER, SIMULATOR, SOURCE, kind_of, sensor_of, settings_of
 from lowcostnav_ros.messages.inputs import is_of_input
 from lowcostnav_ros.messages.rules import parse_further
 from lowcostnav_ros.messages.topics import TOPICS
 from lowcostnav_ros.navigators.registry import NAVIGATORS
+from lowcostnav_ros.sensors.registry import SIMULATORS
 
-PACED = ("truth/imu", "truth/odometry", "imu/data_raw", "air/velocity")
+PACED = ("truth/imu", "truth/odometry", "imu/data_raw", "air/velocity", "air/dynamic_pressure")
 """Topics that never pause in a simulated flight: on these a node reports how far it has come to a lossless source."""
 
 LONGEST_LAG_S = 10.0
@@ -106,6 +107,22 @@ def _parameters_of(node: GraphNode) -> set[str]:
     if settings is None:
         return set()
     return {entry.name for entry in declared(chosen_class(settings, _given(node)))}
+
+
+def completed(graph: Graph) -> Graph:
+    """Return a graph with the nodes that make what its navigators take and nothing in it is known to publish (an air data computer).
+
+    They stay quiet where a driver outside the graph, or a player, publishes it after all.
+    """
+    taken = {topic for node in graph.nodes if kind_of(node.executable) == NAVIGATOR for topic in inputs_of(node)}
+    made = {topic for node in graph.nodes for topic in _outputs_of(node.executable)}
+    missing = [name for name in NODES if set(EXECUTABLES[name].outputs) & (taken - made)]
+    return replace(graph, nodes=(*graph.nodes, *(made_node(name, graph) for name in missing)))
+
+
+def _outputs_of(executable: str) -> tuple[str, ...]:
+    simulates = kind_of(executable) == SIMULATOR
+    return SIMULATORS.label(sensor_of(executable)).topics if simulates else EXECUTABLES[executable].outputs
 
 
 def setting_of(node: GraphNode, name: str) -> Any:

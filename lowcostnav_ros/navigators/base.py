@@ -148,6 +148,8 @@ class Navigator(ABC):
         The IMU source that carries its state.
     inertial_is_suspect : bool
         Whether the IMU has shown errors beyond its settings.
+    movable : ndarray (n,) or None
+        0 for states that no measurement may move at present; None: all may.
     smooths : bool
         Whether it can keep a history for the smoother: its core reports to one, and its solutions go out by :meth:`publish`.
     not_observable : str
@@ -172,6 +174,7 @@ class Navigator(ABC):
     not_observable: ClassVar[str] = ""
     smooths: ClassVar[bool] = False
     inertial_is_suspect: bool = False
+    movable: np.ndarray | None = None
     inertial: str | None = None
     layout: Layout
     core: Any = None
@@ -407,7 +410,7 @@ class Navigator(ABC):
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
         for item in self.horizon.take():
-            refusal = self.trust.take(item)
+            refusal = self.refusal(item) or self.trust.take(item)
             if refusal:
                 self.input_status[item.source].reject(refusal)
             elif isinstance(item, ImuBlock):
@@ -488,6 +491,10 @@ class Navigator(ABC):
         """Begin anew after a solution that is none; what was sound before it still goes out."""
         self.realign("solution not finite")
         return [solution for solution in out if is_sound(solution)]
+
+    def refusal(self, item: Measurement) -> str:
+        """Why the next measurement in order of time is none; empty for nothing."""
+        return ""
 
     def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
         """Feed many; return all fused solutions."""

@@ -15,7 +15,8 @@ class NavigatorLabel:
 
     ``room`` is the first part of its topics, empty for its name; ``outputs`` its topics where they are not the usual ones; ``colour`` and
     ``dash`` how reports draw it, empty for any; ``healthy_modes`` those with its full accuracy; ``modes`` those that only it has: for each
-    a colour and, where there is less than a position, words such as ``without a solution``.
+    a colour and, where there is less than a position, words such as ``without a solution``.  ``aiding`` is a topic on which its velocity
+    goes to a receiver; one that is on ``standby`` is flown by the supervisor when nothing else is sound.
     """
 
     name: str
@@ -25,6 +26,8 @@ class NavigatorLabel:
     dash: str = ""
     healthy_modes: tuple[str, ...] = ("gps", "calibrating")
     modes: dict[str, tuple[str, str]] = field(default_factory=dict)
+    aiding: str = ""
+    standby: bool = False
 
 
 NAVIGATORS = ClassRegistry("navigator", "lowcostnav_ros.navigators", "navigator", NavigatorLabel)

@@ -10,7 +10,9 @@ from typing import Any
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
 from lowcostnav_ros.catalogue.building import Registry, build_navigators
+from lowcostnav_ros.catalogue.config_files import config_dir, load_settings
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
+from lowcostnav_ros.estimation.air_data.computer import AIR, INPUTS, REQUIRED, AirDataComputer, AirDataComputerSettings
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import BagError, BagReader
 from lowcostnav_ros.messages.decode import Decoder, decode
@@ -123,12 +125,14 @@ class Cast:
     def __init__(self, reader: BagReader, reference: BagReader, options: ReplayOptions) -> None:
         self.reader, self.reference, self.options = reader, reference, options
         self.navigators, self.selection = _navigators(reader, options)
+        self.air_data = _air_data(reader, options) if any(AIR in navigator.inputs for navigator in self.navigators.values()) else None
         self.truth = _truth_topic(reader, options.truth)
         wind = [TRUE_WIND] if self.truth == DEFAULT_TRUTH and reader.types.get(TRUE_WIND) == topics.TWIST else []
         self.true = [self.truth, *wind] if self.truth else []
         self.true_sources = _with_origins(reader, self.true)
         taken = {source for navigator in self.navigators.values() for source in navigator.inputs}
         replaced = {topic for name in self.navigators for topic in fused_topics(name)}
+        taken |= {*INPUTS} if self.air_data else set()
         self.fed = sorted(s for s in taken - replaced if s in reader.types)
         check_sources(options.withhold, self.fed)
         self.sources = _with_origins(reader, self.fed)
@@ -180,7 +184,7 @@ class _Replay(Cast):
         for window in windows:
             self._check_window(window, first_ns)
         rules = self.reader.decoder.rules
-        further = self.options.out, rules, self.options.smooth
+        further = self.options.out, rules, self.options.smooth, self.air_data
         session = Session(self.navigators, windows, self.truth is not None, self.outputs, *further)
         true = ((m.stamp_ns, (m,)) for m in self.reference.measurements(self.true_sources) if m.source in self.true)
         alongside = _Alongside(session.feed_truth, true), _Alongside(session.feed_recorded, _recorded(self.recorded, self.outputs))
@@ -236,6 +240,7 @@ class _Replay(Cast):
         remarks |= {f"{name}: IMU {one.imu_words}": 1 for name, one in self.navigators.items() if one.imu_words}
         decoder = self.reader.decoder
         unused = {source for source, _ in decoder.rejected if not decoder.accepted[source]}
+        remarks |= {} if self.air_data is None else self.air_data.remarks()
         remarks |= {f"nothing usable on {source}: {self.reader.rejections(source)}": 1 for source in sorted(unused)}
         found = offers(self.reader.types)
         if found:
@@ -284,6 +289,7 @@ def _navigators(reader: BagReader, options: ReplayOptions) -> tuple[dict[str, Na
     inputs = {name: navigator.inputs for name, navigator in navigators.items()}
     reader.require(s for s in reader.types if any(s in sources for sources in inputs.values()))
     decodable = set(reader.decodable())
+    decodable |= {AIR} if _air_data(reader, options) else set()
     try:
         selection = select(inputs, decodable, insist=options.navigators is not None)
     except SelectionError as error:
@@ -294,6 +300,16 @@ def _navigators(reader: BagReader, options: ReplayOptions) -> tuple[dict[str, Na
     if not any(source in decodable for name in selection.chosen for source in inputs[name]):
         raise reader.nothing(())
     return {name: navigators[name] for name in selection.chosen}, selection
+
+
+def _air_data(reader: BagReader, options: ReplayOptions) -> AirDataComputer | None:
+    """The computer that makes the airspeed of a recording that holds pressures and no airspeed; None where there is nothing to make."""
+    decodable = set(reader.decodable())
+    if AIR in reader.types or not decodable.issuperset(REQUIRED):
+        return None
+    folders = (options.config,) if options.config else (reader.settings_folder, config_dir())
+    files = (folder / "air_data_computer.yaml" for folder in folders if folder is not None)
+    return AirDataComputer(load_settings(AirDataComputerSettings, next(filter(Path.is_file, files), None), "air_data_computer"))
 
 
 def _truth_topic(reader: BagReader, wanted: str | None) -> str | None:

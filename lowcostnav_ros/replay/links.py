@@ -10,6 +10,7 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
+from lowcostnav_ros.estimation.air_data.computer import AirDataComputer
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.messages.store import to_cdr
@@ -117,6 +118,8 @@ class Chain:
     rules : DecodeRules, optional
     every_message : bool
         Whether a message is made of solutions that no navigator takes, too.
+    air_data : AirDataComputer, optional
+        Where nothing else gives an airspeed, this makes it of the pressures.
 
     Attributes
     ----------
@@ -124,8 +127,15 @@ class Chain:
         In the order in which they are fed, each after those whose solutions it takes.
     """
 
-    def __init__(self, navigators: Mapping[str, Navigator], rules: DecodeRules | None = None, every_message: bool = False) -> None:
-        rules = rules or DecodeRules()
+    def __init__(
+        self,
+        navigators: Mapping[str, Navigator],
+        rules: DecodeRules | None = None,
+        every_message: bool = False,
+        air_data: AirDataComputer | None = None,
+    ) -> None:
+        rules, self.air_data = rules or DecodeRules(), air_data
+        self._decoder = Decoder(rules)
         self.links = {name: Link(name, navigators[name], rules) for name in in_order(navigators)}
         self._wanted = {source for link in self.links.values() for source in link.navigator.inputs}
         self._replaced = {topic for name in self.links for topic in fused_topics(name)}
@@ -141,6 +151,13 @@ class Chain:
         if self.takes(measurement):
             for piece in _pieces(measurement) if self._is_linked else (measurement,):
                 yield from self._distribute(piece)
+            for velocity in () if self.air_data is None else self.air_data.feed(measurement):
+                yield from self._distribute(self._as_received(velocity))
+
+    def _as_received(self, velocity: Measurement) -> Measurement:
+        """What subscribers of the air data computer's node receive."""
+        received = self._decoder.decode(velocity.source, topics.spec(velocity.source).msgtype, to_cdr(encode.encode(velocity)))
+        return velocity if isinstance(received, Rejected) else received
 
     def fork(self) -> "Chain":
         """Return a copy that flies on from the present state on its own; settings and stations, which do not change, are shared."""

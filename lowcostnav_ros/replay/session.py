@@ -15,6 +15,7 @@ from lowcostnav_ros import __version__
 from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.settings import settings_hash, to_mapping
 from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.estimation.air_data.computer import AirDataComputer
 from lowcostnav_ros.estimation.clocks import TIME_JUMPED, Clocks
 from lowcostnav_ros.estimation.horizon import TIME_JUMP_NS
 from lowcostnav_ros.messages.decode import DecodeRules
@@ -99,6 +100,8 @@ class Session:
         Folder of the result files.
     smooth : bool
         Whether every navigator that can is smoothed at the end.
+    air_data : AirDataComputer, optional
+        Makes the airspeed of pressures.
     """
 
     def __init__(
@@ -110,6 +113,7 @@ class Session:
         out: Path | None = None,
         rules: DecodeRules | None = None,
         smooth: bool = False,
+        air_data: AirDataComputer | None = None,
     ) -> None:
         self.windows = list(windows)
         self.truth = Truth() if has_truth else None
@@ -126,7 +130,7 @@ class Session:
         self._true_winds: list[NavSolution] = []
         recorded = set(recorded)
         self.runs: dict[str, NavigatorRun] = {}
-        self.chain = Chain(navigators, rules, every_message=True)
+        self.chain = Chain(navigators, rules, every_message=True, air_data=air_data)
         for name, link in self.chain.links.items():
             smoothed = Evaluation(self.kept, self.gaps, self.windows) if smooth and navigators[name].smooths else None
             out_files = self.files.navigator(name, smoothed is not None)

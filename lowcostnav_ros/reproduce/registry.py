@@ -40,12 +40,16 @@ MODULES = (
     "solimeno.observability",
     "solimeno.estimates",
     "solimeno.galileo",
+    "eggers.velocity",
+    "eggers.estimator",
+    "eggers.integrated",
 )
 """Modules of this package that hold results; their folder is the study."""
 
 STUDIES = {
     "gebre": "D. Gebre-Egziabher, Design and Performance Analysis of a Low-Cost Aided Dead Reckoning Navigator, PhD, Stanford, 2004",
     "solimeno": "A. Solimeno, Low-Cost INS/GPS Data Fusion with Extended Kalman Filter for Airborne Applications, MSc, IST Lisbon, 2007",
+    "eggers": "J. W. Eggers, Development of a GPS-Aided Navigation System without INS for the USAF A-10 Aircraft, SM, MIT, 1995",
 }
 """What each study is, for headings."""
 

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from lowcostnav_ros.catalogue.building import complete_settings, make_navigator
 from lowcostnav_ros.catalogue.navigator_topics import topics_of
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.store import to_cdr
-from lowcostnav_ros.navigators.registry import NAVIGATORS
+from lowcostnav_ros.navigators.registry import NAVIGATORS, label_of
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.ros.diagnostics import navigator_rows
 from lowcostnav_ros.ros.input_monitor import Status
@@ -82,7 +82,7 @@ class NavigatorNode(NodeBase):
         self.poll_period_s = 0.01 if self.navigator.inertial is None else 0.0025
         warm_up(make(self.parameters.settings[0]), self.decoder.rules)
         self._set_rate(self.parameters.settings[1])
-        self._topics = topics_of(name, self.get_name())
+        self._topics, self._aiding = topics_of(name, self.get_name()), label_of(name).aiding
         self._is_attitude_only = topics.spec(self._topics[0]).msgtype == topics.IMU
         self._magnetometer = None
         if self._is_attitude_only:
@@ -223,6 +223,8 @@ class NavigatorNode(NodeBase):
         wind = encode.wind_from_solution(solution)
         if wind is not None:
             self.output(f"{self._room}/wind{suffix}").send(to_cdr(wind))
+        if not suffix and self._aiding and solution.vel_n is not None:
+            self.output(self._aiding).send(to_cdr(encode.encode(replace(solution, source=self._aiding))))
         if not suffix:
             self.output(f"{self._room}/fix").send(to_cdr(encode.fix_from_solution(solution)))
 

@@ -40,6 +40,10 @@ class AirDataSimulatorSettings:
     altitude_error_tau_s: float = setting(400.0, "Correlation time of the altitude error.", unit="s", minimum=0.1)
     static_noise_pa: float = setting(2.0, "White noise of the static pressure, 1 sigma.", unit="Pa", minimum=0.01, maximum=1000.0)
     temperature_noise_k: float = setting(0.5, "White noise of the air temperature, 1 sigma.", unit="K", minimum=0.01, maximum=20.0)
+    scale: float = setting(0.0, "Constant scale error: it reads true airspeed times one plus this ...", minimum=-0.5, maximum=0.5)
+    offset_mps: float = setting(0.0, "... plus this.", unit="m/s", minimum=-50.0, maximum=50.0)
+    axial: bool = setting(False, "The pitot tube lies along the body axis and sees the forward component alone.")
+    computer: bool = setting(True, "An air data computer is aboard: air/velocity comes with the pressures.")
     vanes: bool = setting(False, "Incidence and sideslip vanes are fitted.")
     vane_offset_deg: float = setting(0.5, "Constant error of each vane, 1 sigma.", unit="deg", minimum=0.0, maximum=10.0)
     vane_noise_deg: float = setting(0.3, "White noise of each vane, 1 sigma.", unit="deg", minimum=0.0, maximum=10.0)
@@ -57,7 +61,9 @@ class Vanes:
     sigma: float
 
 
-def air_velocity(static: Pressure, impact: Pressure, temperature: AirTemperature, vanes: Vanes | None, source: str) -> AirVelocity:
+def air_velocity(
+    static: Pressure, impact: Pressure, temperature: AirTemperature, vanes: Vanes | None, source: str, axial: bool = False
+) -> AirVelocity:
     """Compute the air-relative velocity, as an air data computer does.
 
     Parameters
@@ -70,6 +76,8 @@ def air_velocity(static: Pressure, impact: Pressure, temperature: AirTemperature
         None leaves y and z unmeasured; x is then the true airspeed itself.
     source : str
         Source name of the result.
+    axial : bool
+        The tube sees the forward component alone, so that the whole is larger by 1 / (cos incidence cos sideslip).
 
     Returns
     -------
@@ -85,6 +93,7 @@ def air_velocity(static: Pressure, impact: Pressure, temperature: AirTemperature
         cov_b = np.diag([variance + (BLIND_INCIDENCE * tas) ** 2, UNKNOWN_VARIANCE, UNKNOWN_VARIANCE])
         return AirVelocity(impact.stamp_ns, source, np.array([tas, 0.0, 0.0]), cov_b)
     unit, across_incidence, across_sideslip = _airflow(vanes.incidence, vanes.sideslip)
+    unit = unit / unit[0] if axial else unit
     jacobian = np.column_stack((unit, max(tas, SLOWEST_MPS) * across_incidence, max(tas, SLOWEST_MPS) * across_sideslip))
     cov_b = jacobian @ np.diag([variance, vanes.sigma**2, vanes.sigma**2]) @ jacobian.T
     return AirVelocity(impact.stamp_ns, source, tas * unit, 0.5 * (cov_b + cov_b.T))
@@ -137,7 +146,9 @@ class AirDataSimulator:
         altitude = height - settings.geoid_undulation_m
         pressure, kelvin = self._air(altitude)
         seen_pressure = self._air(altitude + drift[1])[0] + settings.static_noise_pa * float(normals[0])
-        tas = max(math.sqrt(air_b @ air_b) + float(drift[0]) + settings.airspeed_noise_mps * float(normals[1]), 0.0)
+        seen = float(air_b[0]) if settings.axial else math.sqrt(air_b @ air_b)
+        read = (1.0 + settings.scale) * seen + settings.offset_mps
+        tas = max(read + float(drift[0]) + settings.airspeed_noise_mps * float(normals[1]), 0.0)
         rho = float(atmosphere.density(pressure, kelvin))
         static_variance = (rho * STANDARD_GRAVITY * settings.altitude_error_m) ** 2 + settings.static_noise_pa**2
         speed_variance = settings.airspeed_error_mps**2 + settings.airspeed_noise_mps**2
@@ -146,8 +157,10 @@ class AirDataSimulator:
         impact = Pressure(stamp_ns, f"{prefix}/dynamic_pressure", impact_pa, (rho * max(tas, SLOWEST_MPS)) ** 2 * speed_variance)
         seen_kelvin = kelvin + settings.temperature_noise_k * float(normals[2])
         temperature = AirTemperature(stamp_ns, f"{prefix}/temperature", seen_kelvin, settings.temperature_noise_k**2)
-        velocity = air_velocity(static, impact, temperature, self._vanes(air_b, normals[3:5]), f"{prefix}/velocity")
-        return [static, impact, temperature, velocity]
+        vanes = self._vanes(air_b, normals[3:5])
+        if not settings.computer:
+            return [static, impact, temperature]
+        return [static, impact, temperature, air_velocity(static, impact, temperature, vanes, f"{prefix}/velocity", settings.axial)]
 
     def _air(self, altitude: float) -> tuple[float, float]:
         """Return static pressure, Pa, and temperature, K, of the day at a geometric altitude above mean sea level, m."""

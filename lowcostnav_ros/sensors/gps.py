@@ -4,7 +4,7 @@ Position error 2 m horizontal, 5 m vertical (Gebre-Egziabher 2004, section 3.10,
 figure; 0.1 m/s is usual for a receiver that uses carrier Doppler.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ class GpsSimulatorSettings:
     vertical_drift_m: float = setting(0.0, "Correlated height error, 1 sigma.", unit="m", minimum=0.0)
     drift_tau_s: float = setting(300.0, "Correlation time of the correlated error.", unit="s", minimum=0.1)
     velocity_noise_mps: float = setting(0.1, "White velocity error per axis, 1 sigma.", unit="m/s", minimum=0.001)
+    repeat_hz: float = setting(0.0, "Puts each fix out again at this rate until the next; 0: once.", unit="Hz", minimum=0.0, maximum=50.0)
     latency_s: float = setting(0.0, "Time from validity to availability.", unit="s", minimum=0.0, maximum=10.0)
     dropout_probability: float = setting(0.0, "Probability that one epoch is missing.", minimum=0.0, maximum=1.0)
     outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
@@ -52,6 +53,8 @@ class GpsSimulator:
         self.settings = settings
         self.position_source, self.velocity_source = position_source, velocity_source
         self._clock = SampleClock(settings.rate_hz)
+        self._repeats = SampleClock(settings.repeat_hz) if settings.repeat_hz > 0.0 else None
+        self._epoch_now: list[GpsPosition | GpsVelocity] = []
         self._reception: Reception[GpsPosition | GpsVelocity] = Reception(settings.latency_s, settings.outages_s)
         drift = np.array([settings.horizontal_drift_m, settings.horizontal_drift_m, settings.vertical_drift_m])
         processes = [GaussMarkov(float(sigma), settings.drift_tau_s) for sigma in drift]
@@ -72,9 +75,18 @@ class GpsSimulator:
         noise = self._noise_rng.standard_normal((len(rows), 6)) * self._noise_sigma
         noise[:, 0:3] += self._drift.draw(len(rows))
         received = self._dropout_rng.random(len(rows)) >= self.settings.dropout_probability
-        for row, error, ok in zip(rows, noise, received, strict=True):
-            if ok and not self._reception.in_outage(int(truth.stamps_ns[row])):
-                self._reception.send(*self._epoch(truth, row, error))
+        fixes = {int(row): error if ok else None for row, error, ok in zip(rows, noise, received, strict=True)}
+        again = () if self._repeats is None else self._repeats.rows(truth.stamps_ns).tolist()
+        for row in sorted({*fixes, *again}):
+            stamp_ns, is_lost = int(truth.stamps_ns[row]), self._reception.in_outage(int(truth.stamps_ns[row]))
+            error = fixes.get(row)
+            if is_lost or (row in fixes and error is None):
+                self._epoch_now = []
+            elif error is not None:
+                self._epoch_now = self._epoch(truth, row, error)
+                self._reception.send(*self._epoch_now)
+            else:
+                self._reception.send(*(replace(m, stamp_ns=stamp_ns) for m in self._epoch_now))
         return self._reception.arrived(int(truth.stamps_ns[-1]))
 
     def _epoch(self, truth: TruthBlock, row: int, error: np.ndarray) -> list[GpsPosition | GpsVelocity]:

@@ -27,7 +27,11 @@ class WindSettings:
     variation_sigma_mps: float = setting(
         0.0, "Sigma of the slow variation of each horizontal component (airline data: 5)", unit="m/s", minimum=0.0, maximum=20.0
     )
-    variation_tau_s: float = setting(400.0, "Correlation time of that variation", unit="s", minimum=30.0, maximum=1.0e5)
+    variation_tau_s: float = setting(400.0, "Correlation time of that variation", unit="s", minimum=5.0, maximum=1.0e5)
+    pattern: str = setting("none", "Periodic wind on top: sinusoidal, or a triangle (shear)", choices=("none", "sinusoidal", "triangle"))
+    pattern_mps: float = setting(10.0, "Amplitude of the periodic wind", unit="m/s", minimum=0.0, maximum=60.0)
+    pattern_north_s: float = setting(160.0, "Its period in the northward component", unit="s", minimum=5.0, maximum=1.0e5)
+    pattern_east_s: float = setting(240.0, "... and in the eastward one", unit="s", minimum=5.0, maximum=1.0e5)
     shear_north_per_s: float = setting(0.0, "Growth of the northward wind with height", unit="1/s", minimum=-0.05, maximum=0.05)
     shear_east_per_s: float = setting(0.0, "Growth of the eastward wind with height", unit="1/s", minimum=-0.05, maximum=0.05)
     turbulence_sigma_mps: float = setting(

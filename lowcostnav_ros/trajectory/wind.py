@@ -1,4 +1,4 @@
-"""The air mass of a closed-form flight: mean wind, shear with height, slow Gauss-Markov variation, level turbulence.
+"""The air mass of a closed-form flight: mean wind, shear with height, slow Gauss-Markov variation or a periodic one, level turbulence.
 
 A Gauss-Markov path has no derivative, and an aircraft riding on one would feel infinite acceleration.  So the process is drawn
 exactly at knots much closer than its correlation time and joined by a uniform cubic B-spline, which is twice continuously
@@ -58,6 +58,11 @@ class SmoothGaussMarkov:
         self._knots = np.append(self._knots, new)
 
 
+def triangle(phase: np.ndarray) -> np.ndarray:
+    """Triangle wave between -1 and 1 that begins like a sine; ``phase`` (n,) in periods."""
+    return 1.0 - 4.0 * np.abs(np.mod(phase + 0.25, 1.0) - 0.5)
+
+
 class Wind:
     """Velocity of the air mass, NED m/s, as a smooth function of time and height.
 
@@ -85,6 +90,10 @@ class Wind:
         out = np.zeros((len(above), 3))
         out[:, 0] = s.north_mps + s.shear_north_per_s * above + self._slow[0].at(t_s)
         out[:, 1] = s.east_mps + s.shear_east_per_s * above + self._slow[1].at(t_s)
+        if s.pattern != "none":
+            for axis, period_s in enumerate((s.pattern_north_s, s.pattern_east_s)):
+                phase = np.asarray(t_s) / period_s
+                out[:, axis] += s.pattern_mps * (triangle(phase) if s.pattern == "triangle" else np.sin(2.0 * math.pi * phase))
         return out
 
     def at(self, t_s: np.ndarray, height: np.ndarray) -> np.ndarray:

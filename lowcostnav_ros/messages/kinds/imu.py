@@ -160,17 +160,26 @@ describe(
     encode_many=imu_raw_cdr,
 )
 _ORIENTATION = {"quaternion": Quantity(4, "number", False, ("FRD to NED",)), "euler": Quantity(3, "angle", False)}
+
+ATTITUDE = {
+    "measurement": Attitude,
+    "decode": decode_attitude,
+    "encode": imu_attitude,
+    "frames": BODY_FRAMES,
+    "variances": (3.0e-4, 3.0e-4, 1.2e-3),  # 1 deg roll and pitch, 2 deg heading
+    "fields": {**_ORIENTATION, "rate": _RATE, "force": Quantity(3, "acceleration", False, BODY_AXES), "sigma": _SIGMA},
+    "from_row": _attitude_from_row,
+    "sample": attitude_sample,
+    "fast": imu_columns.attitude,
+}
 describe(
     __name__,
     TopicSpec("imu/data", IMU, "The AHRS attitude (true heading) with bias-corrected rates, low latency.", "base_link", "rad/s, m/s^2"),
     TopicSpec("imu/data_fused", IMU, "The AHRS attitude at the fusion horizon: repeatable.", "base_link", "rad/s, m/s^2"),
-    measurement=Attitude,
-    decode=decode_attitude,
-    encode=imu_attitude,
-    frames=BODY_FRAMES,
-    variances=(3.0e-4, 3.0e-4, 1.2e-3),  # 1 deg roll and pitch, 2 deg heading
-    fields={**_ORIENTATION, "rate": _RATE, "force": Quantity(3, "acceleration", False, BODY_AXES), "sigma": _SIGMA},
-    from_row=_attitude_from_row,
-    sample=attitude_sample,
-    fast=imu_columns.attitude,
+    **ATTITUDE,
+)
+describe(
+    __name__,
+    TopicSpec("hars/attitude", IMU, "A heading and attitude reference: magnetic heading, acceleration absent.", "base_link", "rad/s"),
+    **(ATTITUDE | {"encode": lambda sent: imu_attitude(sent, specific_force_known=False), "sensed": True}),
 )

@@ -8,6 +8,7 @@ wrong, nothing is changed and the covariance covers both.
 
 import math
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from lowcostnav_ros.base.modes import Level, Mode
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
-from lowcostnav_ros.navigators.registry import navigator
+from lowcostnav_ros.navigators.registry import NAVIGATORS, navigator
 from lowcostnav_ros.navigators.supervisor.blend import Blend
 from lowcostnav_ros.navigators.supervisor.candidate import Candidate
 from lowcostnav_ros.navigators.supervisor.modes import Facts, Gps, next_mode
@@ -28,7 +29,13 @@ from lowcostnav_ros.physics.earth import difference_n
 
 SOURCES = {"ins_gps/odometry_fused": "ins_gps", "dead_reckoning/odometry_fused": "dead_reckoning"}
 """Solutions to choose from, in the order of preference while GPS is good."""
-HEALTH = {f"{name}/health": name for name in SOURCES.values()}
+
+
+def standby() -> dict[str, str]:
+    """Solutions of the navigators that are flown when nothing else is sound, by topic, as each declares it."""
+    return {f"{name}/odometry_fused": name for name in NAVIGATORS if NAVIGATORS.label(name).standby}
+
+
 GPS = "gps"
 """The receiver's own fixes and velocities as a solution: tested like the others, flown when nothing else is sound."""
 VELOCITY_NS = 500_000_000
@@ -104,17 +111,19 @@ class Supervisor(Navigator):
     def __init__(self, settings: SupervisorSettings | None = None) -> None:
         settings = settings or SupervisorSettings()
         super().__init__(settings)
+        self._sources = SOURCES | standby()
         self.threshold = chi_square.threshold(settings.gps.agree_probability, 2)
         self._restart()
 
     def own_inputs(self) -> tuple[str, ...]:
         """The navigators it selects from, the attitude reference and GPS fixes."""
-        return (*SOURCES, *HEALTH, "imu/data_fused", "gps/fix", "gps/vel")
+        sources = SOURCES | standby()
+        return (*sources, *(f"{name}/health" for name in sources.values()), "imu/data_fused", "gps/fix", "gps/vel")
 
     def _restart(self) -> None:
         self.active: str | None = None
         self.switches: deque[Switch] = deque(maxlen=SWITCHES_KEPT)
-        self._candidates = {name: Candidate(name) for name in (*SOURCES.values(), GPS)}
+        self._candidates = {name: Candidate(name) for name in (*self._sources.values(), GPS)}
         self._motion = Motion()
         self._attitude: Attitude | None = None
         self._flown: NavSolution | None = None
@@ -135,9 +144,9 @@ class Supervisor(Navigator):
             self._first_ns = self._t_ns = item.stamp_ns
         self._advance(item.stamp_ns)
         if isinstance(item, NavSolution) and item.has_position:
-            self._candidates[SOURCES[item.source]].take(item)
+            self._candidates[self._sources[item.source]].take(item)
         elif isinstance(item, Health):
-            self._candidates[HEALTH[item.source]].health = item
+            self._candidates[item.source.partition("/")[0]].health = item
         elif isinstance(item, Attitude):
             self._attitude = item
             self._motion.see(item)
@@ -209,6 +218,9 @@ class Supervisor(Navigator):
         gps = self._gps(now_ns)
         alive = self._alive(now_ns)
         self._compare(alive, now_ns)
+        if all(self._trust(name) == USELESS for name in alive):
+            spare = (name for name in self._sources.values() if name not in SOURCES.values())
+            alive |= {name: s for name, s in self._fresh(spare, now_ns).items() if self._trust(name) != USELESS}
         if gps in (Gps.GOOD, Gps.COARSE) and all(self._trust(name) == USELESS for name in alive):
             alive |= self._gps_alone(now_ns)
             gps = Gps.COARSE
@@ -223,9 +235,12 @@ class Supervisor(Navigator):
             self.publish(self._published)
 
     def _alive(self, now_ns: int) -> dict[str, NavSolution]:
-        """Fresh solutions by navigator, carried to ``now_ns``, in order of preference."""
+        """Fresh solutions of the navigators that are preferred, carried to ``now_ns``, in that order."""
+        return self._fresh(SOURCES.values(), now_ns)
+
+    def _fresh(self, names: Iterable[str], now_ns: int) -> dict[str, NavSolution]:
         limit_ns = 1e9 * self.settings.solution_timeout_s
-        newest = {name: self._candidates[name].newest for name in SOURCES.values()}
+        newest = {name: self._candidates[name].newest for name in names}
         fresh = {name: s for name, s in newest.items() if s is not None and now_ns - s.stamp_ns <= limit_ns}
         return {name: self._motion.carried(solution, now_ns) for name, solution in fresh.items()}
 
@@ -375,7 +390,7 @@ class Supervisor(Navigator):
 
     def _sentence(self, now_ns: int) -> str:
         if self._published is None:
-            return "no solution yet: check that ins_gps or dead_reckoning runs and is aligned"
+            return f"no solution yet: check that {' or '.join(self._sources.values())} runs and is aligned"
         if self.mode == Mode.FAILED:
             return "all solutions timed out: the last one is held"
         sigma_nm, limit_nm = self._published.horizontal_sigma_m / NAUTICAL_MILE, self.settings.alert_nm
@@ -427,7 +442,7 @@ class Supervisor(Navigator):
             return None
         waiting = self.horizon.ahead()[1]
         for item in waiting:
-            if isinstance(item, NavSolution) and SOURCES[item.source] == self.active and item.has_position:
+            if isinstance(item, NavSolution) and self._sources[item.source] == self.active and item.has_position:
                 newest = item
         attitudes = [item for item in waiting if isinstance(item, Attitude)]
         motion = self._motion.with_newer(attitudes)

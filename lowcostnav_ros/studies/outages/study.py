@@ -128,7 +128,7 @@ def fly_case(case: Case) -> Pass:
             span = f"the recording lasts {reader.duration_s:.0f} s and the first loss is to come after {case.plan.after_s:g} s"
             raise OutageError(f"No outage of {min(case.plan.lengths_s):g} s fits: {span}; shorten one of them.")
         settings = {name: settings_hash(navigator.settings) for name, navigator in cast.navigators.items()}
-        chain, reference = Chain(cast.navigators, reader.decoder.rules), Reference(cast.true_states(TRUTH_STEP_NS))
+        chain, reference = Chain(cast.navigators, reader.decoder.rules, air_data=cast.air_data), Reference(cast.true_states(TRUTH_STEP_NS))
         losses = Losses(chain, windows[case.share :: case.of], not reference.is_whole)
         found = outages_of(losses, itertools.chain([head], stream), reference, case.plan.lengths_s, first_ns)
         label = settings_label(case.config, reader)

@@ -1,0 +1,1 @@
+"""GPS and air data, without an inertial unit."""
