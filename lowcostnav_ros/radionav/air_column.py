@@ -4,6 +4,7 @@ N = 77.6890 p_dry/T + 71.2952 e/T + 375463 e/T^2 (Rueger 2002), integrated along
 the curvature of the earth; a gradient across the area makes the same path differ by direction.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +33,7 @@ class AirColumn:
     gradient: float = 0.0
 
     def refractivity(self, height: np.ndarray) -> np.ndarray:
-        """N at heights (n,), m, over the place."""
+        """N at heights, m, over the place."""
         above = height - self.height
         T = self.weather.temperature_k - self.lapse_k_per_m * above
         ratio = T / self.weather.temperature_k
@@ -40,8 +41,15 @@ class AirColumn:
         e = self.weather.vapour_hpa() * np.exp(-above / self.vapour_m)
         return 77.689 * (p - e) / T + 71.2952 * e / T + 375463.0 * e / T**2
 
-    def delay(self, bottom: float, top: float, range_m: np.ndarray | float, east_m: np.ndarray | float = 0.0) -> float:
-        """Delay, m, along a ray of ``range_m`` m between heights, whose middle is ``east_m`` east of the place."""
-        heights = bottom + NODES * (top - bottom) - NODES * (1.0 - NODES) * float(range_m) ** 2 / (2.0 * EARTH_M)
-        N = float(WEIGHTS @ self.refractivity(heights))
-        return 1e-6 * (N + self.gradient * float(east_m)) * float(range_m)
+    def at(self, height: float) -> Weather:
+        """Weather at a height, m."""
+        T = self.weather.temperature_k - self.lapse_k_per_m * (height - self.height)
+        p = self.weather.pressure_pa * (T / self.weather.temperature_k) ** (STANDARD_GRAVITY / (GAS_CONSTANT * self.lapse_k_per_m))
+        e = self.weather.vapour_hpa() * math.exp(-(height - self.height) / self.vapour_m)
+        return Weather(p, T, min(e / Weather(p, T, 1.0).vapour_hpa(), 1.0))
+
+    def delays(self, bottom: np.ndarray, top: float, ranges: np.ndarray, east: np.ndarray | float = 0.0) -> np.ndarray:
+        """Delays (n,), m, along rays of ``ranges`` (n,) m from heights ``bottom`` (n,), their middles ``east`` (n,) m east of the place."""
+        sag = np.outer(ranges**2 / (2.0 * EARTH_M), NODES * (1.0 - NODES))
+        heights = bottom[:, None] + np.outer(top - bottom, NODES) - sag
+        return 1e-6 * (self.refractivity(heights) @ WEIGHTS + self.gradient * east) * ranges
