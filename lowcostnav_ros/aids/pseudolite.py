@@ -26,7 +26,7 @@ class TroposphereSettings:
     """Delay along the path, which lies in the lower troposphere."""
 
     model: str = setting("hopfield", "None, ray-traced modified Hopfield, Bouska and Raquet, index of refraction.", choices=MODELS)
-    scale: float = setting(0.0, "Sigma of a factor on all delays that is estimated; 0: no state.", minimum=0.0, maximum=1.0)
+    scale: float = setting(0.03, "Sigma of a factor on all delays that is estimated; 0: no state.", minimum=0.0, maximum=1.0)
     scale_tau_s: float = setting(3600.0, "Correlation time of the factor.", unit="s", minimum=1.0)
     weather_s: float = setting(7200.0, "A report of the weather holds for so long.", unit="s", minimum=1.0)
 

@@ -51,7 +51,7 @@ SIGNALS = {"large": LARGE, "small": SMALL, "clean": CLEAN}
 class Case:
     """One flight.
 
-    ``test`` is a row of Table 4.1; ``signals`` a key of :data:`SIGNALS`; ``lever_b`` the true antenna, of which the filter knows
+    ``test`` is a row of Table 4.1, 0 the navigator with its own settings; ``signals`` a key of :data:`SIGNALS`; ``lever_b`` the true antenna, of which the filter knows
     ``known_lever_b``; ``start``: ``known`` or ``drawn`` from :data:`START_SIGMA`; ``offset_m`` an error put into the first position,
     north and east, with a sigma to match; ``changes`` further settings of the filter, of the signals with ``sim.`` before the name.
     """
@@ -121,12 +121,12 @@ def table() -> StationTable:
     return load_stations("pseudolites_range.csv")
 
 
-def test_settings(number: int) -> dict[str, Any]:
-    """Settings of a row of Table 4.1."""
-    return dict(parse_yaml(read_text(find_config("pseudolite_tests.yaml")), "pseudolite_tests.yaml")[str(number)])
-
-
-test_settings.__test__ = False  # type: ignore[attr-defined]  # no test of pytest's
+def settings_of_test(number: int) -> dict[str, Any]:
+    """Settings of a row of Table 4.1 with the thesis's filter; 0: the navigator as it is, with nothing of the thesis."""
+    if number == 0:
+        return {}
+    listed = parse_yaml(read_text(find_config("pseudolite_tests.yaml")), "pseudolite_tests.yaml")
+    return {**listed["all"], **listed[str(number)]}
 
 
 def simulator_of(case: Case) -> PseudoliteSimulator:
@@ -143,7 +143,7 @@ def navigator_of(case: Case) -> PseudoliteIns:
     now = {"horizon.lag_s": 0.0, "gps.latency_s": 0.0, "aids": ["gps", "pseudolite"]}
     lever = {"pseudolite.lever_arm_b_m": list(case.known_lever_b)}
     own = {key: value for key, value in case.changes if not key.startswith("sim.")}
-    values = now | lever | test_settings(case.test) | own
+    values = now | lever | settings_of_test(case.test) | own
     imu = imu_settings(load_imu_profile("eegi").filter_noise())
     return PseudoliteIns(replace(from_mapping(PseudoliteIns.Settings, values), imu=imu), table())
 
