@@ -1,7 +1,7 @@
 """Code and carrier of several transmitters, tightly coupled: what ground transmitters and differenced satellites share.
 
 An epoch is taken in one update, row by row (:mod:`lowcostnav_ros.estimation.carrier_model`).  A carrier is used once it has an ambiguity;
-where it is new, has slipped or is refused, its ambiguity begins anew after the update, and the carrier of that epoch, which then defines the
+where it is new, has slipped or is refused, its ambiguity begins anew after the update; the carrier of that epoch, which then defines the
 state, is no measurement.  With the cross-covariances *kept* the new state knows that it is made of the position and the clock; *zeroed*, as
 the thesis has it, position and clock are counted as independent of it, and the filter becomes too sure.
 """
@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from lowcostnav_ros.aids._ambiguities import Ambiguities
-from lowcostnav_ros.aids._carrier_channels import NEW, Channels
+from lowcostnav_ros.aids._carrier_channels import MOST, NEW, Channels
 from lowcostnav_ros.aids._carrier_watch import CodeWatch, ScaleWatch
 from lowcostnav_ros.base.measurements import CarrierEpoch
 from lowcostnav_ros.base.settings import SettingsError, group, setting
@@ -25,8 +25,6 @@ from lowcostnav_ros.estimation.error_state import Block, Kind, chain, gauss_mark
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.radionav.troposphere import path_delays
 
-MOST = 64
-"""Transmitters that can be told apart."""
 NEAREST_M = 2.0
 """A transmitter so close is at the aircraft: its table is wrong."""
 ENOUGH = 4
@@ -36,6 +34,7 @@ AMBIGUITY_SIGMA = 1e4
 """Of a state that holds none, cycles."""
 STEP_SIGMA_M = 0.1
 """What a clock step leaves uncertain."""
+LOOK_NS = 1_000_000_000
 REFUSED = "carrier beyond gate"
 
 
@@ -186,7 +185,7 @@ class CarrierAid(Aid):
         self._lost = np.ones(MOST, dtype=bool)
         self._begun = np.zeros(MOST, dtype=bool)
         self._clock_known = False
-        self._used_ns = -(10**18)
+        self._used_ns = self._looked_ns = -(10**18)
 
     def place_of(self, epoch: CarrierEpoch) -> tuple[np.ndarray, np.ndarray, list[tuple[int, str]]]:
         """Rows of an epoch whose transmitters' places are known (m,), these places (m, 3) ECEF, and the other rows with the reason."""
@@ -282,6 +281,9 @@ class CarrierAid(Aid):
             history.end(host.P)
 
     def _drop_absent(self, now_ns: int, host: Host) -> None:
+        if now_ns - self._looked_ns < LOOK_NS:
+            return
+        self._looked_ns = now_ns
         for ident in self.ambiguities:
             if now_ns - self._seen_ns[self._number.get(ident, 0)] > 1e9 * self.settings.drop_s or ident not in self._number:
                 self.ambiguities.drop(ident, host.P, host.core.estimate, host.core.history)
@@ -308,9 +310,7 @@ class CarrierAid(Aid):
     def _states_of(self, idents: np.ndarray) -> np.ndarray:
         return np.array([self.ambiguities.index(ident) for ident in idents.tolist()], dtype=np.int64)
 
-    def _fuse_epoch(
-        self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray, pos_e: np.ndarray, slips: list, host: Host
-    ) -> bool:
+    def _fuse_epoch(self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray, pos_e: np.ndarray, slips: list, host: Host) -> bool:
         own, status = self.settings, self.status
         seen = self._predicted(epoch, rows, pos_e, host)
         near = seen.ranges < NEAREST_M
@@ -336,7 +336,9 @@ class CarrierAid(Aid):
         with_code &= (own.reset.code_updates != 0) | ~epoch.carrier_valid[rows]
         code_rows, carrier_rows = np.flatnonzero(with_code), np.flatnonzero(counting)
         self._watch_codes(epoch, rows, channel, y_code, seen, host)
-        record = EpochRecord(epoch.stamp_ns, epoch.ident[rows], y_code, np.where(counting, y_carrier, np.nan), with_code, counting, seen.delays)
+        record = EpochRecord(
+            epoch.stamp_ns, epoch.ident[rows], y_code, np.where(counting, y_carrier, np.nan), with_code, counting, seen.delays
+        )
         self.record, record.slips = record, slips
         y = np.concatenate([y_code[code_rows], y_carrier[carrier_rows]])
         H = np.vstack([seen.H[code_rows], H_carrier[carrier_rows]])
@@ -366,9 +368,7 @@ class CarrierAid(Aid):
         kalman.reset_block(host.P, slice(self._clock, self._clock + 1), np.array([[CLOCK_SIGMA_M**2]]), host.core.history)
         self._clock_known = True
 
-    def _watch_codes(
-        self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray, y: np.ndarray, seen: Seen, host: Host
-    ) -> None:
+    def _watch_codes(self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray, y: np.ndarray, seen: Seen, host: Host) -> None:
         valid = epoch.code_valid[rows]
         if valid.any():
             S = row_variances(host.P, seen.H[valid], np.full(int(np.count_nonzero(valid)), self.settings.code_sigma_m**2))

@@ -12,6 +12,8 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import CarrierEpoch
 
+MOST = 64
+"""Transmitters that can be told apart."""
 COMMON = 4
 """Channels from which a common step can be told from slips."""
 NEW, GAP, SLIP = "new", "time slip", "threshold slip"
@@ -43,7 +45,7 @@ class Channels:
 
     def clear(self) -> None:
         """Forget all."""
-        self._stamp, self._phase, self._doppler, self._wave = np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.zeros(0)
+        self._stamp, self._phase, self._doppler, self._wave = np.zeros(MOST, np.int64), np.zeros(MOST), np.zeros(MOST), np.zeros(MOST)
 
     def look(self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray) -> Slips:
         """Compare carriers with those before.
@@ -56,11 +58,6 @@ class Channels:
         channel : ndarray of int (m,)
             Number of the channel of each.
         """
-        more = int(channel.max(initial=-1)) + 1 - len(self._stamp)
-        if more > 0:
-            self._stamp, self._phase, self._doppler, self._wave = (
-                np.append(old, np.zeros(more, old.dtype)) for old in (self._stamp, self._phase, self._doppler, self._wave)
-            )
         phase, doppler, wave = epoch.carrier_cycles[rows], epoch.doppler_hz[rows], epoch.wavelength_m[rows]
         before = self._stamp[channel]
         dt_ns = epoch.stamp_ns - before

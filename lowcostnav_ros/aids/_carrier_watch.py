@@ -7,7 +7,8 @@ A carrier, times its wavelength, changes as the code does.  Where all of them to
 wavelength is wrong.
 """
 
-import math
+from collections import deque
+from statistics import median
 
 import numpy as np
 
@@ -18,9 +19,8 @@ WINDOW, SIGMAS, SLOW_SIGMAS = 50, 4.0, 3.0
 OUT_OF_STEP = "transmitter out of step"
 SCALE = "carrier and code disagree in scale"
 SPAN_NS = 5_000_000_000
-LEAST_PAIRS, FACTOR, FACTOR_SIGMAS = 30, 0.05, 6.0
-KEEP = 0.995
-"""Of the sums of the scale, from pair to pair."""
+PAIRS, CHANGE_M, FACTOR = 61, 60.0, 0.1
+"""Pairs that are kept, the change that a pair must show, and by how much the factor may differ from one: a code is off by metres."""
 
 
 class CodeWatch:
@@ -69,7 +69,7 @@ class CodeWatch:
 
 
 class ScaleWatch:
-    """Regression of the codes' changes over seconds on those of the carriers."""
+    """Ratio of the codes' changes over seconds to those of the carriers: its median over the last pairs, which slips hardly move."""
 
     def __init__(self, source: str) -> None:
         self.latch = Latch(SCALE, (source, "its code"), "times", begin_s=1.0)
@@ -79,29 +79,25 @@ class ScaleWatch:
         """Forget all."""
         self.latch.clear()
         self._from: dict[int, tuple[int, float, float, float]] = {}
-        self._sums = np.zeros(4)
+        self._ratios: deque[float] = deque(maxlen=PAIRS)
 
     def take(self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray) -> None:
         """Take the carriers of an epoch with codes beside them."""
+        stamp_ns = epoch.stamp_ns
         for row, number in zip(rows.tolist(), channel.tolist(), strict=True):
-            first = self._from.get(number)
-            if first is not None and 0 < epoch.stamp_ns - first[0] < SPAN_NS and epoch.wavelength_m[row] == first[3]:
+            first, wave = self._from.get(number), float(epoch.wavelength_m[row])
+            if first is not None and 0 < stamp_ns - first[0] < SPAN_NS and wave == first[3] or not epoch.code_valid[row]:
                 continue
-            new = epoch.stamp_ns, float(epoch.code_m[row]), float(epoch.carrier_cycles[row] * epoch.wavelength_m[row]), float(epoch.wavelength_m[row])
-            self._from[number] = new
-            if first is None or not epoch.code_valid[row] or not SPAN_NS <= new[0] - first[0] < 2 * SPAN_NS or first[3] != new[3]:
-                continue
-            self._add(new[0], new[2] - first[2], new[1] - first[1])
+            code_m, carrier_m = float(epoch.code_m[row]), float(epoch.carrier_cycles[row]) * wave
+            self._from[number] = stamp_ns, code_m, carrier_m, wave
+            if first is not None and SPAN_NS <= stamp_ns - first[0] < 2 * SPAN_NS and wave == first[3]:
+                self._add(stamp_ns, carrier_m - first[2], code_m - first[1])
 
     def _add(self, stamp_ns: int, carrier_m: float, code_m: float) -> None:
-        if abs(carrier_m) < 10.0 and abs(code_m) < 10.0:
+        if max(abs(carrier_m), abs(code_m)) < CHANGE_M or carrier_m == 0.0:
             return
-        self._sums = KEEP * self._sums + np.array([1.0, carrier_m * carrier_m, carrier_m * code_m, code_m * code_m])
-        n, xx, xy, yy = self._sums.tolist()
-        if n < LEAST_PAIRS or xx == 0.0:
-            return
-        factor = xy / xx
-        sigma = math.sqrt(max(yy - factor * xy, 0.0) / (n * xx))
-        off = abs(factor - 1.0) > max(FACTOR, FACTOR_SIGMAS * sigma)
-        advice = "the wavelength is wrong, or the carrier is in metres"
-        self.latch.judge(stamp_ns, off, factor, self.latch.parties[0], advice)
+        self._ratios.append(code_m / carrier_m)
+        if len(self._ratios) > PAIRS // 2:
+            factor = median(self._ratios)
+            advice = "the wavelength is wrong, or the carrier is in metres"
+            self.latch.judge(stamp_ns, abs(factor - 1.0) > FACTOR, factor, self.latch.parties[0], advice)

@@ -14,7 +14,7 @@ from lowcostnav_ros.cores.views import Place
 from lowcostnav_ros.estimation.aiding import Aid, Host, Innovation, Reason, Sensor
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
-from lowcostnav_ros.physics.earth import geodetic_to_ecef
+from lowcostnav_ros.physics.earth import ecef_to_geodetic, geodetic_to_ecef
 from lowcostnav_ros.radionav.stations import Station
 from lowcostnav_ros.radionav.transmitters import PSEUDOLITE
 from lowcostnav_ros.radionav.troposphere import MODELS, air_of
@@ -79,7 +79,7 @@ class PseudoliteAid(CarrierAid):
 
     def __init__(self, settings: PseudoliteSettings, key: str = "", stations: Any = None) -> None:
         super().__init__(settings, key, stations)
-        self.network = Network(stations)
+        self.network, self._idents = Network(stations), b""
         self._latches = {s.ident: Latch(OUT_OF_STEP, (s.ident, "the other transmitters"), "m", 0.0) for s in self.network.stations}
         self.latches = [*self.latches, *self._latches.values()]
 
@@ -108,26 +108,40 @@ class PseudoliteAid(CarrierAid):
     def restart(self) -> None:
         """Forget what was received; the weather is that of the table again."""
         super().restart()
+        self._numbered = 0
         self.network.restart()
 
     def place_of(self, epoch: CarrierEpoch) -> tuple[np.ndarray, np.ndarray, list[tuple[int, str]]]:
-        """Transmitters of the table."""
-        if not self.network.number:
-            return np.zeros(0, np.int64), np.zeros((0, 3)), [(0, "no pseudolite in the station table")]
-        self._places = np.array([self.network.number.get(ident, -1) for ident in epoch.ident.tolist()], dtype=np.int64)
-        rows = np.flatnonzero(self._places >= 0)
-        others = [(int(row), Reason("transmitter unknown", str(epoch.ident[row]))) for row in np.flatnonzero(self._places < 0)]
-        return rows, self.network.pos_e[self._places[rows]], others
+        """Transmitters of the table, and others that say themselves where they are."""
+        if (idents := epoch.ident.tobytes()) != self._idents:  # they hardly ever change
+            self._idents = idents
+            self._places = np.array([self.network.number.get(ident, -1) for ident in epoch.ident.tolist()], dtype=np.int64)
+        known = self._places >= 0
+        if known.all():
+            return np.arange(len(epoch)), self.network.pos_e[self._places], []
+        pos_e = np.zeros((len(epoch), 3))
+        pos_e[known] = self.network.pos_e[self._places[known]]
+        if epoch.pos_e is not None:
+            pos_e[~known] = epoch.pos_e[~known]
+            known = known | epoch.pos_e.any(axis=1)
+        others: list[tuple[int, str]] = [(int(row), Reason("transmitter unknown", str(epoch.ident[row]))) for row in np.flatnonzero(~known)]
+        return np.flatnonzero(known), pos_e[known], others
 
     def air_of(self, epoch: CarrierEpoch, rows: np.ndarray) -> np.ndarray:
-        """Of the weather at each."""
+        """Of the weather at each; the standard atmosphere at one that is not in the table."""
         self.network.forget(epoch.stamp_ns - round(1e9 * self.settings.troposphere.weather_s))
-        return self.network.air[self._places[rows]]
+        places = self._places[rows]
+        if (places >= 0).all():
+            return self.network.air[places]
+        heights = [0.0 if epoch.pos_e is None else float(ecef_to_geodetic(epoch.pos_e[row])[2]) for row in rows.tolist()]
+        listed = zip(places.tolist(), heights, strict=True)
+        return np.array([self.network.air[k] if k >= 0 else air_of(standard_weather(height), height) for k, height in listed])
 
     def _channels_of(self, idents: np.ndarray) -> np.ndarray:
         channel = super()._channels_of(idents)
-        if len(self.watch.latches) < len(self._number):
-            self.watch.latches = {number: self._latches[ident] for ident, number in self._number.items()}
+        if self._numbered != len(self._number):
+            self._numbered = len(self._number)
+            self.watch.latches = {number: self._latches[ident] for ident, number in self._number.items() if ident in self._latches}
         return channel
 
 

@@ -14,11 +14,11 @@ _FIELD_TYPES = {"f": 8, "u": 2, "S": 2}
 
 def cloud_of(stamp_ns: int, frame: str, points: np.ndarray) -> Any:
     """Build the PointCloud2 message of a table (n,) of float64, uint8 and short texts."""
-    form, Field = points.dtype, TYPES["sensor_msgs/msg/PointField"]
-    fields = [
-        Field(name, form.fields[name][1], _FIELD_TYPES[form[name].kind], form[name].itemsize if form[name].kind == "S" else 1)
-        for name in form.names
-    ]
+    form, Field, offset, fields = points.dtype, TYPES["sensor_msgs/msg/PointField"], 0, []
+    for name in form.names or ():
+        part = form[name]
+        fields.append(Field(name, offset, _FIELD_TYPES[part.kind], part.itemsize if part.kind == "S" else 1))
+        offset += part.itemsize
     data = np.frombuffer(points.tobytes(), np.uint8)
     return TYPES[POINT_CLOUD](header(stamp_ns, frame), 1, len(points), fields, False, form.itemsize, len(data), data, True)
 

@@ -1,8 +1,8 @@
 """Pseudolite/INS: the strapdown core aided by the code and the carrier of ground transmitters, for where there is no GPS.
 
 Fifteen states (core nine, accelerometer and gyro biases), the receiver's clock, and an ambiguity for every carrier that is tracked
-(Kawecki 2015).  A factor on the troposphere's delay, the lever arm and slow errors of the carriers may be states, too.  Barometer, GPS fixes,
-satellites one by one, differenced GPS carrier and two-way ranges are further entries of the list.  Any number of transmitters helps.
+(Kawecki 2015).  A factor on the troposphere's delay, the lever arm and slow errors of the carriers may be states, too.  Barometer, GPS
+fixes, satellites one by one, differenced GPS carrier and two-way ranges are further entries of the list.  Any number of transmitters helps.
 """
 
 from lowcostnav_ros.aids._carrier import ENOUGH, CarrierAid

@@ -21,7 +21,7 @@ from lowcostnav_ros.base.units import FOOT, NAUTICAL_MILE
 from lowcostnav_ros.physics.earth import geodetic_to_ecef
 from lowcostnav_ros.radionav import transmitters
 from lowcostnav_ros.radionav.station_cells import StationError as StationError
-from lowcostnav_ros.radionav.station_cells import number
+from lowcostnav_ros.radionav.station_cells import number as number_of
 from lowcostnav_ros.radionav.weather import Weather
 
 COLUMNS = ("ident", "name", "lat_deg", "lon_deg", "elevation_ft", "undulation_m", "channel", "service_volume")
@@ -171,8 +171,8 @@ def station_from_cells(cells: dict[str, str], where: str) -> Station:
     ident = cells["ident"].upper()
     if not re.fullmatch(r"[A-Z0-9]{1,4}", ident):
         raise StationError(f"{where}: ident '{cells['ident']}' must be one to four letters or digits.")
-    lat_deg = number(cells, "lat_deg", -90.0, 90.0, where)
-    lon_deg = number(cells, "lon_deg", -180.0, 180.0, where)
+    lat_deg = number_of(cells, "lat_deg", -90.0, 90.0, where)
+    lon_deg = number_of(cells, "lon_deg", -180.0, 180.0, where)
     if cells.get("kind", "").upper() in transmitters.KINDS:
         height, weather, reach_m = transmitters.from_cells(cells, where)
         place = math.radians(lat_deg), math.radians(lon_deg), height, height
@@ -180,8 +180,8 @@ def station_from_cells(cells: dict[str, str], where: str) -> Station:
     missing = [column for column in COLUMNS if column not in cells]
     if missing:
         raise StationError(f"{where}: a {cells.get('kind') or 'DME'} needs the column {missing[0]}.")
-    elevation_ft = number(cells, "elevation_ft", LOWEST_FT, HIGHEST_FT, where)
-    undulation_m = number(cells, "undulation_m", -110.0, 90.0, where)
+    elevation_ft = number_of(cells, "elevation_ft", LOWEST_FT, HIGHEST_FT, where)
+    undulation_m = number_of(cells, "undulation_m", -110.0, 90.0, where)
     if not re.fullmatch(r"\d{1,3}[XY]", cells["channel"]) or not 1 <= int(cells["channel"][:-1]) <= 126:
         raise StationError(f"{where}: channel '{cells['channel']}' must be 1 to 126 followed by X or Y.")
     if cells["service_volume"] not in SERVICE_VOLUMES:
@@ -197,7 +197,7 @@ def _kind_and_declination(cells: dict[str, str], where: str) -> tuple[str, float
     if kind not in KINDS:
         raise StationError(f"{where}: kind '{cells['kind']}' must be one of {', '.join(KINDS)}.")
     if cells.get("declination_deg", ""):
-        return kind, math.radians(number(cells, "declination_deg", -180.0, 180.0, where))
+        return kind, math.radians(number_of(cells, "declination_deg", -180.0, 180.0, where))
     if kind in BEARING:
         raise StationError(f"{where}: a {kind} needs declination_deg, the station's own (east +), or its radials point nowhere.")
     return kind, 0.0

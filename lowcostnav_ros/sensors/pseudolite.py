@@ -1,6 +1,7 @@
 """Simulator of a receiver of ground transmitters: code, carrier and Doppler of a synchronised network, and the weather at it.
 
-    code = |p - r| + T + clock + multipath + noise,   carrier = (|p - r| + T + clock + ...)/wavelength + N,   Doppler = -(rate + drift)/wavelength
+    code = |p - r| + T + clock + multipath + noise,     carrier = (|p - r| + T + clock + multipath + noise)/wavelength + N,
+    Doppler = -(rate + drift)/wavelength
 
 The troposphere T is that of :mod:`lowcostnav_ros.radionav.air_column`, which no filter's model equals.  A transmitter is received within
 its reach; near one, all others are masked (near and far).
@@ -181,10 +182,10 @@ class PseudoliteSimulator:
         wave = np.full(len(ranges), own.wavelength_m)
         carrier = (whole + errors.carrier_m) / wave + errors.cycles
         doppler = -(rates + clock[1] + rate) / wave + errors.doppler_hz
-        columns = whole + errors.code_m, carrier, doppler, wave, np.zeros(len(wave))
         used = errors.locked
         valid = np.ones(int(np.count_nonzero(used)), dtype=bool)
-        return CarrierEpoch(stamp_ns, self.source, self._ident[used], *(column[used] for column in columns), valid, valid)
+        observed = (whole + errors.code_m)[used], carrier[used], doppler[used], wave[used], np.zeros(len(valid))
+        return CarrierEpoch(stamp_ns, self.source, self._ident[used], *observed, valid, valid)
 
     def _heard(self, ranges: np.ndarray, t_s: float) -> np.ndarray:
         """Which transmitters are received at these ranges (n,), m."""

@@ -5,7 +5,7 @@ The fields, little-endian, 110 bytes a point:
 =========== ======== ====== ========================================================================================
 field       type     unit   meaning
 =========== ======== ====== ========================================================================================
-x y z       float64  m      transmitter, ECEF; all zero for one of the station table
+x y z       float64  m      transmitter, ECEF; all zero where the station table says it
 vx vy vz    float64  m/s    its velocity, ECEF
 code        float64  m      pseudorange
 carrier     float64  cycles carrier phase, counted since lock, positive with the range
@@ -30,9 +30,9 @@ from lowcostnav_ros.messages import clouds
 from lowcostnav_ros.messages.checks import Received
 from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, TopicSpec, describe
 from lowcostnav_ros.messages.rules import Refusal
-from lowcostnav_ros.messages.samples import VELOCITY, Instant
+from lowcostnav_ros.messages.samples import PLACE, VELOCITY, Instant
 from lowcostnav_ros.messages.topics import POINT_CLOUD
-from lowcostnav_ros.physics.earth import dcm_ne, displace, geodetic_to_ecef
+from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 
 _REALS = ("x", "y", "z", "vx", "vy", "vz", "code", "carrier", "doppler", "wavelength", "cn0")
 POINT = np.dtype([*((name, "<f8") for name in _REALS), ("ident", "S4"), ("flags", "u1")])
@@ -92,17 +92,16 @@ def _once_each(points: np.ndarray, received: Received) -> np.ndarray:
 
 
 def _sample(at: Instant) -> CarrierEpoch:
-    """Noise-free observations of satellites made up at four corners of the sky, for the warm-up."""
-    wavelength, idents = 0.19, np.array(["G01", "G02", "G03", "G04", "G05"])
-    place_e = geodetic_to_ecef(*at.place)
-    sky = np.array([[1.0, 0.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, -1.0], [0.0, 0.3, -1.0], [0.5, 0.5, -0.3]])
-    pos_e = np.array([geodetic_to_ecef(*displace(*at.place[:2], 500.0, np.zeros(3)))] * 5) + 2e7 * sky @ dcm_ne(*at.place[:2])
+    """Noise-free observations of five transmitters on the ground that say themselves where they are, for the warm-up."""
+    wavelength, C = 0.19, dcm_ne(*PLACE[:2])
+    around = 5000.0 * np.array([[1.0, 0.0, 0.1], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.1], [0.0, 0.3, 0.1], [3.0, 0.5, 0.1]])
+    pos_e, place_e = geodetic_to_ecef(*PLACE) + around @ C, geodetic_to_ecef(*at.place)
     away = pos_e - place_e
     ranges = np.linalg.norm(away, axis=1)
-    rates = -(away / ranges[:, None]) @ (dcm_ne(*at.place[:2]).T @ VELOCITY)
-    ones, zeros = np.ones(5), np.zeros((5, 3))
-    observed = ranges, ranges / wavelength, -rates / wavelength, ones * wavelength, 0.0 * ones
-    return at.of(CarrierEpoch, idents, *observed, ones > 0.0, ones > 0.0, pos_e, zeros)
+    closing = (away / ranges[:, None]) @ (dcm_ne(*at.place[:2]).T @ VELOCITY)
+    ones, idents = np.ones(5), np.array(["W1", "W2", "W3", "W4", "W5"])
+    observed = ranges, ranges / wavelength, closing / wavelength, ones * wavelength, 0.0 * ones
+    return at.of(CarrierEpoch, idents, *observed, ones > 0.0, ones > 0.0, pos_e, np.zeros((5, 3)))
 
 
 describe(

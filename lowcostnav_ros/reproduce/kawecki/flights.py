@@ -51,8 +51,8 @@ SIGNALS = {"large": LARGE, "small": SMALL, "clean": CLEAN}
 class Case:
     """One flight.
 
-    ``test`` is a row of Table 4.1, 0 the navigator with its own settings; ``signals`` a key of :data:`SIGNALS`; ``lever_b`` the true antenna, of which the filter knows
-    ``known_lever_b``; ``start``: ``known`` or ``drawn`` from :data:`START_SIGMA`; ``offset_m`` an error put into the first position,
+    ``test`` is a row of Table 4.1, 0 the navigator with its own settings; ``signals`` a key of :data:`SIGNALS`; ``lever_b`` the true
+    antenna, of which the filter knows ``known_lever_b``; ``start``: ``known`` or ``drawn`` from :data:`START_SIGMA`; ``offset_m`` an error put into the first position,
     north and east, with a sigma to match; ``changes`` further settings of the filter, of the signals with ``sim.`` before the name.
     """
 
@@ -183,7 +183,9 @@ def fly(case: Case) -> Flown:
     return gathered(truth, flight_of(truth, solutions), epochs, int(simulator.errors.slips.sum()), dict(receiver.status.rejected))
 
 
-def gathered(truth: TruthBlock, flight: Flight, epochs: list[tuple[EpochRecord, np.ndarray, list[bool]]], slips: int, rejected: dict) -> Flown:
+def gathered(
+    truth: TruthBlock, flight: Flight, epochs: list[tuple[EpochRecord, np.ndarray, list[bool]]], slips: int, rejected: dict
+) -> Flown:
     """Columns by transmitter of the records of all epochs."""
     idents = tuple(s.ident for s in table())
     column = {ident: k for k, ident in enumerate(idents)}
