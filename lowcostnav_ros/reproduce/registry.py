@@ -40,12 +40,16 @@ MODULES = (
     "solimeno.observability",
     "solimeno.estimates",
     "solimeno.galileo",
+    "kawecki.models",
+    "kawecki.signals",
+    "kawecki.tests",
 )
 """Modules of this package that hold results; their folder is the study."""
 
 STUDIES = {
     "gebre": "D. Gebre-Egziabher, Design and Performance Analysis of a Low-Cost Aided Dead Reckoning Navigator, PhD, Stanford, 2004",
     "solimeno": "A. Solimeno, Low-Cost INS/GPS Data Fusion with Extended Kalman Filter for Airborne Applications, MSc, IST Lisbon, 2007",
+    "kawecki": "J. E. C. Kawecki, Initial Implementation and Testing of a Tightly-Coupled IMU/Pseudolite System, MSc, AFIT, 2015",
 }
 """What each study is, for headings."""
 

@@ -52,7 +52,7 @@ class Case:
     """One flight.
 
     ``test`` is a row of Table 4.1, 0 the navigator with its own settings; ``signals`` a key of :data:`SIGNALS`; ``lever_b`` the true
-    antenna, of which the filter knows ``known_lever_b``; ``start``: ``known`` or ``drawn`` from :data:`START_SIGMA`; ``offset_m`` an error put into the first position,
+    antenna, of which the filter knows ``known_lever_b``; ``start``: ``known`` or ``drawn`` from :data:`START_SIGMA`; ``offset_m`` an error put
     north and east, with a sigma to match; ``changes`` further settings of the filter, of the signals with ``sim.`` before the name.
     """
 
@@ -106,11 +106,12 @@ class Flown:
 
 
 @lru_cache(maxsize=2)
-def truth_of(duration_s: float = 820.0) -> TruthBlock:
-    """The criss-cross: from the south-east, three legs between north and south, each farther west, at 120 m/s."""
+def truth_of(duration_s: float = 820.0, *, straight: bool = False) -> TruthBlock:
+    """The criss-cross: from the south-east, three legs between north and south, each farther west, at 120 m/s; or straight north."""
     start = StartSettings(lat_deg=32.8366, lon_deg=-106.0723, height_m=HEIGHT_M, heading_deg=0.0, airspeed_mps=120.0)
     legs = [f"straight duration_s={LEG_S:g}", TURN.format(-180)]
     mission = [*legs, f"straight duration_s={LEG_S:g}", TURN.format(180), f"straight duration_s={LEG_S:g}"]
+    mission = [f"straight duration_s={duration_s:g}"] if straight else mission
     settings = TruthSettings(kind="segments", mission=mission, rate_hz=100, duration_s=duration_s, start=start)
     return build_segments(settings, 1).table()
 
