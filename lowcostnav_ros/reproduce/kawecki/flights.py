@@ -52,8 +52,9 @@ class Case:
     """One flight.
 
     ``test`` is a row of Table 4.1, 0 the navigator with its own settings; ``signals`` a key of :data:`SIGNALS`; ``lever_b`` the true
-    antenna, of which the filter knows ``known_lever_b``; ``start``: ``known`` or ``drawn`` from :data:`START_SIGMA`; ``offset_m`` an error put
-    north and east, with a sigma to match; ``changes`` further settings of the filter, of the signals with ``sim.`` before the name.
+    antenna, of which the filter knows ``known_lever_b``; ``start``: ``known`` or ``drawn`` from :data:`START_SIGMA`; ``offset_m`` an
+    error put into the first position, north and east, with a sigma to match; ``changes`` further settings of the filter, of the
+    signals with ``sim.`` before the name.
     """
 
     test: int = 3

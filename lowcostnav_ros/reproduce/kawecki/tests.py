@@ -4,13 +4,13 @@ The filter is the thesis's: its noise, white, and cross-covariances zeroed in a 
 machinery does with slow errors as states and the cross-covariances kept stands in KR1 beside it.
 """
 
+from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.reproduce.kawecki import drawing
-from lowcostnav_ros.reproduce.kawecki.flights import BEGIN_S, CENTRE_S, Case, Flown, fly
+from lowcostnav_ros.reproduce.kawecki.flights import CENTRE_S, Case, Flown, fly
 from lowcostnav_ros.reproduce.kawecki.models import fringe
 from lowcostnav_ros.reproduce.registry import DIFFERS, Context, Outcome, fitted, judged, result
 
@@ -25,8 +25,6 @@ COLUMNS = ("2-D centre", "3-D centre", "2-D period", "3-D period")
 
 def flown(context: Context, case: Case) -> list[Flown]:
     """Flights of a case over seeds, once in a run."""
-    from dataclasses import replace
-
     seeds = context.seeds("kawecki", 1 if context.quick else SEEDS)
     return context.once(f"kawecki.{case}", lambda: context.run(fly, [replace(case, seed=seed) for seed in seeds]))
 
@@ -317,8 +315,3 @@ def overall(context: Context) -> Outcome:
         + ", ".join(f"{x:.2f}" for x in twice.values())
     )
     return judged(f"{text} m", bool(within), figure=_bars(context))
-
-
-def unused() -> Any:
-    """The time from which the period counts."""
-    return BEGIN_S
