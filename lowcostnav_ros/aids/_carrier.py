@@ -266,7 +266,7 @@ class CarrierAid(Aid):
                 found.append((str(epoch.ident[row]), kind, float(slips.size[i])))
                 if kind != NEW:
                     self.status.rejected[kind] += 1
-        if slips.step_m and self._clock_known:
+        if slips.step_m and self._clock_known and self.scale.trusted:
             self.status.rejected["clock step followed"] += 1
             self._move_clock(slips.step_m, STEP_SIGMA_M, host)
         return found
@@ -331,7 +331,7 @@ class CarrierAid(Aid):
             H_carrier[each, slow] = 1.0
             y_carrier = y_carrier - host.core.estimate[slow]
         in_step = ~self.watch.excluded[channel]
-        counting = epoch.carrier_valid[rows] & ~self._lost[channel] & (state >= 0) & in_step & (self.scale.latch.held is None)
+        counting = epoch.carrier_valid[rows] & ~self._lost[channel] & (state >= 0) & in_step & self.scale.trusted
         with_code = epoch.code_valid[rows] & in_step & ((self._budget[channel] != 0) | ~epoch.carrier_valid[rows] | ~self._begun[channel])
         with_code &= (own.reset.code_updates != 0) | ~epoch.carrier_valid[rows]
         code_rows, carrier_rows = np.flatnonzero(with_code), np.flatnonzero(counting)
@@ -423,7 +423,7 @@ class CarrierAid(Aid):
         self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray, pos_e: np.ndarray, in_step: np.ndarray, host: Host
     ) -> None:
         """Begin ambiguities of carriers that are lost anew, from the state after the update."""
-        due = np.flatnonzero(epoch.carrier_valid[rows] & self._lost[channel] & in_step & (self.scale.latch.held is None))
+        due = np.flatnonzero(epoch.carrier_valid[rows] & self._lost[channel] & in_step & self.scale.trusted)
         if not due.size:
             return
         reset, core = self.settings.reset, host.core

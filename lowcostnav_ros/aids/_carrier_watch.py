@@ -4,9 +4,10 @@ A code that is off by more, on the mean of its last epochs, than its noise and i
 its synchronisation or stands elsewhere than the table says; while most codes agree, it is not used until it agrees again.
 
 A carrier, times its wavelength, changes as the code does.  Where all of them together change by another factor, they are in metres or the
-wavelength is wrong.
+wavelength is wrong.  No carrier is used before that has been looked at: it takes a second or two of flight.
 """
 
+import math
 from collections import deque
 from statistics import median
 
@@ -18,9 +19,10 @@ from lowcostnav_ros.estimation.cross_checks.latch import Latch
 WINDOW, SIGMAS, SLOW_SIGMAS = 50, 4.0, 3.0
 OUT_OF_STEP = "transmitter out of step"
 SCALE = "carrier and code disagree in scale"
-SPAN_NS = 5_000_000_000
-PAIRS, CHANGE_M, FACTOR = 61, 60.0, 0.1
-"""Pairs that are kept, the change that a pair must show, and by how much the factor may differ from one: a code is off by metres."""
+LONGEST_NS = 10_000_000_000
+PAIRS, FEWEST, CHANGE_M, FACTOR = 61, 15, 60.0, 0.1
+"""Pairs that are kept and that tell, the change that a pair must show, and by how much the factor may differ from one: codes are off by
+metres."""
 
 
 class CodeWatch:
@@ -69,7 +71,15 @@ class CodeWatch:
 
 
 class ScaleWatch:
-    """Ratio of the codes' changes over seconds to those of the carriers: its median over the last pairs, which slips hardly move."""
+    """Ratio of the codes' changes to those of the carriers: its median over the last pairs, which slips hardly move.
+
+    Attributes
+    ----------
+    latch : Latch
+        Holds the contradiction.
+    trusted : bool
+        Whether the carriers have been seen to change as the codes do; without motion nobody can tell.
+    """
 
     def __init__(self, source: str) -> None:
         self.latch = Latch(SCALE, (source, "its code"), "times", begin_s=1.0)
@@ -78,26 +88,30 @@ class ScaleWatch:
     def clear(self) -> None:
         """Forget all."""
         self.latch.clear()
+        self.trusted = False
         self._from: dict[int, tuple[int, float, float, float]] = {}
         self._ratios: deque[float] = deque(maxlen=PAIRS)
 
     def take(self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray) -> None:
-        """Take the carriers of an epoch with codes beside them."""
-        stamp_ns = epoch.stamp_ns
-        for row, number in zip(rows.tolist(), channel.tolist(), strict=True):
-            first, wave = self._from.get(number), float(epoch.wavelength_m[row])
-            if first is not None and 0 < stamp_ns - first[0] < SPAN_NS and wave == first[3] or not epoch.code_valid[row]:
+        """Take the carriers of an epoch with codes beside them; a pair ends when the range has changed by enough."""
+        stamp_ns, wave = epoch.stamp_ns, epoch.wavelength_m[rows]
+        columns = channel, epoch.code_m[rows], epoch.carrier_cycles[rows] * wave, wave, epoch.code_valid[rows]
+        for number, code_m, carrier_m, length, valid in zip(*(column.tolist() for column in columns), strict=True):
+            if not valid:
                 continue
-            code_m, carrier_m = float(epoch.code_m[row]), float(epoch.carrier_cycles[row]) * wave
-            self._from[number] = stamp_ns, code_m, carrier_m, wave
-            if first is not None and SPAN_NS <= stamp_ns - first[0] < 2 * SPAN_NS and wave == first[3]:
+            first = self._from.get(number)
+            if first is None or length != first[3] or not 0 < stamp_ns - first[0] <= LONGEST_NS:
+                self._from[number] = stamp_ns, code_m, carrier_m, length
+            elif max(abs(code_m - first[1]), abs(carrier_m - first[2])) >= CHANGE_M:
+                self._from[number] = stamp_ns, code_m, carrier_m, length
                 self._add(stamp_ns, carrier_m - first[2], code_m - first[1])
 
     def _add(self, stamp_ns: int, carrier_m: float, code_m: float) -> None:
-        if max(abs(carrier_m), abs(code_m)) < CHANGE_M or carrier_m == 0.0:
+        self._ratios.append(code_m / carrier_m if carrier_m else math.inf)
+        if len(self._ratios) < FEWEST:
             return
-        self._ratios.append(code_m / carrier_m)
+        factor = median(self._ratios)
+        self.trusted = abs(factor - 1.0) <= FACTOR
         if len(self._ratios) > PAIRS // 2:
-            factor = median(self._ratios)
             advice = "the wavelength is wrong, or the carrier is in metres"
-            self.latch.judge(stamp_ns, abs(factor - 1.0) > FACTOR, factor, self.latch.parties[0], advice)
+            self.latch.judge(stamp_ns, not self.trusted, factor, self.latch.parties[0], advice)

@@ -133,7 +133,7 @@ def settings_of_test(number: int) -> dict[str, Any]:
 
 def simulator_of(case: Case) -> PseudoliteSimulator:
     """Signals of a case."""
-    own = {key.removeprefix("sim."): value for key, value in case.changes if key.startswith("sim.")}
+    own = {key.removeprefix("sim."): list(v) if isinstance(v, tuple) else v for key, v in case.changes if key.startswith("sim.")}
     settings = from_mapping(PseudoliteSimulatorSettings, {"seed": case.seed, "lever_arm_b_m": list(case.lever_b), **own})
     errors = SIGNALS[case.signals]
     changed = {name: getattr(settings.errors, name) for name in (key.removeprefix("errors.") for key in own if key.startswith("errors."))}

@@ -68,7 +68,7 @@ def false_alarms(context: Context) -> Outcome:
     found, tight = false_slips(rng, 1.5), false_slips(rng, 0.7)
     flights = flown(context, Case(3))
     missed = sum(f.true_slips - int(f.slipped.sum()) for f in flights)
-    text = f"{found} at 1.5 cycles, {tight} at the navigator's own 0.7; {max(missed, 0)} of {sum(f.true_slips for f in flights)} slips missed"
+    text = f"{found} at 1.5 cycles, {tight} at the own 0.7; {max(missed, 0)} of {sum(f.true_slips for f in flights)} slips missed"
     return judged(text, found == 0 and missed <= 0)
 
 
