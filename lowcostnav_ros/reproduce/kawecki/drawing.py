@@ -13,7 +13,7 @@ AXES = ("north", "east", "down")
 
 def errors(figure: Any, flown: Mapping[str, Flown]) -> None:
     """Error in north, east and down, estimated less true, with the filter's sigmas; a column for each flight (Figures 4.1, 4.12 ...)."""
-    figure.set_size_inches(4.6 * len(flown), 5.2)
+    figure.set_size_inches(max(6.5, 4.6 * len(flown)), 5.2)
     for k, (name, f) in enumerate(flown.items()):
         for j, label in enumerate(AXES):
             made = axes(
