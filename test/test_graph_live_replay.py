@@ -18,11 +18,16 @@ GRAPH = {"scenario": "livermore", "lossless": True, "nodes": [TRUTH, *SENSORS, I
 
 
 LIVERMORE = parse_graph(GRAPH, "live")
+RANGE = load_graph("pseudolite_range").with_parameters("truth_source", duration_s=6.0)
 CANYON = load_graph("gnss_canyon").with_parameters("truth_source", duration_s=16.0)
 
 
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize(("graph", "navigators"), [(LIVERMORE, ["ins_gps"]), (CANYON, ["gnss_only", "ins_gnss"])], ids=["gps", "gnss"])
+@pytest.mark.parametrize(
+    ("graph", "navigators"),
+    [(LIVERMORE, ["ins_gps"]), (CANYON, ["gnss_only", "ins_gnss"]), (RANGE, ["pseudolite_ins"])],
+    ids=["gps", "gnss", "pseudolite"],
+)
 def test_the_fused_solution_is_the_same_to_the_last_bit(tmp_path, graph, navigators):
     with GraphRunner(graph, out=tmp_path, log_dir=tmp_path / "log") as runner:
         assert runner.wait_until_finished(90.0)

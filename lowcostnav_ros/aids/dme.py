@@ -13,6 +13,7 @@ from lowcostnav_ros.estimation.aiding import GateSettings, Host, Innovation, Sen
 from lowcostnav_ros.estimation.error_state import SLOWEST_MPS, Block, Kind, along_way
 from lowcostnav_ros.physics.stochastic import correlation_factor
 from lowcostnav_ros.radionav.geometry import range_and_direction
+from lowcostnav_ros.radionav.stations import Station
 
 FAR_BEYOND = 9.0
 """Test ratio (three times the gate in sigmas) above which even the last aid left is rejected, not limited."""
@@ -52,14 +53,28 @@ class DmeAid(StationAid):
         """Sigma of a station's range bias, m."""
         return self.settings.bias_nm * NAUTICAL_MILE
 
+    @property
+    def bias_distance_m(self) -> float:
+        """Distance flown over which the bias stays correlated, m."""
+        return self.settings.bias_distance_nm * NAUTICAL_MILE
+
+    @property
+    def noise_m(self) -> float:
+        """White range noise, m."""
+        return self.settings.noise_nm * NAUTICAL_MILE
+
+    def answers(self, station: Station) -> bool:
+        """Whether a station answers this receiver."""
+        return station.has_dme
+
     def blocks(self) -> list[Block]:
         """Range biases, m; they vary with the distance flown."""
         dme, name = self.settings, self.own(self.bias_block)
-        if dme.bias_nm == 0.0:
+        if self.bias_sigma == 0.0:
             return []
         labels = [f"{name}_{i + 1}_m" for i in range(dme.slots)]
         kind = Kind.HELD if dme.bias == "consider" else Kind.FREE
-        return [along_way(name, labels, kind, self.bias_sigma, dme.bias_distance_nm * NAUTICAL_MILE)]
+        return [along_way(name, labels, kind, self.bias_sigma, self.bias_distance_m)]
 
     def is_last(self, stamp_ns: int, test_ratio: float, host: Host) -> bool:
         """Whether DME is all there is, and the range not far beyond the gate."""
@@ -70,8 +85,8 @@ class DmeAid(StationAid):
         reason = super().refusal(measurement, host)
         if reason:
             return reason
-        if not self.stations[measurement.station].has_dme:
-            return "station has no DME"
+        if not self.answers(self.stations[measurement.station]):
+            return f"station has no {self.name.upper()}"
         return "over the station" if self._seen(measurement, host)[0] <= 0.0 else ""
 
     def innovation(self, measurement: SlantRange, host: Host) -> Innovation | str:
@@ -83,7 +98,7 @@ class DmeAid(StationAid):
         H = np.zeros((1, host.layout.size))
         H[0, 0:3] = direction
         slow = self.bias_sigma**2
-        R = max(measurement.variance - slow, (self.settings.noise_nm * NAUTICAL_MILE) ** 2) + _curvature(host.P, direction, predicted)
+        R = max(measurement.variance - slow, self.noise_m**2) + _curvature(host.P, direction, predicted)
         bias = self.slots.index(measurement.station)
         if bias is None:
             R += slow if self._rows is not None else slow * self._repetition(measurement, host.core.speed_mps)
@@ -108,7 +123,7 @@ class DmeAid(StationAid):
 
     def _repetition(self, measurement: SlantRange, speed_mps: float) -> float:
         """Factor on the variance of a range bias that is not a state, for the time since the station's last reply."""
-        tau_s = self.settings.bias_distance_nm * NAUTICAL_MILE / max(speed_mps, SLOWEST_MPS)
+        tau_s = self.bias_distance_m / max(speed_mps, SLOWEST_MPS)
         return correlation_factor(self.since_station_s(measurement), tau_s)
 
 

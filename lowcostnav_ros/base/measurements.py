@@ -216,6 +216,59 @@ class GnssEpoch(Measurement):
         return GnssEpoch(self.stamp_ns, self.source, *columns)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CarrierEpoch(Measurement):
+    """Code, carrier and Doppler of several transmitters at one instant, as columns of n.
+
+    With r the distance to the transmitter, T what the troposphere adds and d the receiver clock, all in m,
+
+        code_m = r + T + d + noise,   carrier_cycles = (r + T + d + noise)/wavelength_m + N,   doppler_hz = -(dr/dt + dd/dt)/wavelength_m
+
+    and N a constant as long as the receiver keeps counting.  Transmitters stand in the station table by ident, unless ``pos_e`` and
+    ``vel_e`` say where they are: satellites, whose epochs are differences to a base, what the base is away from the satellite added back.
+
+    Attributes
+    ----------
+    ident : ndarray of str, shape (n,)
+    code_m, carrier_cycles, doppler_hz : ndarray, shape (n,)
+        Doppler positive closing.
+    wavelength_m : ndarray, shape (n,)
+    cn0 : ndarray, shape (n,)
+        Carrier to noise density, dB-Hz; 0 where the receiver does not report it.
+    code_valid, carrier_valid : ndarray of bool, shape (n,)
+        False: its number is finite but means nothing; a carrier is not valid without its Doppler.
+    pos_e, vel_e : ndarray, shape (n, 3), or None
+        ECEF, m and m/s.
+    """
+
+    ident: np.ndarray
+    code_m: np.ndarray
+    carrier_cycles: np.ndarray
+    doppler_hz: np.ndarray
+    wavelength_m: np.ndarray
+    cn0: np.ndarray
+    code_valid: np.ndarray
+    carrier_valid: np.ndarray
+    pos_e: np.ndarray | None = None
+    vel_e: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.ident)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StationWeather(Measurement):
+    """Weather at ground stations, as columns of n: ``ident``, ``pressure_pa``, ``temperature_k``, relative ``humidity`` (0 to 1)."""
+
+    ident: np.ndarray
+    pressure_pa: np.ndarray
+    temperature_k: np.ndarray
+    humidity: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.ident)
+
+
 @dataclass(slots=True)
 class Integrity:
     """Result of a navigator's integrity tests.

@@ -1,4 +1,4 @@
-"""DME and VOR stations: one value per station, a table that refuses doubtful entries, and the text format it is read from.
+"""Ground stations: one value per station, a table that refuses doubtful entries, and the text format it is read from.
 
 The format is CSV with a header; ``#`` starts a comment line.  Columns: ``ident``, ``name``, ``lat_deg`` (north +), ``lon_deg``
 (east +), ``elevation_ft`` (above mean sea level, as published), ``undulation_m`` (height of mean sea level above the ellipsoid),
@@ -7,6 +7,8 @@ The format is CSV with a header; ``#`` starts a comment line.  Columns: ``ident`
 Two more columns may be there.  ``kind`` is DME (taken where the column or the cell is empty), VOR, VOR-DME, VORTAC or TACAN (whose bearings
 only military receivers read: here a DME).  ``declination_deg`` (east +) is the station's own, set when its radials were last aligned, not
 that of the magnetic field today; a VOR cannot do without.
+
+A kind of :mod:`~lowcostnav_ros.radionav.transmitters` (PSEUDOLITE, BEACON) has columns of its own; a table may hold all of them.
 """
 
 import csv
@@ -17,6 +19,10 @@ from dataclasses import dataclass
 
 from lowcostnav_ros.base.units import FOOT, NAUTICAL_MILE
 from lowcostnav_ros.physics.earth import geodetic_to_ecef
+from lowcostnav_ros.radionav import transmitters
+from lowcostnav_ros.radionav.station_cells import StationError as StationError
+from lowcostnav_ros.radionav.station_cells import number as number_of
+from lowcostnav_ros.radionav.weather import Weather
 
 COLUMNS = ("ident", "name", "lat_deg", "lon_deg", "elevation_ft", "undulation_m", "channel", "service_volume")
 OPTIONAL_COLUMNS = ("kind", "declination_deg")
@@ -24,14 +30,10 @@ RANGING = ("DME", "VOR-DME", "VORTAC", "TACAN")
 """Kinds of station that answer a DME."""
 BEARING = ("VOR", "VOR-DME", "VORTAC")
 """Kinds of station whose radials a VOR receiver reads."""
-KINDS = ("DME", "VOR", *RANGING[1:])
+KINDS = ("DME", "VOR", *RANGING[1:], *transmitters.KINDS)
 COINCIDENT_M = 100.0
 LOWEST_FT, HIGHEST_FT = -1500.0, 15_000.0
 SERVICE_VOLUMES = ("T", "L", "H")
-
-
-class StationError(ValueError):
-    """A station table that cannot be flown on; the message names station and remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,8 @@ class Station:
     """One station.
 
     ``lat``, ``lon`` rad, ``height`` m above the ellipsoid, ``elevation`` m above mean sea level, ``service_volume`` T, L or H, ``kind`` of
-    :data:`KINDS`; ``declination`` rad, east positive: true bearing = radial + declination (0 and unused without a VOR).
+    :data:`KINDS`; ``declination`` rad, east positive: true bearing = radial + declination (0 and unused without a VOR).  A transmitter may
+    state its ``weather`` and the ranges ``reach_m`` between which it is received.
     """
 
     ident: str
@@ -52,6 +55,8 @@ class Station:
     service_volume: str
     kind: str = "DME"
     declination: float = 0.0
+    weather: Weather | None = None
+    reach_m: tuple[float, float] = (0.0, math.inf)
 
     @property
     def has_dme(self) -> bool:
@@ -93,6 +98,7 @@ class StationTable:
             raise StationError("The station table is empty; list at least one station.")
         _refuse_lost_longitude_sign(list(self))
         _refuse_coincident(list(self))
+        transmitters.refuse_outliers([s for s in self if s.kind in transmitters.KINDS])
 
     def __iter__(self) -> Iterator[Station]:
         return iter(self._by_ident.values())
@@ -136,7 +142,7 @@ def stations_from_text(text: str, where: str = "stations") -> StationTable:
         raise StationError(f"{where}: no stations; the first line names the columns {', '.join(COLUMNS)}.")
     header = _cells(lines[0][1], where)
     missing = [column for column in COLUMNS if column not in header]
-    if missing:
+    if missing and any(column not in header for column in transmitters.COLUMNS):
         raise StationError(f"{where}: column {', '.join(missing)} is missing; the first line names {', '.join(COLUMNS)}.")
     stations = []
     for number, line in lines[1:]:
@@ -165,10 +171,17 @@ def station_from_cells(cells: dict[str, str], where: str) -> Station:
     ident = cells["ident"].upper()
     if not re.fullmatch(r"[A-Z0-9]{1,4}", ident):
         raise StationError(f"{where}: ident '{cells['ident']}' must be one to four letters or digits.")
-    lat_deg = _number(cells, "lat_deg", -90.0, 90.0, where)
-    lon_deg = _number(cells, "lon_deg", -180.0, 180.0, where)
-    elevation_ft = _number(cells, "elevation_ft", LOWEST_FT, HIGHEST_FT, where)
-    undulation_m = _number(cells, "undulation_m", -110.0, 90.0, where)
+    lat_deg = number_of(cells, "lat_deg", -90.0, 90.0, where)
+    lon_deg = number_of(cells, "lon_deg", -180.0, 180.0, where)
+    if cells.get("kind", "").upper() in transmitters.KINDS:
+        height, weather, reach_m = transmitters.from_cells(cells, where)
+        place = math.radians(lat_deg), math.radians(lon_deg), height, height
+        return Station(ident, cells["name"], *place, "", "", cells["kind"].upper(), weather=weather, reach_m=reach_m)
+    missing = [column for column in COLUMNS if column not in cells]
+    if missing:
+        raise StationError(f"{where}: a {cells.get('kind') or 'DME'} needs the column {missing[0]}.")
+    elevation_ft = number_of(cells, "elevation_ft", LOWEST_FT, HIGHEST_FT, where)
+    undulation_m = number_of(cells, "undulation_m", -110.0, 90.0, where)
     if not re.fullmatch(r"\d{1,3}[XY]", cells["channel"]) or not 1 <= int(cells["channel"][:-1]) <= 126:
         raise StationError(f"{where}: channel '{cells['channel']}' must be 1 to 126 followed by X or Y.")
     if cells["service_volume"] not in SERVICE_VOLUMES:
@@ -184,20 +197,10 @@ def _kind_and_declination(cells: dict[str, str], where: str) -> tuple[str, float
     if kind not in KINDS:
         raise StationError(f"{where}: kind '{cells['kind']}' must be one of {', '.join(KINDS)}.")
     if cells.get("declination_deg", ""):
-        return kind, math.radians(_number(cells, "declination_deg", -180.0, 180.0, where))
+        return kind, math.radians(number_of(cells, "declination_deg", -180.0, 180.0, where))
     if kind in BEARING:
         raise StationError(f"{where}: a {kind} needs declination_deg, the station's own (east +), or its radials point nowhere.")
     return kind, 0.0
-
-
-def _number(cells: dict[str, str], column: str, low: float, high: float, where: str) -> float:
-    try:
-        value = float(cells[column])
-    except ValueError:
-        raise StationError(f"{where}: {column} '{cells[column]}' must be a number.") from None
-    if not low <= value <= high:  # also refuses NaN
-        raise StationError(f"{where}: {column} of {value:g} must lie between {low:g} and {high:g}.")
-    return value
 
 
 def _refuse_lost_longitude_sign(stations: list[Station]) -> None:
@@ -219,5 +222,5 @@ def _refuse_coincident(stations: list[Station]) -> None:
     for i, (a, place_a) in enumerate(places):
         for b, place_b in places[i + 1 :]:
             distance_m = math.dist(place_a, place_b)
-            if distance_m < COINCIDENT_M:
+            if distance_m < (transmitters.COINCIDENT_M if a.kind in transmitters.KINDS else COINCIDENT_M):
                 raise StationError(f"Stations {a.ident} and {b.ident} are {distance_m:.0f} m apart, as good as one; remove one of them.")

@@ -43,6 +43,9 @@ MODULES = (
     "eggers.velocity",
     "eggers.estimator",
     "eggers.integrated",
+    "kawecki.models",
+    "kawecki.signals",
+    "kawecki.tests",
 )
 """Modules of this package that hold results; their folder is the study."""
 
@@ -50,6 +53,7 @@ STUDIES = {
     "gebre": "D. Gebre-Egziabher, Design and Performance Analysis of a Low-Cost Aided Dead Reckoning Navigator, PhD, Stanford, 2004",
     "solimeno": "A. Solimeno, Low-Cost INS/GPS Data Fusion with Extended Kalman Filter for Airborne Applications, MSc, IST Lisbon, 2007",
     "eggers": "J. W. Eggers, Development of a GPS-Aided Navigation System without INS for the USAF A-10 Aircraft, SM, MIT, 1995",
+    "kawecki": "J. E. C. Kawecki, Initial Implementation and Testing of a Tightly-Coupled IMU/Pseudolite System, MSc, AFIT, 2015",
 }
 """What each study is, for headings."""
 

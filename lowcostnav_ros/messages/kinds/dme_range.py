@@ -1,4 +1,4 @@
-"""``dme/range``: the replies of DME stations."""
+"""``dme/range`` and ``ranging/range``: the replies of DME stations and of ranging beacons."""
 
 from typing import Any
 
@@ -26,16 +26,20 @@ def _encode(sent: SlantRange) -> Any:
     return parts.TYPES[topics.RANGE](header, 0, 0.0, 0.0, SERVICE_M, float(sent.range_m), float(sent.variance))
 
 
-describe(
-    __name__,
-    TopicSpec("dme/range", topics.RANGE, "One reply: slant range; frame_id is the station ident.", "", "m"),
-    measurement=SlantRange,
-    decode=_decode,
-    encode=_encode,
-    variances=(1.0e5,),  # 0.17 NM
-    fields={"range": Quantity(1, "length"), "sigma": Quantity(1, "length")},
-    options=("station",),
-    from_row=lambda row: row.of(SlantRange, row.station, row["range"], row.variance()),
-    sample=lambda at: at.of(SlantRange, "OAK", 40_000.0, 1.0e5),
-    sensed=True,
-)
+for _name, _what, _variance in (
+    ("dme/range", "One reply: slant range; frame_id is the station ident.", 1.0e5),  # 0.17 NM
+    ("ranging/range", "Two-way range to a beacon on the ground; frame_id is its ident.", 4.0),
+):
+    describe(
+        __name__,
+        TopicSpec(_name, topics.RANGE, _what, "", "m"),
+        measurement=SlantRange,
+        decode=_decode,
+        encode=_encode,
+        variances=(_variance,),
+        fields={"range": Quantity(1, "length"), "sigma": Quantity(1, "length")},
+        options=("station",),
+        from_row=lambda row: row.of(SlantRange, row.station, row["range"], row.variance()),
+        sample=lambda at: at.of(SlantRange, "OAK", 40_000.0, 1.0e5),
+        sensed=True,
+    )

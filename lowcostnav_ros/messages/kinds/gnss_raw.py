@@ -30,9 +30,9 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.gnss.signals import name as name_of
+from lowcostnav_ros.messages import clouds
 from lowcostnav_ros.messages.checks import Received
 from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, TopicSpec, describe
-from lowcostnav_ros.messages.parts import TYPES, header
 from lowcostnav_ros.messages.rules import Refusal
 from lowcostnav_ros.messages.samples import FLIGHT_S, VELOCITY, Instant
 from lowcostnav_ros.messages.topics import POINT_CLOUD
@@ -56,7 +56,6 @@ LEAST_SIGMA_M, LEAST_SIGMA_MPS, ABSURD_SIGMA = 0.3, 0.01, 1.0e6
 SAME_SIGMAS = 5.0
 """Two points of one satellite agree when they differ by less than this many sigmas of their difference."""
 
-_UINT8, _FLOAT64 = 2, 8  # sensor_msgs/PointField
 _MOST_SATELLITES = 200
 
 
@@ -71,11 +70,7 @@ def cloud_of(epoch: GnssEpoch) -> Any:
     points["system"] = [ord(letter) for letter in epoch.system]
     points["sat_id"] = epoch.sat_id
     points["flags"] = epoch.range_valid + 2 * epoch.doppler_valid
-    offsets = np.cumsum([0, *(form.itemsize for form in _FORMATS.values())]).tolist()
-    types = [_FLOAT64 if name in _REALS else _UINT8 for name in _FORMATS]
-    fields = [TYPES["sensor_msgs/msg/PointField"](*field, 1) for field in zip(_FORMATS, offsets, types, strict=False)]
-    data = np.frombuffer(points.tobytes(), np.uint8)
-    return TYPES[POINT_CLOUD](header(epoch.stamp_ns, "gps"), 1, len(epoch), fields, False, POINT.itemsize, len(data), data, True)
+    return clouds.cloud_of(epoch.stamp_ns, "gps", points)
 
 
 def _decode(message: Any, received: Received) -> GnssEpoch:
@@ -90,7 +85,7 @@ def _decode(message: Any, received: Received) -> GnssEpoch:
         For a wrong frame, missing fields, a length that does not fit, or when satellites that contradict themselves are all there is.
     """
     received.frame(message.header.frame_id)
-    points = _points(message)
+    points = clouds.points_of(message, POINT, _MOST_SATELLITES, "satellites")
     position, velocity = (np.column_stack([points[f"{v}{name}"] for name in "xyz"]) for v in ("", "v"))
     with np.errstate(invalid="ignore", over="ignore"):
         placed = (np.abs(velocity) < FASTEST_MPS).all(axis=1) & _between(np.linalg.norm(position, axis=1))
@@ -160,29 +155,6 @@ def _raised(sigma: np.ndarray, least: float, good: np.ndarray, received: Receive
     if low.any():
         received.notes[f"{received.kind.name}: sigma raised to what a receiver can have"] += int(np.count_nonzero(low))
     return np.where(good, np.maximum(sigma, least), 0.0)
-
-
-def _points(message: Any) -> np.ndarray:
-    """Data of a cloud as a table with the fields of :data:`POINT`, wherever in the point the sender put them."""
-    count = message.width * message.height
-    if count == 0 or count > _MOST_SATELLITES:
-        raise Refusal("number of satellites implausible", f"{count}")
-    if message.is_bigendian:
-        raise Refusal("big-endian clouds are not read")
-    given = {field.name: field for field in message.fields}
-    offsets = []
-    for name, form in _FORMATS.items():
-        field, wanted = given.get(name), _FLOAT64 if name in _REALS else _UINT8
-        if field is None:
-            raise Refusal("a field is missing", f"'{name}'")
-        if field.datatype != wanted or field.count != 1 or field.offset + form.itemsize > message.point_step:
-            raise Refusal("a field has the wrong type or place", f"'{name}'")
-        offsets.append(field.offset)
-    if len(message.data) != count * message.point_step:
-        raise Refusal("length of the data does not fit", f"{len(message.data)} bytes")
-    forms: list[Any] = list(_FORMATS.values())
-    layout = np.dtype({"names": list(_FORMATS), "formats": forms, "offsets": offsets, "itemsize": message.point_step})
-    return np.frombuffer(bytes(message.data), layout)
 
 
 _FAULT_S, _FAULT_M = 5.0, 1000.0

@@ -1,0 +1,128 @@
+"""A plan of ground transmitters: dilutions over an area at a height, and where the next transmitter helps most."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lowcostnav_ros.base.tables import Table
+from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.radionav.network import Dilution, best_next, dilutions, places_of
+from lowcostnav_ros.radionav.stations import Station
+from lowcostnav_ros.radionav.transmitters import BEACON
+from lowcostnav_ros.report.plan_folder import finite
+from lowcostnav_ros.report.terminal import print_report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DOPS = ("hdop", "vdop", "pdop")
+GRID, COARSE = 31, 9
+"""Points of the map, and of the places where a next transmitter is tried, along each side."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TransmitterPlan:
+    """Dilutions ``found`` (GRID * GRID) over the offsets (GRID,) m north and east of ``centre`` (rad, rad) at ``height`` m.
+
+    ``places`` (n, 3) are the transmitters, m NED; ``site`` that of the next transmitter with the PDOP it leads to; ``limit`` a good PDOP.
+    """
+
+    stations: Sequence[Station]
+    centre: tuple[float, float]
+    height: float
+    offsets_m: np.ndarray
+    places: np.ndarray
+    found: list[Dilution]
+    site: Station
+    site_place: np.ndarray
+    pdop_now: float
+    site_pdop: float
+    limit: float
+
+    def map_of(self, name: str) -> np.ndarray:
+        """One dilution over the area (GRID, GRID), north by east."""
+        return np.array([getattr(d, name) for d in self.found]).reshape(GRID, GRID)
+
+    def good_enough(self) -> bool:
+        """Whether the PDOP is within the limit everywhere."""
+        return bool(np.all(self.map_of("pdop") <= self.limit))
+
+
+def plan_transmitters(stations: Sequence[Station], height: float, half_width_m: float, limit: float) -> TransmitterPlan:
+    """Work out a plan over a square about the middle of the stations, which all are pseudolites or all beacons."""
+    lat, lon = float(np.mean([s.lat for s in stations])), float(np.mean([s.lon for s in stations]))
+    ground = float(np.median([s.height for s in stations]))
+    frame = LocalFrame(lat, lon, ground)
+    places, clock = places_of(stations, frame), stations[0].kind != BEACON
+    offsets, coarse = (np.linspace(-half_width_m, half_width_m, n) for n in (GRID, COARSE))
+    reach = np.array([s.reach_m for s in stations])
+
+    def square(sides: np.ndarray, down: float) -> np.ndarray:
+        return np.array([[n, e, down] for n in sides for e in sides])
+
+    found = dilutions(square(offsets, ground - height), places, reach, clock)
+    sites = square(coarse, 0.0)
+    apart = np.linalg.norm(sites[:, None, :] - places[None, :, :], axis=2).min(axis=1)
+    sites = sites[apart > 0.02 * half_width_m]
+    above = square(coarse, ground - height)
+    best, pdop = best_next(above, places, sites, clock)
+    now = np.array([d.pdop for d in dilutions(above, places, clock=clock)])
+    now_rms = float(np.sqrt(np.mean(now[np.isfinite(now)] ** 2))) if np.isfinite(now).any() else math.inf
+    at = frame.from_ned(sites[best])
+    site = Station("NEXT", "best next", float(at[0]), float(at[1]), float(at[2]), float(at[2]), "", "", stations[0].kind)
+    return TransmitterPlan(stations, (lat, lon), height, offsets, places, found, site, sites[best], now_rms, pdop, limit)
+
+
+def as_mapping(plan: TransmitterPlan) -> dict[str, Any]:
+    """The plan as plain values."""
+    return {
+        "centre_deg": np.degrees(plan.centre).tolist(),
+        "height_m": plan.height,
+        "transmitters": [s.ident for s in plan.stations],
+        "offsets_m": plan.offsets_m.tolist(),
+        "best_next_deg": np.degrees([plan.site.lat, plan.site.lon]).tolist(),
+        "best_next_pdop": finite(plan.site_pdop),
+        **{name: [[finite(v) for v in row] for row in plan.map_of(name)] for name in DOPS},
+    }
+
+
+def print_plan(plan: TransmitterPlan) -> None:
+    """Tables and sentences on the terminal."""
+    middle = plan.found[len(plan.found) // 2]
+    rows = []
+    for name in DOPS:
+        values = plan.map_of(name)
+        solved = values[np.isfinite(values)]
+        over = [f"{np.percentile(solved, p):.2f}" for p in (50, 95)] if solved.size else ["-", "-"]
+        rows.append((name.upper(), f"{getattr(middle, name):.2f}", *over, f"{100.0 * np.mean(values <= plan.limit):.0f}"))
+    half_km = plan.offsets_m[-1] / 1e3
+    title = f"{len(plan.stations)} transmitters, {2 * half_km:g} km square at {plan.height:g} m"
+    columns = ("dilution", "middle", "median", "95 %", f"% within {plan.limit:g}")
+    sentences = []
+    without = float(np.mean(~np.isfinite(plan.map_of("pdop"))))
+    if without:
+        sentences.append(f"No position over {100.0 * without:.0f} % of the area: too few transmitters are received there.")
+    lat, lon = np.degrees([plan.site.lat, plan.site.lon])
+    where = f"{lat:.4f}, {lon:.4f} at {plan.site.height:.0f} m"
+    sentences.append(f"The next transmitter helps most at {where}: RMS PDOP {plan.pdop_now:.2f} becomes {plan.site_pdop:.2f}.")
+    print_report(title, [Table.plain("", columns, rows)], sentences)
+
+
+def draw_maps(figure: "Figure", plan: TransmitterPlan) -> None:
+    """HDOP, VDOP and PDOP over the area, the transmitters and the best next one."""
+    figure.set_size_inches(13.0, 4.4)
+    km = plan.offsets_m / 1e3
+    for k, name in enumerate(DOPS):
+        ax: Any = figure.add_subplot(1, 3, k + 1)
+        shown = ax.contourf(km, km, np.minimum(plan.map_of(name), 10.0), levels=np.linspace(0.0, 10.0, 21))
+        figure.colorbar(shown, ax=ax)
+        ax.plot(plan.places[:, 1] / 1e3, plan.places[:, 0] / 1e3, "w^", markeredgecolor="k", label="transmitter")
+        ax.plot(plan.site_place[1] / 1e3, plan.site_place[0] / 1e3, "r*", markersize=11, label="best next")
+        ax.set(title=name.upper(), xlabel="east [km]", ylabel="north [km]", aspect="equal", xlim=(km[0], km[-1]), ylim=(km[0], km[-1]))
+    ax.legend(fontsize=8, loc="upper left")
+
+
+FIGURES = {"dop.png": draw_maps}

@@ -1,0 +1,54 @@
+"""Flights that the thesis did not make: two-way ranging beacons, GPS carrier against a base, over the same network of settings."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.base.settings import from_mapping
+from lowcostnav_ros.base.truth import TruthBlock
+from lowcostnav_ros.catalogue.equipment import load_imu_profile, load_stations
+from lowcostnav_ros.cores.imu_errors import imu_settings
+from lowcostnav_ros.navigators.pseudolite_ins import PseudoliteIns
+from lowcostnav_ros.physics.earth import displace
+from lowcostnav_ros.physics.rotation import quat_apply_phi_n
+from lowcostnav_ros.reproduce.kawecki.flights import truth_of
+from lowcostnav_ros.reproduce.solimeno.flights import Flight, fed, flight_of, imu_of
+from lowcostnav_ros.sensors.gnss_carrier import GnssCarrierSimulator, GnssCarrierSimulatorSettings
+from lowcostnav_ros.sensors.ranging import RangingSimulator, RangingSimulatorSettings
+
+
+@dataclass(frozen=True)
+class OtherCase:
+    """``sensor``: ``ranging`` or ``gnss_carrier``; ``profile`` of the inertial unit; ``rate_hz`` of the ranges."""
+
+    sensor: str = "ranging"
+    seed: int = 1
+    profile: str = "automotive"
+    rate_hz: float = 2.0
+    beacons: int = 4
+    duration_s: float = 820.0
+
+
+def start_of(truth: TruthBlock, seed: int, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A first state drawn from sigmas (9,), and their covariance."""
+    x = sigma * np.random.default_rng(seed).standard_normal(9)
+    place = displace(truth.lat[0], truth.lon[0], truth.height[0], x[:3])
+    return np.array([*place, *(truth.vel_n[0] + x[3:6]), *quat_apply_phi_n(truth.q_nb[0], x[6:9])]), np.diag(sigma**2)
+
+
+def fly_other(case: OtherCase) -> Flight:
+    """Fly a case: no GPS fix at any time, the first state known to 3 m, 0.3 m/s, 0.5 deg and, in heading, 2 deg."""
+    truth, profile, table = truth_of(case.duration_s), load_imu_profile(case.profile), load_stations("beacons_range.csv")
+    values: dict[str, Any] = {"horizon.lag_s": 0.0, "gps.latency_s": 0.0, "pseudolite.enabled": False}
+    values["aids"] = ["gps", "pseudolite", case.sensor]
+    settings = replace(from_mapping(PseudoliteIns.Settings, values), imu=imu_settings(profile.filter_noise()))
+    if case.sensor == "ranging":
+        some = type(table)(list(table)[: case.beacons])
+        measured: list = RangingSimulator(RangingSimulatorSettings(seed=case.seed, rate_hz=case.rate_hz), some).simulate(truth)
+    else:
+        measured = GnssCarrierSimulator(GnssCarrierSimulatorSettings(seed=case.seed)).simulate(truth)
+    navigator = PseudoliteIns(settings, table)
+    sigma = np.array([3.0] * 3 + [0.3] * 3 + np.radians([0.5, 0.5, 2.0]).tolist())
+    navigator.begin(int(truth.stamps_ns[0]), *start_of(truth, case.seed, sigma))
+    return flight_of(truth, fed(navigator, imu_of(profile, truth, case.seed), measured))
