@@ -142,6 +142,11 @@ class VelocityAid(Aid):
         self._stepped: tuple[int, np.ndarray] | None = None
         self.sound_since_ns: int | None = None
         self._off_since_ns: int | None = None
+        self.swing_n = np.zeros(3)
+
+    def noise(self, measurement: GpsVelocity) -> np.ndarray:
+        """Covariance (3, 3) of one velocity, (m/s)^2, scaled, with the floor on its variances."""
+        return floored(measurement.cov_n, self.settings.sigma_scale, self.settings.velocity_floor_mps)
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; keeps the first innovation that was rejected while GPS was good."""
@@ -178,10 +183,10 @@ class VelocityAid(Aid):
         seen = host.core.velocity_at(self.lever_b)
         if isinstance(seen, str):
             return seen
-        R = floored(measurement.cov_n, self.settings.sigma_scale, self.settings.velocity_floor_mps)
+        R, self.swing_n = self.noise(measurement), seen.swing_n
         if seen.noise is not None:
             R = R + seen.noise
-        factor = correlation_factor(self.since_s(measurement), max(self.settings.correlation_s, seen.tau_s))
+        factor = correlation_factor(self.since_s(measurement), self.settings.correlation_s)
         return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n)
 
     def recover(self, measurement: GpsVelocity, innovation: Innovation, host: Host) -> None:

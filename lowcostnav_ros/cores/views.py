@@ -31,14 +31,13 @@ class VelocitySeen(NamedTuple):
     """Velocity predicted at an antenna.
 
     ``vel_n`` (3,) of the IMU, ``swing_n`` (3,) what the lever arm adds, m/s NED; ``H`` (3, n) Jacobian of their sum; ``noise`` (3, 3) what
-    the states do not explain, None: nothing; ``tau_s`` its correlation time.
+    the states do not explain, None: nothing.
     """
 
     vel_n: np.ndarray
     swing_n: np.ndarray
     H: np.ndarray
     noise: np.ndarray | None = None
-    tau_s: float = 0.0
 
 
 @runtime_checkable
