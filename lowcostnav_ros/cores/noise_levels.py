@@ -1,12 +1,12 @@
 """How large wind, turbulence and heading error are on the day: hypotheses about their sigmas, weighed by GPS velocity.
 
-Data sheets and climatology give sigmas within a factor of four at best; a compass in a small aircraft that circles is off by 20 deg, in an
-airliner by one.  So a bank of small filters, one for each combination of factors on the declared sigmas, estimates wind, airspeed and heading
-errors from GPS velocity alone, once a second, and is weighed by the likelihood of its innovations (Magill, "Optimal adaptive estimation
-of sampled stochastic processes", IEEE TAC 10, 1965).  The core then flies with the weighed mean of the factors.
+Data sheets and climatology give sigmas within a factor of four at best; a compass in a small aircraft that circles is off by 20 deg,
+in an airliner by one.  So a bank of small filters, one for each combination of factors on the declared sigmas, estimates wind, airspeed
+and heading errors from GPS velocity alone, once a second, and is weighed by the likelihood of its innovations (Magill, "Optimal adaptive
+estimation of sampled stochastic processes", IEEE TAC 10, 1965).  The core then flies with the weighed mean of the factors.
 
-The declared sigmas are the prior, log-normal within a factor of three, and what was learned is forgotten: the weather changes.  Innovations are
-held to be of Student's distribution, so that one bad velocity does not change the weather.
+The declared sigmas are the prior, log-normal within a factor of three, and what was learned is forgotten: the weather changes.
+Innovations are held to be of Student's distribution, so that one bad velocity does not change the weather.
 """
 
 import itertools

@@ -1,9 +1,9 @@
 """The reckoning core: airspeed along the heading plus wind, with mean and covariance, and how both move between measurements.
 
 Settings are in the units of data sheets; their defaults are the error models of Gebre-Egziabher (2004): table 6.1 gives wind 5 m/s over
-400 s, heading 2.5 deg over 120 s plus 0.8 deg white and airspeed 2.6 m/s over 400 s.  The wind is met along the way flown: 400 s are 20 km at the
-90 kt of that table; an aircraft of 30 kt meets the same air more slowly.  How large wind, turbulence and heading error are on the day is
-learned from GPS velocity (:mod:`~lowcostnav_ros.cores.noise_levels`).
+400 s, heading 2.5 deg over 120 s plus 0.8 deg white and airspeed 2.6 m/s over 400 s.  The wind is met along the way flown: 400 s are
+20 km at the 90 kt of that table; an aircraft of 30 kt meets the same air more slowly.  How large wind, turbulence and heading error are
+on the day is learned from GPS velocity (:mod:`~lowcostnav_ros.cores.noise_levels`).
 """
 
 import copy
@@ -39,10 +39,12 @@ LANDED = 0.8
 class HeadingSettings:
     """Errors of the heading that comes in."""
 
-    bias_deg: float = setting(2.5, "Slowly varying heading error, Gauss-Markov sigma.", unit="deg", minimum=0.0, maximum=45.0)
+    bias_deg: float = setting(2.5, "Slowly varying heading error, Gauss-Markov sigma.", unit="deg", minimum=0.0, maximum=45.0, within=4)
     bias_tau_s: float = setting(120.0, "Correlation time of the heading error.", unit="s", minimum=1.0)
     offset_deg: float = setting(3.0, "Constant heading error (mounting), sigma; 0: no state.", unit="deg", minimum=0.0, maximum=45.0)
-    bank_deg: float = setting(10.0, "Heading error in proportion to the sine of the bank, sigma; 0: no state.", unit="deg", minimum=0.0, maximum=45.0)
+    bank_deg: float = setting(
+        10.0, "Heading error in proportion to the sine of the bank, sigma; 0: no state.", unit="deg", minimum=0.0, maximum=45.0
+    )
     noise_deg: float = setting(0.8, "White heading noise, sigma at 1 Hz.", unit="deg", minimum=0.0, maximum=45.0)
     timeout_s: float = setting(1.0, "Attitude older than this has timed out.", unit="s", minimum=0.05, maximum=30.0)
 
@@ -51,7 +53,7 @@ class HeadingSettings:
 class AirspeedSettings:
     """Errors of the true airspeed that comes in, and the air data that a pitot tube alone does not give."""
 
-    bias_mps: float = setting(2.6, "Airspeed error, Gauss-Markov sigma; 0: no state.", unit="m/s", minimum=0.0, maximum=50.0)
+    bias_mps: float = setting(2.6, "Airspeed error, Gauss-Markov sigma; 0: no state.", unit="m/s", minimum=0.0, maximum=50.0, within=3)
     bias_tau_s: float = setting(400.0, "Correlation time of the airspeed error.", unit="s", minimum=1.0)
     scale: float = setting(0.03, "Constant scale-factor error, sigma as a fraction; 0: no state.", minimum=0.0, maximum=0.5)
     noise_mps: float = setting(0.3, "White airspeed noise, sigma at 1 Hz.", unit="m/s", minimum=0.0, maximum=10.0)
@@ -65,12 +67,14 @@ class AirspeedSettings:
 class WindSettings:
     """What the air mass does along the flight."""
 
-    sigma_mps: float = setting(5.0, "Variation of each component, Gauss-Markov sigma.", unit="m/s", minimum=0.01, maximum=50.0)
+    sigma_mps: float = setting(5.0, "Variation of each component, Gauss-Markov sigma.", unit="m/s", minimum=0.01, maximum=50.0, within=3)
     distance_km: float = setting(20.0, "Way flown over which the variation stays correlated; 0: time alone.", unit="km", minimum=0.0)
     tau_s: float = setting(3600.0, "Time in which the variation stays correlated at one place.", unit="s", minimum=1.0)
     mean_mps: float = setting(10.0, "Constant part, sigma before GPS; 0: no state.", unit="m/s", minimum=0.0, maximum=100.0)
-    gust_mps: float = setting(1.0, "Turbulence, sigma of each component; 0: no states.", unit="m/s", minimum=0.0, maximum=20.0)
-    gust_distance_m: float = setting(300.0, "Way flown over which turbulence stays correlated.", unit="m", minimum=1.0, maximum=1e5)
+    gust_mps: float = setting(1.0, "Turbulence, sigma of each component; 0: no states.", unit="m/s", minimum=0.0, maximum=20.0, within=3)
+    gust_distance_m: float = setting(
+        300.0, "Way flown over which turbulence stays correlated.", unit="m", minimum=1.0, maximum=1e5, within=2
+    )
 
 
 @dataclass(frozen=True)

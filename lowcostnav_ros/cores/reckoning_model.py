@@ -1,9 +1,9 @@
 """Compiled dynamics of dead reckoning: the motion of the mean and the exact evolution of its error covariance.
 
 Mean: position moves with the air-relative velocity plus wind, p' = R(psi) a (1 + s + b/V) + w, where ``a`` is the horizontal part of
-C_nb v_b as measured, psi the heading error, s and b scale and bias of the airspeed.  psi holds a part in proportion to the sine of the bank:
-what a compass makes of a vertical hard iron or of an attitude that leans in turns, and the sideslip of a turn.  Error state, true minus estimated
-(Gebre-Egziabher (5.20)-(5.21), every further state a constant, a random walk or a Gauss-Markov process):
+C_nb v_b as measured, psi the heading error, s and b scale and bias of the airspeed.  psi holds a part in
+proportion to the sine of the bank: what a compass makes of a vertical hard iron, and the sideslip of a turn.  Error state, true minus
+estimated (Gebre-Egziabher (5.20)-(5.21), every further state a constant, a random walk or a Gauss-Markov process):
 
     d(dp_n)/dt = -a_e dpsi + a_n ds + a_n/V db + dw_n        d(dp_d)/dt = dv_d
     d(dp_e)/dt =  a_n dpsi + a_e ds + a_e/V db + dw_e
