@@ -25,7 +25,8 @@ def build_navigators(names: Iterable[str], registry: Registry, config: Path | No
         Names in the registry.
     registry : mapping
     config : Path or None
-        Directory that holds ``<name>.yaml`` for some, the others fly as shipped; None takes ``flown``, then the package's own, and defaults where there is no file.
+        Directory that holds ``<name>.yaml`` for some, the others fly as shipped; None takes ``flown``, then the package's own, and
+        defaults where there is no file.
     flown : Path, optional
         Directory of settings that a recording carries, any or none of the files.
 

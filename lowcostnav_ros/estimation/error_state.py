@@ -147,6 +147,7 @@ class Layout:
         self._psd = np.array([q for b in self.blocks for q in (b.psd or (0.0,) * b.size)])
         self.psd, self.level = self._psd.copy(), np.ones(start)
         self.sigma0 = np.array([s for b in self.blocks for s in b.sigma0])
+        self._speed_mps: float | None = None
         self._along_way = [block for block in self.blocks if np.isfinite(block.distance_m)]
 
     def __contains__(self, name: str) -> bool:
@@ -176,6 +177,7 @@ class Layout:
 
     def pace(self, speed_mps: float) -> None:
         """Give states that vary along the way flown the rate and the driving noise of a speed."""
+        self._speed_mps = speed_mps
         for block in self._along_way:
             rows = self._slices[block.name]
             self.rate[rows] = max(speed_mps, SLOWEST_MPS) / block.distance_m + self._rate[rows]
@@ -187,6 +189,8 @@ class Layout:
         for name, factor in factors.items():
             self.level[self._slices[name]] = factor
         self.psd[:] = self._psd * self.level**2
+        if self._speed_mps is not None:
+            self.pace(self._speed_mps)
 
     def fill(self, H: np.ndarray, kind: Kind, columns: np.ndarray) -> None:
         """Give all states of one kind their columns (m, 3) of a Jacobian ``H`` (m, n), axis by axis, in place."""
