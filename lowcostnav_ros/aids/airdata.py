@@ -21,13 +21,15 @@ class AirDataSettings(SensorSettings):
     """Airspeed and sideslip: they teach the wind while GPS is good and hold the position in an outage."""
 
     enabled: bool = setting(True, "Use airspeed and sideslip.")
-    noise_mps: float = setting(1.0, "White noise of the true airspeed, turbulence included.", unit="m/s", minimum=0.01, maximum=50.0)
-    bias_mps: float = setting(1.5, "Slow airspeed error, Gauss-Markov sigma.", unit="m/s", minimum=0.0, maximum=50.0)
+    noise_mps: float = setting(
+        1.0, "White noise of the true airspeed, turbulence included.", unit="m/s", minimum=0.01, maximum=50.0, within=3
+    )
+    bias_mps: float = setting(1.5, "Slow airspeed error, Gauss-Markov sigma.", unit="m/s", minimum=0.0, maximum=50.0, within=3)
     bias_tau_s: float = setting(400.0, "Correlation time of the slow airspeed error.", unit="s", minimum=1.0)
     sideslip_deg: float = setting(2.0, "Sigma of the sideslip where no vane measures it.", unit="deg", minimum=0.05, maximum=30.0)
     minimum_mps: float = setting(12.0, "Below this airspeed nothing is used.", unit="m/s", minimum=0.0, maximum=200.0)
-    wind_mps: float = setting(5.0, "Wind change, Gauss-Markov sigma of each component.", unit="m/s", minimum=0.1, maximum=50.0)
-    wind_tau_s: float = setting(400.0, "Correlation time of the wind change.", unit="s", minimum=1.0)
+    wind_mps: float = setting(5.0, "Wind change, Gauss-Markov sigma of each component.", unit="m/s", minimum=0.1, maximum=50.0, within=3)
+    wind_tau_s: float = setting(400.0, "Correlation time of the wind change.", unit="s", minimum=1.0, within=2)
     wind_start_mps: float = setting(10.0, "Sigma of the wind at the start.", unit="m/s", minimum=0.1, maximum=100.0)
     period_s: float = setting(1.0, "Use at most one measurement in this time (its errors are slow).", unit="s", minimum=0.0, maximum=60.0)
     gate: GateSettings = group(GateSettings)

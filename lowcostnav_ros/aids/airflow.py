@@ -30,7 +30,7 @@ class AirflowSettings(SensorSettings):
     """Air data: what gives the acceleration when GPS velocity is missing."""
 
     enabled: bool = setting(True, "Use the air-relative velocity.")
-    noise_mps: float = setting(0.5, "White noise and gusts in each component.", unit="m/s", minimum=0.01, maximum=20.0)
+    noise_mps: float = setting(0.5, "White noise and gusts in each component.", unit="m/s", minimum=0.01, maximum=20.0, within=3)
     bias_mps: float = setting(2.6, "Slow airspeed error, Gauss-Markov sigma.", unit="m/s", minimum=0.01, maximum=50.0)
     bias_tau_s: float = setting(400.0, "Correlation time of the slow airspeed error.", unit="s", minimum=1.0)
     incidence_deg: float = setting(3.0, "Usual incidence of the body x axis, used without a vane.", unit="deg", minimum=-5.0, maximum=20.0)

@@ -18,10 +18,10 @@ class BaroSettings(SensorSettings):
     """Static pressure as a height reference."""
 
     enabled: bool = setting(True, "Use static pressure for height.")
-    sigma_m: float = setting(2.0, "White noise of the pressure altitude, at least.", unit="m", minimum=0.01, maximum=1e3)
+    sigma_m: float = setting(2.0, "White noise of the pressure altitude, at least.", unit="m", minimum=0.01, maximum=1e3, within=3)
     stated_scale: float = setting(0.0, "Factor on the sigma that a message states; 0 ignores it.", minimum=0.0, maximum=100.0)
     bias_m: float = setting(150.0, "Sigma of pressure altitude minus ellipsoid height before GPS.", unit="m", minimum=0.0)
-    walk_m_rts: float = setting(1.6, "Growth of that difference (23 m in 400 s).", unit="m/sqrt(s)", minimum=0.0, maximum=100.0)
+    walk_m_rts: float = setting(1.6, "Growth of that difference (23 m in 400 s).", unit="m/sqrt(s)", minimum=0.0, maximum=100.0, within=3)
     period_s: float = setting(0.5, "Use at most one measurement in this time.", unit="s", minimum=0.0, maximum=60.0)
     gate: GateSettings = group(GateSettings)
 

@@ -49,7 +49,7 @@ class GpsVelocitySettings(SensorSettings):
 
     lever_arm_b_m: list = setting([0.0, 0.0, 0.0], "Antenna relative to base_link, forward, right, down.", unit="m", minimum=-100.0)
     latency_s: float = setting(0.2, "Longest delay between validity and arrival of a fix.", unit="s", minimum=0.0, maximum=5.0)
-    sigma_scale: float = setting(1.0, "Factor on the receiver's stated sigma.", minimum=0.1, maximum=100.0)
+    sigma_scale: float = setting(1.0, "Factor on the receiver's stated sigma.", minimum=0.1, maximum=100.0, within=2)
     velocity_floor_mps: float = setting(0.05, "Smallest velocity sigma used.", unit="m/s", minimum=0.0, maximum=1e2)
     correlation_s: float = setting(0.0, "Correlation time of receiver errors: fast fixes add little.", unit="s", minimum=0.0, maximum=600.0)
     period_s: float = setting(0.0, "Use at most one fix in this time; 0 uses all.", unit="s", minimum=0.0, maximum=60.0)
@@ -184,6 +184,11 @@ class VelocityAid(ReceiverAid):
         self._stepped: tuple[int, np.ndarray] | None = None
         self.sound_since_ns: int | None = None
         self._off_since_ns: int | None = None
+        self.swing_n = np.zeros(3)
+
+    def noise(self, measurement: GpsVelocity) -> np.ndarray:
+        """Covariance (3, 3) of one velocity, (m/s)^2, scaled, with the floor on its variances."""
+        return floored(measurement.cov_n, self.settings.sigma_scale, self.settings.velocity_floor_mps)
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; keeps the first innovation that was rejected while GPS was good."""
@@ -220,10 +225,10 @@ class VelocityAid(ReceiverAid):
         seen = host.core.velocity_at(self.lever_b)
         if isinstance(seen, str):
             return seen
-        R = floored(measurement.cov_n, self.settings.sigma_scale, self.settings.velocity_floor_mps)
+        R, self.swing_n = self.noise(measurement), seen.swing_n
         if seen.noise is not None:
             R = R + seen.noise
-        factor = correlation_factor(self.since_s(measurement), max(self.settings.correlation_s, seen.tau_s))
+        factor = correlation_factor(self.since_s(measurement), self.settings.correlation_s)
         return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n, turns=seen.turns)
 
     def recover(self, measurement: GpsVelocity, innovation: Innovation, host: Host) -> None:

@@ -36,9 +36,11 @@ class MagneticSettings(SensorSettings):
     """Magnetometer as a heading reference."""
 
     enabled: bool = setting(True, "Use the magnetometer for heading.")
-    noise_deg: float = setting(1.0, "White noise of the magnetic heading.", unit="deg", minimum=0.01, maximum=90.0)
-    bias_deg: float = setting(2.5, "Slow heading error left after calibration, Gauss-Markov sigma.", unit="deg", minimum=0.0, maximum=90.0)
-    bias_tau_s: float = setting(120.0, "Correlation time of the slow heading error.", unit="s", minimum=1.0)
+    noise_deg: float = setting(1.0, "White noise of the magnetic heading.", unit="deg", minimum=0.01, maximum=90.0, within=3)
+    bias_deg: float = setting(
+        2.5, "Slow heading error left after calibration, Gauss-Markov sigma.", unit="deg", minimum=0.0, maximum=90.0, within=3
+    )
+    bias_tau_s: float = setting(120.0, "Correlation time of the slow heading error.", unit="s", minimum=1.0, within=2)
     decimal_year: float = year_setting("Date of the magnetic model")
     declination_deg: list = setting([], "Declination, east positive; empty: from the model.", unit="deg", minimum=-180.0, maximum=180.0)
     period_s: float = setting(0.5, "Use at most one measurement in this time.", unit="s", minimum=0.0, maximum=60.0)

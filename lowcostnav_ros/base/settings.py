@@ -31,6 +31,7 @@ def setting(
     live: bool = False,
     per_axis: bool = False,
     shipped: Any = None,
+    within: float | None = None,
 ) -> Any:
     """Declare one setting of a frozen dataclass.
 
@@ -52,9 +53,11 @@ def setting(
         True for a number that may also be given as three, x y z.
     shipped : bool, int, float, str or list of these, optional
         Value in the parameter file of the package where it is not the default.
+    within : float, optional
+        Factor within which the number of a sensor or of a day lies about the default, one sigma: recordings may tune it.
     """
     meta = {"description": description, "unit": unit, "minimum": minimum, "maximum": maximum, "choices": choices, "live": live}
-    meta |= {"per_axis": per_axis, "shipped": shipped}
+    meta |= {"per_axis": per_axis, "shipped": shipped, "within": within}
     if isinstance(default, list | dict):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=meta)
     return dataclasses.field(default=default, metadata=meta)
@@ -79,6 +82,7 @@ class Declared:
     live: bool
     per_axis: bool = False
     shipped: Any = None
+    within: float | None = None
 
 
 def declared(cls: Any, prefix: str = "") -> Iterator[Declared]:

@@ -25,7 +25,8 @@ def build_navigators(names: Iterable[str], registry: Registry, config: Path | No
         Names in the registry.
     registry : mapping
     config : Path or None
-        Directory that holds ``<name>.yaml`` for each; None takes ``flown``, then the package's own, and defaults where there is no file.
+        Directory that holds ``<name>.yaml`` for some, the others fly as shipped; None takes ``flown``, then the package's own, and
+        defaults where there is no file.
     flown : Path, optional
         Directory of settings that a recording carries, any or none of the files.
 
@@ -36,6 +37,8 @@ def build_navigators(names: Iterable[str], registry: Registry, config: Path | No
     """
     if config is not None and not config.is_dir():
         raise SettingsError(f"Configuration directory {config} does not exist; give one that holds <navigator>.yaml files.")
+    if config is not None and not any((config / f"{name}.yaml").is_file() for name in registry):
+        raise SettingsError(f"{config} holds no <navigator>.yaml file; those known are {', '.join(sorted(registry))}.")
     return {name: _build(name, registry[name], config, flown) for name in names}
 
 
@@ -43,7 +46,9 @@ def _build(name: str, navigator_class: type[Navigator], config: Path | None, flo
     path = (config or config_files.config_dir()) / f"{name}.yaml"
     if config is None and flown is not None and (flown / f"{name}.yaml").is_file():
         path = flown / f"{name}.yaml"
-    if config is None and not path.exists():
+    if not path.is_file():
+        path = config_files.config_dir() / f"{name}.yaml"
+    if not path.exists():
         return make_navigator(navigator_class.Settings(), navigator_class)
     values = {key: value for key, value in config_files.read_parameters(path, name).items() if not is_of_node(key)}
     return make_navigator(complete_settings(navigator_class.Settings, values, str(path)), navigator_class)

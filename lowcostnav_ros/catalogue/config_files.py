@@ -52,6 +52,23 @@ def find_config(name: str | Path) -> Path:
     raise SettingsError(f"{name} does not exist{shipped}.")
 
 
+def vehicle_dir(name: str | Path) -> Path:
+    """Return the folder of a vehicle's settings: as given, else of that name among those of the package.
+
+    Raises
+    ------
+    SettingsError
+        When there is none, naming those that there are.
+    """
+    vehicles = config_dir() / "vehicles"
+    for path in (Path(name), vehicles / name):
+        if path.is_dir():
+            return path
+    raise SettingsError(
+        f"Vehicle '{name}' is neither a folder nor one of the package's ({', '.join(sorted(p.name for p in vehicles.iterdir()))})."
+    )
+
+
 def read_parameters(path: str | Path, node: str | None = None) -> dict[str, Any]:
     """Return the parameters a YAML file gives a node: those under ``/**`` overlaid by those under the node's own name.
 

@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 
 from lowcostnav_ros.base.settings import SettingsError
-from lowcostnav_ros.catalogue.config_files import config_dir
+from lowcostnav_ros.catalogue.config_files import config_dir, vehicle_dir
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import between
 from lowcostnav_ros.replay.result import plain
@@ -34,6 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--until", type=float, metavar="S", help="end of the last outage of the shortest length (default: end of the bag)")
     text = f"directory with <navigator>.yaml, or '{SHIPPED}'; repeatable, to compare (default: the bag's, else the shipped ones)"
     parser.add_argument("--config", action="append", metavar="DIR", help=text)
+    text = "fly the settings of a vehicle: its name in config/vehicles or a folder; repeatable, beside --config"
+    parser.add_argument("--vehicle", action="append", default=[], metavar="NAME", help=text)
     parser.add_argument("--withhold", metavar="SRC[,SRC]", help="topics to withhold (default: all of GPS)")
     parser.add_argument("--truth", metavar="TOPIC", help="odometry topic to compare with (default: truth/odometry)")
     parser.add_argument("--out", metavar="DIR", help="write outages.html and outages.json there")
@@ -46,6 +48,7 @@ def outages(arguments: argparse.Namespace) -> int:
     every_s = between("--every", arguments.every, 0.1, 3600.0)
     plan = Plan(lengths_s, every_s, between("--after", arguments.after, 0.0, 1e6), arguments.until, _names(arguments.withhold))
     configs = [config_dir() if text == SHIPPED else Path(text) for text in arguments.config or ()]
+    configs += [vehicle_dir(name) for name in arguments.vehicle]
     folder = Path(arguments.out) if arguments.out else None
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)

@@ -9,6 +9,8 @@ from typing import Any
 
 from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.base.exit_codes import Exit
+from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.catalogue.config_files import vehicle_dir
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_reading, check_files, check_folder
 from lowcostnav_ros.cli.progress import progress_bar
@@ -43,6 +45,8 @@ def add_common(parser: argparse.ArgumentParser, note: str = "") -> None:
     """Add the options that ``replay`` and ``report`` share."""
     parser.add_argument("--navigators", metavar="A,B", help=f"which to run (default: all whose required inputs the bag has){note}")
     parser.add_argument("--config", metavar="DIR", help=f"directory with <navigator>.yaml (default: the package's own){note}")
+    text = f"fly the settings of a vehicle: its name in config/vehicles or a folder{note}"
+    parser.add_argument("--vehicle", metavar="NAME", help=text)
     text = f"keep sources back; repeatable{note}"
     parser.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-[B]]", help=text)
     add_reading(parser)
@@ -79,7 +83,9 @@ def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth:
     """Replay as the common options of ``replay`` and ``report`` say, with a progress bar on a terminal."""
     names = tuple(n.strip() for n in arguments.navigators.split(",") if n.strip()) if arguments.navigators else None
     withhold = tuple(parse_withhold(text) for text in arguments.withhold)
-    config = Path(arguments.config) if arguments.config else None
+    if arguments.config and arguments.vehicle:
+        raise SettingsError("--config and --vehicle both name settings; give one of them.")
+    config = Path(arguments.config) if arguments.config else vehicle_dir(arguments.vehicle) if arguments.vehicle else None
     with progress_bar("replay") as advance:
         reading = parse_maps(arguments.map), tuple(arguments.frame)
         options = bag_replay.ReplayOptions(names, config, withhold, truth, out, arguments.registry, advance, arguments.smooth, *reading)

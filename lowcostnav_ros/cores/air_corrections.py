@@ -6,7 +6,7 @@ they are, through their states, instead of white.  The dynamics are in :mod:`~lo
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,9 +16,8 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores import air_corrections_model as model
 from lowcostnav_ros.cores.reckoning import AirspeedSettings, HeadingSettings, HeldInputs, ReckoningCore, WindSettings
-from lowcostnav_ros.cores.views import VelocitySeen
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
+from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, along_way, gauss_markov, random_walk
 from lowcostnav_ros.physics.rotation import quat_to_euler
 
 AXES = ("north", "east", "down")
@@ -30,6 +29,7 @@ COLUMNS = {
     "airspeed_bias": model.BIAS,
     "wind": model.WIND,
     "wind_mean": model.WIND,
+    "gust": model.WIND,
     "airflow": model.INCIDENCE,
 }
 """Correction that the first state of each block adds to; further states to those after it."""
@@ -61,6 +61,7 @@ class AirCorrectionsSettings:
     """What the core is made of."""
 
     model: ClassVar[str] = "full"
+    learn_s: ClassVar[float] = 0.0
     ground_walk_mps: float = setting(5.0, "Unknown motion below minimum airspeed, sigma at 1 Hz.", unit="m/s", minimum=0.0, maximum=50.0)
     reference_mps: float = setting(50.0, "Airspeed about which scale and bias are estimated.", unit="m/s", minimum=0.0, maximum=300.0)
     noise_mps: float = setting(0.1, "White noise of the velocity of one sample.", unit="m/s", minimum=0.0, maximum=10.0)
@@ -90,9 +91,12 @@ def correction_blocks(settings: AirCorrectionsSettings) -> list[Block]:
     if airspeed.bias_mps > 0.0:
         blocks.append(gauss_markov("airspeed_bias", ["airspeed_bias_mps"], Kind.FREE, airspeed.bias_mps, airspeed.bias_tau_s))
     sigma, tau_s = (wind.sigma_mps, wind.sigma_mps, airflow.updraught_mps), (wind.tau_s, wind.tau_s, airflow.updraught_tau_s)
-    blocks.append(gauss_markov("wind", _labels("wind_variation", "mps"), Kind.WIND, sigma, tau_s))
+    varying = gauss_markov("wind", _labels("wind_variation", "mps"), Kind.WIND, sigma, tau_s)
+    blocks.append(replace(varying, distance_m=1e3 * wind.distance_km or np.inf))
     if wind.mean_mps > 0.0:
         blocks.append(random_walk("wind_mean", _labels("wind_mean", "mps")[:2], Kind.WIND, wind.mean_mps))
+    if wind.gust_mps > 0.0:
+        blocks.append(along_way("gust", _labels("gust", "mps")[:2], Kind.WIND, wind.gust_mps, wind.gust_distance_m))
     angles = airflow.incidence_deg * DEGREE, airflow.sideslip_deg * DEGREE
     if max(angles) > 0.0:
         blocks.append(gauss_markov("airflow", ("incidence_rad", "sideslip_rad"), Kind.FREE, angles, airflow.tau_s))
@@ -211,16 +215,11 @@ class AirCorrectionsCore(ReckoningCore):
             y = model.summed(self.estimate, column)
             out, H = model.ground_velocity(quat_to_euler(q_nb), held.vel_b, y, settings.reference_mps, True)
             G = model.spread(H, column)
-        noise = (settings.noise_mps**2 + settings.wind.gust_mps**2 + settings.airspeed.noise_mps**2) * np.eye(3)
+        noise = (settings.noise_mps**2 + settings.airspeed.noise_mps**2) * np.eye(3)
         noise += (math.hypot(settings.heading.noise_deg * DEGREE, swing) * held.speed) ** 2 * np.eye(3)
         if self.timed_out() or not held.airborne:
             noise += held.fastest**2 * np.diag([1.0, 1.0, 0.1])
         return out, G, noise
-
-    def velocity_at(self, lever_b: np.ndarray) -> VelocitySeen | str:
-        """Velocity of an antenna; only turbulence, where it is modelled, keeps what the states do not explain alike for a while."""
-        seen = super().velocity_at(lever_b)
-        return seen._replace(tau_s=0.0) if isinstance(seen, VelocitySeen) and self.settings.wind.gust_mps == 0.0 else seen
 
     def _walk(self) -> float:
         """Density of the unknown motion, m^2/s: that of dead reckoning, and white noise of heading and airspeed, sigma at 1 Hz."""

@@ -20,8 +20,10 @@ PerAxis = float | list
 """One number for all axes, or three, x y z."""
 
 
-def _axes(default: float, description: str, unit: str, minimum: float = 0.0, maximum: float | None = None) -> Any:
-    return setting(default, description, unit=unit, minimum=minimum, maximum=maximum, per_axis=True)
+def _axes(
+    default: float, description: str, unit: str, minimum: float = 0.0, maximum: float | None = None, within: float | None = None
+) -> Any:
+    return setting(default, description, unit=unit, minimum=minimum, maximum=maximum, per_axis=True, within=within)
 
 
 @dataclass(frozen=True)
@@ -31,14 +33,14 @@ class ImuSettings:
     """
 
     profile: str = setting("", "IMU profile (config/profiles, a file, or auto: by what it shows): sets those below left at their defaults.")
-    gyro_noise_dps_rthz: PerAxis = _axes(0.012, "Gyro white noise.", "deg/s/sqrt(Hz)", 1e-7, 10.0)
-    gyro_bias_dps: PerAxis = _axes(0.05, "Gyro in-run bias, Gauss-Markov sigma.", "deg/s", maximum=10.0)
+    gyro_noise_dps_rthz: PerAxis = _axes(0.012, "Gyro white noise.", "deg/s/sqrt(Hz)", 1e-7, 10.0, within=4)
+    gyro_bias_dps: PerAxis = _axes(0.05, "Gyro in-run bias, Gauss-Markov sigma.", "deg/s", maximum=10.0, within=3)
     gyro_bias_tau_s: PerAxis = _axes(300.0, "Correlation time of the gyro bias.", "s", 1.0)
     gyro_turn_on_dps: PerAxis = _axes(0.1, "Gyro turn-on bias sigma.", "deg/s", maximum=10.0)
     gyro_scale_ppm: PerAxis = _axes(0.0, "Gyro scale-factor sigma; 0: no states.", "ppm", maximum=1e5)
     gyro_scale_tau_s: PerAxis = _axes(18000.0, "Correlation time of the gyro scale factors.", "s", 1.0)
-    accel_noise_mg_rthz: PerAxis = _axes(0.25, "Accelerometer white noise.", "milli-g/sqrt(Hz)", 1e-6, 1e3)
-    accel_bias_mg: PerAxis = _axes(1.2, "Accelerometer in-run bias, Gauss-Markov sigma.", "milli-g", maximum=1e3)
+    accel_noise_mg_rthz: PerAxis = _axes(0.25, "Accelerometer white noise.", "milli-g/sqrt(Hz)", 1e-6, 1e3, within=4)
+    accel_bias_mg: PerAxis = _axes(1.2, "Accelerometer in-run bias, Gauss-Markov sigma.", "milli-g", maximum=1e3, within=3)
     accel_bias_tau_s: PerAxis = _axes(100.0, "Correlation time of the accelerometer bias.", "s", 1.0)
     accel_turn_on_mg: PerAxis = _axes(5.0, "Accelerometer turn-on bias sigma.", "milli-g", maximum=1e3)
     accel_scale_ppm: PerAxis = _axes(0.0, "Accelerometer scale-factor sigma; 0: no states.", "ppm", maximum=1e5)

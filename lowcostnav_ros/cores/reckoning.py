@@ -1,7 +1,9 @@
 """The reckoning core: airspeed along the heading plus wind, with mean and covariance, and how both move between measurements.
 
 Settings are in the units of data sheets; their defaults are the error models of Gebre-Egziabher (2004): table 6.1 gives wind 5 m/s over
-400 s, heading 2.5 deg over 120 s plus 0.8 deg white and airspeed 2.6 m/s over 400 s.
+400 s, heading 2.5 deg over 120 s plus 0.8 deg white and airspeed 2.6 m/s over 400 s.  The wind is met along the way flown: 400 s are
+20 km at the 90 kt of that table; an aircraft of 30 kt meets the same air more slowly.  How large wind, turbulence and heading error are
+on the day is learned from GPS velocity (:mod:`~lowcostnav_ros.cores.noise_levels`).
 """
 
 import copy
@@ -15,11 +17,12 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores import reckoning_model as model
 from lowcostnav_ros.cores.held import Unsteadiness, turn_sigma, turned_on
+from lowcostnav_ros.cores.noise_levels import NoiseLevels
 from lowcostnav_ros.cores.reckoning_model import CLIMB, CORE, POS
 from lowcostnav_ros.cores.views import Motion, VelocitySeen
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Reason
-from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov, random_walk
+from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, along_way, gauss_markov, random_walk
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.rotation import quat_rotate
@@ -38,9 +41,12 @@ LANDED = 0.8
 class HeadingSettings:
     """Errors of the heading that comes in."""
 
-    bias_deg: float = setting(2.5, "Slowly varying heading error, Gauss-Markov sigma.", unit="deg", minimum=0.0, maximum=45.0)
+    bias_deg: float = setting(2.5, "Slowly varying heading error, Gauss-Markov sigma.", unit="deg", minimum=0.0, maximum=45.0, within=4)
     bias_tau_s: float = setting(120.0, "Correlation time of the heading error.", unit="s", minimum=1.0)
     offset_deg: float = setting(3.0, "Constant heading error (mounting), sigma; 0: no state.", unit="deg", minimum=0.0, maximum=45.0)
+    bank_deg: float = setting(
+        10.0, "Heading error in proportion to the sine of the bank, sigma; 0: no state.", unit="deg", minimum=0.0, maximum=45.0
+    )
     noise_deg: float = setting(0.8, "White heading noise, sigma at 1 Hz.", unit="deg", minimum=0.0, maximum=45.0)
     timeout_s: float = setting(1.0, "Attitude older than this has timed out.", unit="s", minimum=0.05, maximum=30.0)
 
@@ -49,7 +55,7 @@ class HeadingSettings:
 class AirspeedSettings:
     """Errors of the true airspeed that comes in, and the air data that a pitot tube alone does not give."""
 
-    bias_mps: float = setting(2.6, "Airspeed error, Gauss-Markov sigma; 0: no state.", unit="m/s", minimum=0.0, maximum=50.0)
+    bias_mps: float = setting(2.6, "Airspeed error, Gauss-Markov sigma; 0: no state.", unit="m/s", minimum=0.0, maximum=50.0, within=3)
     bias_tau_s: float = setting(400.0, "Correlation time of the airspeed error.", unit="s", minimum=1.0)
     scale: float = setting(0.03, "Constant scale-factor error, sigma as a fraction; 0: no state.", minimum=0.0, maximum=0.5)
     noise_mps: float = setting(0.3, "White airspeed noise, sigma at 1 Hz.", unit="m/s", minimum=0.0, maximum=10.0)
@@ -63,11 +69,14 @@ class AirspeedSettings:
 class WindSettings:
     """What the air mass does along the flight."""
 
-    sigma_mps: float = setting(5.0, "Variation of each component, Gauss-Markov sigma.", unit="m/s", minimum=0.01, maximum=50.0)
-    tau_s: float = setting(400.0, "Correlation time of the variation.", unit="s", minimum=1.0)
+    sigma_mps: float = setting(5.0, "Variation of each component, Gauss-Markov sigma.", unit="m/s", minimum=0.01, maximum=50.0, within=3)
+    distance_km: float = setting(20.0, "Way flown over which the variation stays correlated; 0: time alone.", unit="km", minimum=0.0)
+    tau_s: float = setting(3600.0, "Time in which the variation stays correlated at one place.", unit="s", minimum=1.0)
     mean_mps: float = setting(10.0, "Constant part, sigma before GPS; 0: no state.", unit="m/s", minimum=0.0, maximum=100.0)
-    gust_mps: float = setting(1.0, "Turbulence that is not estimated, sigma of each component.", unit="m/s", minimum=0.0, maximum=20.0)
-    gust_tau_s: float = setting(5.0, "Correlation time of the turbulence.", unit="s", minimum=0.1, maximum=100.0)
+    gust_mps: float = setting(1.0, "Turbulence, sigma of each component; 0: no states.", unit="m/s", minimum=0.0, maximum=20.0, within=3)
+    gust_distance_m: float = setting(
+        300.0, "Way flown over which turbulence stays correlated.", unit="m", minimum=1.0, maximum=1e5, within=2
+    )
 
 
 @dataclass(frozen=True)
@@ -83,6 +92,9 @@ class ReckoningSettings:
     """What the core is made of."""
 
     model: str = setting("full", "Error model: full, or position and wind with range bias as noise (G53).", choices=("full", "reduced"))
+    learn_s: float = setting(
+        200.0, "Memory of the sigmas of wind, turbulence and heading error learned from GPS velocity; 0: as set.", unit="s", minimum=0.0
+    )
     ground_walk_mps: float = setting(5.0, "Unknown motion below minimum airspeed, sigma at 1 Hz.", unit="m/s", minimum=0.0, maximum=50.0)
     heading: HeadingSettings = group(HeadingSettings)
     airspeed: AirspeedSettings = group(AirspeedSettings)
@@ -98,10 +110,12 @@ def core_blocks(settings: ReckoningSettings) -> list[Block]:
     tau_s = (np.inf, np.inf, np.inf, height.climb_tau_s)
     blocks = [
         Block("core", labels, Kind.CORE, (10.0, 10.0, 10.0, height.climb_mps), tau_s, (0.0, 0.0, 0.0, climb)),
-        gauss_markov("wind", _ne("wind_variation"), Kind.WIND, wind.sigma_mps, wind.tau_s),
+        along_way("wind", _ne("wind_variation"), Kind.WIND, wind.sigma_mps, 1e3 * wind.distance_km or np.inf, wind.tau_s),
     ]
     if wind.mean_mps > 0.0:
         blocks.append(random_walk("wind_mean", _ne("wind_mean"), Kind.WIND, wind.mean_mps))
+    if wind.gust_mps > 0.0:
+        blocks.append(along_way("gust", _ne("gust"), Kind.WIND, wind.gust_mps, wind.gust_distance_m))
     if settings.model == "reduced":
         return blocks
     if heading.bias_deg > 0.0:
@@ -109,6 +123,8 @@ def core_blocks(settings: ReckoningSettings) -> list[Block]:
         blocks.append(gauss_markov("heading_bias", label, Kind.HEADING_BIAS, heading.bias_deg * DEGREE, heading.bias_tau_s))
     if heading.offset_deg > 0.0:
         blocks.append(random_walk("heading_offset", ["heading_offset_rad"], Kind.HEADING_BIAS, heading.offset_deg * DEGREE))
+    if heading.bank_deg > 0.0:
+        blocks.append(random_walk("heading_bank", ["heading_bank_rad"], Kind.HEADING_BANK, heading.bank_deg * DEGREE))
     if airspeed.scale > 0.0:
         blocks.append(random_walk("airspeed_scale", ["airspeed_scale"], Kind.AIRSPEED_SCALE, airspeed.scale))
     if airspeed.bias_mps > 0.0:
@@ -155,9 +171,10 @@ class HeldInputs:
         if self.airborne:
             self.fastest = max(self.fastest, self.speed)
 
-    def air_n(self, t_ns: int) -> np.ndarray:
-        """Air-relative velocity (3,) in n at a time, the attitude turned on with its rate."""
-        return quat_rotate(self.attitude(t_ns)[0], self.vel_b)
+    def air_n(self, t_ns: int) -> tuple[np.ndarray, float]:
+        """Air-relative velocity (3,) in n and sine of the bank at a time, the attitude turned on with its rate."""
+        q = self.attitude(t_ns)[0]
+        return quat_rotate(q, self.vel_b), float(2.0 * (q[2] * q[3] + q[0] * q[1]))  # how far the right wing points down
 
     def attitude(self, t_ns: int) -> tuple[np.ndarray, float]:
         """Attitude (4,) at a time, turned on with its rate, and the sigma per axis, rad, that its age adds."""
@@ -219,8 +236,9 @@ class ReckoningCore:
         self.nav, self.estimate, self.P = np.zeros(3), np.zeros(layout.size), layout.initial_covariance()
         self.t_ns, self.started = 0, False
         self.guard_actions = 0
-        self._sums = np.zeros(7)
-        self._mean_rate = np.zeros(layout.size) if settings.model == "reduced" else layout.rate
+        self._sums = np.zeros(model.SUMS)
+        self._holds = slice(0, 0) if settings.model == "full" else layout["wind"]
+        self.levels = NoiseLevels(layout, settings.learn_s)
         self.wind_rows = layout.components(Kind.WIND, 2)
         self._floor, self._ceiling = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2, np.full(layout.size, 1e14)
         self.ranging = (layout.kind != Kind.HELD).astype(float)
@@ -241,9 +259,8 @@ class ReckoningCore:
 
     def branch(self) -> "ReckoningCore":
         """A copy that may be moved on alone."""
-        twin, is_paced = copy.copy(self), self._mean_rate is self.layout.rate
+        twin = copy.copy(self)
         twin.history, twin.held, twin.layout = None, copy.copy(self.held), self.layout.branch()
-        twin._mean_rate = twin.layout.rate if is_paced else self._mean_rate
         twin.P, twin.nav, twin.estimate, twin._sums = self.P.copy(), self.nav.copy(), self.estimate.copy(), self._sums.copy()
         return twin
 
@@ -285,9 +302,12 @@ class ReckoningCore:
         """Move the mean to ``to_ns`` with what is held; the covariance follows in :meth:`settle`."""
         if to_ns <= self.t_ns:
             return
-        layout, air_n = self.layout, self.held.air_n((self.t_ns + to_ns) // 2)
-        dt = 1e-9 * (to_ns - self.t_ns)
-        args = (self._mean_rate, layout.rate[CLIMB], air_n, self.held.airborne, dt, self._sums)
+        layout, (air_n, bank) = self.layout, self.held.air_n((self.t_ns + to_ns) // 2)
+        dt, rate = 1e-9 * (to_ns - self.t_ns), layout.rate
+        if self._holds.stop:
+            rate = rate.copy()
+            rate[self._holds] = 0.0
+        args = (rate, layout.rate[CLIMB], air_n, bank, self.held.airborne, dt, self._sums)
         model.move(self.nav, self.estimate, layout.kind, layout.axis, *args)
         self.t_ns = to_ns
 
@@ -312,7 +332,7 @@ class ReckoningCore:
         if not held.airborne or self.timed_out():
             self._down_mps = None
             return
-        down = float(held.air_n(self.t_ns)[2])
+        down = float(held.air_n(self.t_ns)[0][2])
         if self._down_mps is None:
             self._down_mps = down
         change = down - self._down_mps
@@ -344,27 +364,35 @@ class ReckoningCore:
 
     def totals(self) -> np.ndarray:
         """The estimates summed by what they act on (5,): wind north, east, heading bias, airspeed scale, airspeed bias."""
-        return model.sum_estimates(self.estimate, self.layout.kind, self.layout.axis)
+        return model.sum_estimates(self.estimate, self.layout.kind, self.layout.axis, self.held.air_n(self.t_ns)[1])
 
     def velocity(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Estimated velocity over ground (3,), m/s NED, now, its derivative (3, n) by the error states, and what they do not explain of it.
 
-        The last (3, 3) is turbulence and white heading and airspeed noise.
+        The last (3, 3) is white heading and airspeed noise.
         """
-        settings, held, layout, air_n = self.settings, self.held, self.layout, self.held.air_n(self.t_ns)
+        settings, held, layout, (air_n, bank) = self.settings, self.held, self.layout, self.held.air_n(self.t_ns)
         out, air = np.zeros(3), np.zeros(2)
         if held.airborne:
-            total = self.totals()
+            total = model.sum_estimates(self.estimate, layout.kind, layout.axis, bank)
             air = model.corrected_air(air_n, total)
             out[0:2] = air + total[0:2]
         out[2] = self.estimate[CLIMB]
-        noise = model.unmodelled_velocity(air_n, settings.heading.noise_deg * DEGREE, settings.airspeed.noise_mps, settings.wind.gust_mps)
+        noise = model.unmodelled_velocity(air_n, settings.heading.noise_deg * DEGREE, settings.airspeed.noise_mps)
         swing = held.attitude(self.t_ns)[1]
         if swing > 0.0:
             noise = noise + swing**2 * (float(air_n @ air_n) * np.eye(3) - np.outer(air_n, air_n))
         if self.timed_out() or not held.airborne:
             noise[0:2, 0:2] += held.fastest**2 * np.eye(2)
-        return out, model.coupling(air[0], air[1], float(held.airborne), layout.kind, layout.axis), noise
+        return out, model.coupling(air[0], air[1], bank, float(held.airborne), layout.kind, layout.axis), noise
+
+    def learn(self, vel_n: np.ndarray, noise: np.ndarray) -> None:
+        """Learn how large wind, turbulence and heading error are from a velocity over ground (3,), m/s NED, of noise (3, 3), now."""
+        if self.held.airborne and self.levels.wants(self.t_ns) and not self.timed_out():
+            air_n, bank = self.held.air_n(self.t_ns)
+            settings = self.settings
+            white = model.unmodelled_velocity(air_n, settings.heading.noise_deg * DEGREE, settings.airspeed.noise_mps)
+            self.levels.take(self.t_ns, air_n, bank, vel_n, noise + white)
 
     def dynamics(self) -> np.ndarray:
         """Continuous error dynamics F (n, n): vertical velocity, wind, heading and airspeed errors move position, each state decays."""
@@ -382,17 +410,17 @@ class ReckoningCore:
 
     def sigmas(self) -> np.ndarray:
         """Sigmas (3,) of heading bias, rad, airspeed scale and airspeed bias, m/s, each the sum of its states."""
-        return model.sigmas_of_sums(self.P, self.layout.kind)
+        return model.sigmas_of_sums(self.P, self.layout.kind, self.held.air_n(self.t_ns)[1])
 
     def _walk(self) -> float:
-        """Density of the unknown motion, m^2/s: turbulence in flight, taxiing on the ground, all of the airspeed when inputs are gone.
+        """Density of the unknown motion, m^2/s: taxiing on the ground, all of the airspeed when inputs are gone.
 
         Airspeed that collapses where no GPS sees a landing may be a blocked pitot tube: the aircraft may fly as fast as before.
         """
         settings = self.settings
         if self.timed_out() or not self.held.airborne:
             return max(2.0 * LOST_S * self.held.fastest**2, settings.ground_walk_mps**2)
-        return 2.0 * settings.wind.gust_mps**2 * settings.wind.gust_tau_s
+        return 0.0
 
     def course_n(self) -> np.ndarray:
         """Velocity (3,), m/s, by which the true one changes but for what is estimated: that through the air."""
@@ -432,7 +460,7 @@ class ReckoningCore:
             return outdated
         vel_n, H, noise = self.velocity()
         swing_n = quat_rotate(self.held.q_nb, np.cross(self.held.rate_b, lever_b)) if lever_b.any() else np.zeros(3)
-        return VelocitySeen(vel_n, swing_n, H, noise, self.settings.wind.gust_tau_s, np.array([1.0, 1.0, 0.0]))
+        return VelocitySeen(vel_n, swing_n, H, noise, np.array([1.0, 1.0, 0.0]))
 
     def wind_n(self) -> np.ndarray:
         """Estimated wind (2,), m/s, north and east."""

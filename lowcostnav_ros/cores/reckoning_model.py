@@ -1,13 +1,15 @@
 """Compiled dynamics of dead reckoning: the motion of the mean and the exact evolution of its error covariance.
 
 Mean: position moves with the air-relative velocity plus wind, p' = R(psi) a (1 + s + b/V) + w, where ``a`` is the horizontal part of
-C_nb v_b as measured, psi the heading bias, s and b scale and bias of the airspeed.  Error state, true minus estimated
-(Gebre-Egziabher (5.20)-(5.21), every further state a constant, a random walk or a Gauss-Markov process):
+C_nb v_b as measured, psi the heading error, s and b scale and bias of the airspeed.  psi holds a part in
+proportion to the sine of the bank: what a compass makes of a vertical hard iron, and the sideslip of a turn.  Error state, true minus
+estimated (Gebre-Egziabher (5.20)-(5.21), every further state a constant, a random walk or a Gauss-Markov process):
 
     d(dp_n)/dt = -a_e dpsi + a_n ds + a_n/V db + dw_n        d(dp_d)/dt = dv_d
     d(dp_e)/dt =  a_n dpsi + a_e ds + a_e/V db + dw_e
 
-White heading noise acts like an instantaneous heading error, across the track; white airspeed noise along it; turbulence both ways.
+White heading noise acts like an instantaneous heading error, across the track; white airspeed noise along it.  Wind is a sum: a mean, a
+slow variation and turbulence, the latter two along the way flown.
 As all states but position are independent and linear, transition and process noise of a step have a closed form for any length.
 """
 
@@ -16,7 +18,7 @@ import math
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.small_matrices import turned
+from lowcostnav_ros.base.small_matrices import matvec, turned
 from lowcostnav_ros.estimation.error_state import Kind
 from lowcostnav_ros.estimation.kalman import lead
 from lowcostnav_ros.physics.earth import displace
@@ -24,13 +26,19 @@ from lowcostnav_ros.physics.earth import displace
 CORE = 4
 POS, CLIMB = slice(0, 3), 3
 WIND, SCALE, BIAS, HEADING = int(Kind.WIND), int(Kind.AIRSPEED_SCALE), int(Kind.AIRSPEED_BIAS), int(Kind.HEADING_BIAS)
+BANKED = int(Kind.HEADING_BANK)
+SUMS = 8
+"""Integrals that a step of the covariance needs (:func:`move`)."""
 SHORT = 1.0e-2
 """Step over correlation time below which the closed forms lose digits and their series is used."""
 
 
 @kernel
-def sum_estimates(estimate, kind, axis):
-    """Sum the estimates by what they act on, shape (5,): wind north, wind east, heading bias, airspeed scale, airspeed bias."""
+def sum_estimates(estimate, kind, axis, bank):
+    """Sum the estimates by what they act on, shape (5,): wind north, wind east, heading error, airspeed scale, airspeed bias.
+
+    ``bank`` is the sine of the bank.
+    """
     total = np.zeros(5)
     for i in range(CORE, kind.shape[0]):
         if kind[i] == WIND:
@@ -41,23 +49,23 @@ def sum_estimates(estimate, kind, axis):
             total[4] += estimate[i]
         elif kind[i] == HEADING:
             total[2] += estimate[i]
+        elif kind[i] == BANKED:
+            total[2] += bank * estimate[i]
     return total
 
 
 @kernel
-def sigmas_of_sums(P, kind):
-    """Sigmas (3,) of the sums of the heading biases, the airspeed scales and the airspeed biases."""
+def sigmas_of_sums(P, kind, bank):
+    """Sigmas (3,) of the sums of the heading errors, the airspeed scales and the airspeed biases."""
     out = np.zeros(3)
     for k, wanted in enumerate((HEADING, SCALE, BIAS)):
-        total = 0.0
-        for j in range(P.shape[0]):
-            if kind[j] == wanted:
-                column = 0.0
-                for i in range(P.shape[0]):
-                    if kind[i] == wanted:
-                        column += P[i, j]
-                total += column
-        out[k] = math.sqrt(max(total, 0.0))
+        weight = np.zeros(P.shape[0])
+        for i in range(P.shape[0]):
+            if kind[i] == wanted:
+                weight[i] = 1.0
+            elif kind[i] == BANKED and wanted == HEADING:
+                weight[i] = bank
+        out[k] = math.sqrt(max((weight * matvec(P, weight)).sum(), 0.0))
     return out
 
 
@@ -71,18 +79,18 @@ def corrected_air(air_n, total):
 
 
 @kernel
-def move(nav, estimate, kind, axis, mean_rate, climb_rate, air_n, airborne, dt, sums):
+def move(nav, estimate, kind, axis, mean_rate, climb_rate, air_n, bank, airborne, dt, sums):
     """Move the mean over ``dt`` with a constant air-relative velocity; gather what the covariance needs.
 
-    ``nav`` (3,): lat, lon, height, in place; the vertical velocity is ``estimate[3]``.  ``sums`` (7,): dt and the integrals of a_n, a_e,
-    a_n^2, a_n a_e, a_e^2 and airborne time.
+    ``nav`` (3,): lat, lon, height, in place; the vertical velocity is ``estimate[3]``.  ``sums`` (8,): dt and the integrals of a_n, a_e,
+    a_n^2, a_n a_e, a_e^2, airborne time and the sine of the ``bank``.
     """
     decay = -math.expm1(-climb_rate * dt) / climb_rate
     step = np.zeros(3)
     step[2] = estimate[3] * decay
     sums[0] += dt
     if airborne:
-        total = sum_estimates(estimate, kind, axis)
+        total = sum_estimates(estimate, kind, axis, bank)
         a = corrected_air(air_n, total)
         step[0] = (a[0] + total[0]) * dt
         step[1] = (a[1] + total[1]) * dt
@@ -92,6 +100,7 @@ def move(nav, estimate, kind, axis, mean_rate, climb_rate, air_n, airborne, dt, 
         sums[4] += a[0] * a[1] * dt
         sums[5] += a[1] * a[1] * dt
         sums[6] += dt
+        sums[7] += bank * dt
     nav[0], nav[1], nav[2] = displace(nav[0], nav[1], nav[2], step)
     estimate[3] *= math.exp(-climb_rate * dt)
     for i in range(CORE, kind.shape[0]):
@@ -100,7 +109,7 @@ def move(nav, estimate, kind, axis, mean_rate, climb_rate, air_n, airborne, dt, 
 
 
 @kernel
-def coupling(a_n, a_e, airborne, kind, axis):
+def coupling(a_n, a_e, bank, airborne, kind, axis):
     """How the states turn position (3, n), per second: rows of F for an air-relative velocity (a_n, a_e), equations of the module head."""
     n = kind.shape[0]
     G = np.zeros((3, n))
@@ -117,6 +126,8 @@ def coupling(a_n, a_e, airborne, kind, axis):
             G[0, i], G[1, i] = airborne * a_n / speed, airborne * a_e / speed
         elif kind[i] == HEADING:
             G[0, i], G[1, i] = -a_e, a_n
+        elif kind[i] == BANKED:
+            G[0, i], G[1, i] = -bank * a_e, bank * a_n
     return G
 
 
@@ -180,7 +191,7 @@ def carry_covariance(P, sums, kind, axis, rate, psd, heading, airspeed, walk, tr
     dt = sums[0]
     if dt <= 0.0:
         return
-    G = coupling(sums[1] / dt, sums[2] / dt, sums[6] / dt, kind, axis)
+    G = coupling(sums[1] / dt, sums[2] / dt, sums[7] / dt, sums[6] / dt, kind, axis)
     Phi, Qd = step_matrices(G, rate, psd, dt)
     add_position_noise(Qd, sums, heading, airspeed, walk)
     lead(track, Phi)
@@ -194,14 +205,14 @@ def carry_covariance(P, sums, kind, axis, rate, psd, heading, airspeed, walk, tr
 
 
 @kernel
-def unmodelled_velocity(air_n, heading, airspeed, gust):
-    """Covariance (3, 3), (m/s)^2, of a velocity about the modelled one: ``gust``, ``airspeed`` m/s along, ``heading`` rad across."""
+def unmodelled_velocity(air_n, heading, airspeed):
+    """Covariance (3, 3), (m/s)^2, of a velocity about the modelled one: ``airspeed`` m/s along, ``heading`` rad across."""
     out = np.zeros((3, 3))
     a_n, a_e = air_n[0], air_n[1]
     square = max(a_n * a_n + a_e * a_e, 1e-12)
     along, across = airspeed * airspeed / square, heading * heading
-    out[0, 0] = gust * gust + along * a_n * a_n + across * a_e * a_e
-    out[1, 1] = gust * gust + along * a_e * a_e + across * a_n * a_n
+    out[0, 0] = along * a_n * a_n + across * a_e * a_e
+    out[1, 1] = along * a_e * a_e + across * a_n * a_n
     out[0, 1] = (along - across) * a_n * a_e
     out[1, 0] = out[0, 1]
     return out

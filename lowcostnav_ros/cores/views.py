@@ -40,15 +40,13 @@ class VelocitySeen(NamedTuple):
     """Velocity predicted at an antenna.
 
     ``vel_n`` (3,) of the IMU, ``swing_n`` (3,) what the lever arm adds, m/s NED; ``H`` (3, n) Jacobian of their sum; ``noise`` (3, 3) what
-    the states do not explain, None: nothing; ``tau_s`` its correlation time; ``turns`` (3,) 1 where it follows the
-    velocity that carries the core and is no state.
+    the states do not explain, None: nothing; ``turns`` (3,) 1 where it follows the velocity that carries the core and is no state.
     """
 
     vel_n: np.ndarray
     swing_n: np.ndarray
     H: np.ndarray
     noise: np.ndarray | None = None
-    tau_s: float = 0.0
     turns: np.ndarray | None = None
 
 

@@ -122,6 +122,7 @@ class AidStatus:
     observation: np.ndarray | None = None
     innovation: np.ndarray | None = None
     innovation_variance: np.ndarray | None = None
+    innovation_covariance: np.ndarray | None = None
     nis: float = 0.0
     test_ratio: float = 0.0
     accepted: bool = False
@@ -416,6 +417,7 @@ class Aid(ABC):
         if nis > self.threshold and host.offsets is not None:
             S, nis = self._considered(innovation, S, nis, host.offsets, host)
         status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
+        status.innovation_covariance = S
         status.nis, status.test_ratio = nis, nis / self.threshold
         self.size = math.sqrt(float(innovation.y @ (innovation.y / (innovation.R.diagonal() + 1e-300))) / len(innovation.y))
         decision, reason = self.control(measurement.stamp_ns, status.test_ratio, host)

@@ -7,8 +7,9 @@ so blocks come and go without new code.
 """
 
 import copy
+import dataclasses
 import enum
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,7 @@ class Kind(enum.IntEnum):
     FREE = 9  # acts only through measurements: baro bias, range bias, position bias
     CHAIN = 10  # acts only through measurements; each state is the integral of the next: receiver clock bias and drift
     HELD = 11  # as FREE, and a horizontal fix, range or bearing moves it no more than height: baro bias, a bias that is only considered
+    HEADING_BANK = 12  # heading error per sine of bank
 
 
 SLOWEST_MPS = 1.0
@@ -53,7 +55,7 @@ class Block:
     psd : tuple of float
         Driving noise per state, unit^2/s; a Gauss-Markov state of sigma s has 2 s^2 / tau.
     distance_m : float
-        Where finite, the states are Gauss-Markov along the way flown, not in time: their rate and noise follow the speed.
+        Where finite, the states decay along the way flown, too: Gauss-Markov, rate and noise follow the speed.
     """
 
     name: str
@@ -93,10 +95,12 @@ def random_walk(name: str, labels: Iterable[str], kind: Kind, sigma0: PerState, 
     return Block(name, names, kind, _each(sigma0, names), np.inf, tuple(d * d for d in _each(density, names)))
 
 
-def along_way(name: str, labels: Iterable[str], kind: Kind, sigma: float, distance_m: float) -> Block:
-    """Block of states that vary with the distance flown: Gauss-Markov of correlation distance ``distance_m`` (:meth:`Layout.pace`)."""
-    names = tuple(labels)
-    return Block(name, names, kind, _each(sigma, names), psd=_each(0.0, names), distance_m=distance_m)
+def along_way(name: str, labels: Iterable[str], kind: Kind, sigma: float, distance_m: float, tau_s: float = np.inf) -> Block:
+    """Block of states that vary with the distance flown: Gauss-Markov of correlation distance ``distance_m`` (:meth:`Layout.pace`).
+
+    Where ``tau_s`` is finite they vary in time as well; the rates add.
+    """
+    return dataclasses.replace(gauss_markov(name, labels, kind, sigma, tau_s), distance_m=distance_m)
 
 
 def _each(value: PerState, names: tuple[str, ...]) -> tuple[float, ...]:
@@ -120,6 +124,8 @@ class Layout:
         Decay rate 1/tau, 0 for constants and walks.
     psd : ndarray, shape (n,)
         Driving noise.
+    level : ndarray, shape (n,)
+        Factor on each state's steady sigma, as learned in flight (:meth:`set_levels`).
     labels : tuple of str
     """
 
@@ -136,9 +142,12 @@ class Layout:
         self.labels = tuple(label for b in self.blocks for label in b.labels)
         self.kind = np.array([int(b.kind) for b in self.blocks for _ in b.labels], dtype=np.int64)
         self.axis = np.array([i for b in self.blocks for i in range(b.size)], dtype=np.int64)
-        self.rate = np.array([1.0 / tau for b in self.blocks for tau in np.broadcast_to(b.tau_s, b.size)])
-        self.psd = np.array([q for b in self.blocks for q in (b.psd or (0.0,) * b.size)])
+        self._rate = np.array([1.0 / tau for b in self.blocks for tau in np.broadcast_to(b.tau_s, b.size)])
+        self.rate = self._rate.copy()
+        self._psd = np.array([q for b in self.blocks for q in (b.psd or (0.0,) * b.size)])
+        self.psd, self.level = self._psd.copy(), np.ones(start)
         self.sigma0 = np.array([s for b in self.blocks for s in b.sigma0])
+        self._speed_mps: float | None = None
         self._along_way = [block for block in self.blocks if np.isfinite(block.distance_m)]
 
     def __contains__(self, name: str) -> bool:
@@ -168,10 +177,20 @@ class Layout:
 
     def pace(self, speed_mps: float) -> None:
         """Give states that vary along the way flown the rate and the driving noise of a speed."""
+        self._speed_mps = speed_mps
         for block in self._along_way:
             rows = self._slices[block.name]
-            self.rate[rows] = max(speed_mps, SLOWEST_MPS) / block.distance_m
-            self.psd[rows] = 2.0 * block.sigma0[0] ** 2 * self.rate[rows]
+            self.rate[rows] = max(speed_mps, SLOWEST_MPS) / block.distance_m + self._rate[rows]
+            self.psd[rows] = 2.0 * (block.sigma0[0] * self.level[rows]) ** 2 * self.rate[rows]
+
+    def set_levels(self, factors: Mapping[str, float]) -> None:
+        """Let the states of some blocks vary by ``factors`` times their declared sigma."""
+        self.level = np.ones(self.size)
+        for name, factor in factors.items():
+            self.level[self._slices[name]] = factor
+        self.psd[:] = self._psd * self.level**2
+        if self._speed_mps is not None:
+            self.pace(self._speed_mps)
 
     def fill(self, H: np.ndarray, kind: Kind, columns: np.ndarray) -> None:
         """Give all states of one kind their columns (m, 3) of a Jacobian ``H`` (m, n), axis by axis, in place."""

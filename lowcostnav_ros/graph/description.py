@@ -4,6 +4,7 @@ A graph names its nodes; what every one of them shares stands at the top::
 
     scenario: livermore          # simulators take their settings from this scenario
     real_time_factor: 1.0        # 2.0 flies twice as fast as the clock on the wall
+    vehicle: small_aircraft      # nodes fly the settings of config/vehicles/small_aircraft, or of a folder
     lossless: false              # true: publishing waits, nothing is lost (recordings for regression)
     domain: 7                    # ROS domain; default: that of the environment, or any free one where the graph simulates its sensors
     inputs:                      # of navigators and recorders: where a source comes from, frame ids accepted beside the usual ones
@@ -25,12 +26,12 @@ from typing import Any
 
 from lowcostnav_ros.base.documents import read_yaml
 from lowcostnav_ros.base.settings import nearest, shown
-from lowcostnav_ros.catalogue.config_files import config_dir
+from lowcostnav_ros.catalogue.config_files import config_dir, read_parameters, vehicle_dir
 from lowcostnav_ros.graph.domain import HIGHEST
 from lowcostnav_ros.graph.executables import EXECUTABLES, MONITOR, SIMULATOR, SOURCE, kind_of
 from lowcostnav_ros.messages.inputs import is_of_input, parse_inputs
 
-TOP_KEYS = ("scenario", "domain", "lossless", "real_time_factor", "inputs", "parameters", "nodes")
+TOP_KEYS = ("scenario", "domain", "lossless", "real_time_factor", "inputs", "parameters", "nodes", "vehicle")
 NODE_KEYS = ("executable", "name", "config", "parameters", "respawn")
 
 
@@ -130,7 +131,8 @@ def parse_graph(content: Any, name: str, folder: Path | None = None) -> Graph:
     if not isinstance(content.get("lossless", False), bool):
         raise GraphError(f"{name}: 'lossless' must be true or false, got {shown(content['lossless'])}.")
     scenario = str(content.get("scenario") or "")
-    nodes = tuple(_node(entry, name, scenario, folder) for entry in content["nodes"])
+    vehicle = vehicle_dir(str(content["vehicle"])) if content.get("vehicle") else None
+    nodes = tuple(_of_vehicle(_node(entry, name, scenario, folder), vehicle) for entry in content["nodes"])
     names = [node.name for node in nodes]
     for one in names:
         if names.count(one) > 1:
@@ -152,6 +154,14 @@ def _dotted(values: Any, where: str, prefix: str = "") -> Iterator[tuple[str, An
             yield from _dotted(value, where, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
+
+
+def _of_vehicle(node: GraphNode, vehicle: Path | None) -> GraphNode:
+    """The node with the settings of a vehicle, where that has a file for it; what the graph itself sets stays."""
+    file = None if vehicle is None else vehicle / f"{node.executable}.yaml"
+    if file is None or not file.is_file():
+        return node
+    return replace(node, parameters={**read_parameters(file, node.executable), **node.parameters})
 
 
 def _node(entry: Any, where: str, scenario: str, folder: Path | None) -> GraphNode:

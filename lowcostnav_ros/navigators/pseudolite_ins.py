@@ -66,7 +66,7 @@ class PseudoliteIns(InertialNavigator):
         if self.mode != Mode.GPS:
             return
         used = sum(aid.used for aid in self._receivers_of_carriers if aid.is_fresh(self.core.t_ns))
-        if any(aid.is_fresh(self.core.t_ns) for aid in self._receivers):
+        if any(aid.is_fresh(self.core.t_ns) for aid in self.trust.receivers):
             return
         self.mode = PSEUDOLITE if used >= ENOUGH else Mode.SPARSE
         self.reason = f"{used} transmitters"

@@ -12,11 +12,11 @@ import numpy as np
 from lowcostnav_ros.aids._station import StationAid
 from lowcostnav_ros.aids.baro import BARO
 from lowcostnav_ros.aids.dme import DME, DmeAid
-from lowcostnav_ros.aids.gps import GPS, PositionAid
+from lowcostnav_ros.aids.gps import GPS, PositionAid, VelocityAid
 from lowcostnav_ros.aids.radar import RADAR
 from lowcostnav_ros.aids.vor import VOR, VorAid
 from lowcostnav_ros.aids.wind_uplink import WIND_UPLINK
-from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsPosition, Health, Measurement, NavSolution, SlantRange
+from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsPosition, GpsVelocity, Health, Measurement, NavSolution, SlantRange
 from lowcostnav_ros.base.modes import Level, Mode
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.cores.reckoning import ReckoningCore, core_blocks
@@ -150,6 +150,9 @@ class DeadReckoning(Navigator):
     def _aid(self, item: Measurement) -> None:
         self.core.settle()
         used = self.use(item)
+        for aid in used:
+            if isinstance(aid, VelocityAid) and isinstance(item, GpsVelocity):
+                self.core.learn(item.vel_n - aid.swing_n, aid.noise(item))
         if any(aid.is_fix for aid in used) and self._stands(item.stamp_ns):
             self.core.held.fastest = 0.0
         if used and isinstance(item, SlantRange):

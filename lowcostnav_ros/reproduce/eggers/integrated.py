@@ -187,6 +187,7 @@ SETTINGS = {
     "airspeed.noise_mps": 0.0,
     "wind.sigma_mps": WIND_SIGMA * KNOT,
     "wind.tau_s": WIND_TAU,
+    "wind.distance_km": 0.0,
     "wind.mean_mps": 10.0 * KNOT,
     "wind.gust_mps": 0.0,
     "airflow.incidence_deg": 0.0,

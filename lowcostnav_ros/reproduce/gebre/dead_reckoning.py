@@ -48,8 +48,9 @@ SOURCES = {
 
 def thesis_settings(**changes: object) -> Any:
     """Return the navigator's settings with the error models of tables 5.1 and 6.1 and nothing else; ``changes`` are dotted names."""
-    absent = ("heading.offset_deg", "airspeed.scale", "airspeed.noise_mps", "wind.mean_mps", "wind.gust_mps")
-    return from_mapping(DeadReckoningSettings, {**dict.fromkeys(absent, 0.0), "dme.slots": 2, **changes})
+    absent = ("heading.offset_deg", "heading.bank_deg", "airspeed.scale", "airspeed.noise_mps", "wind.mean_mps", "wind.gust_mps")
+    wind = {"wind.distance_km": 0.0, "wind.tau_s": 400.0}
+    return from_mapping(DeadReckoningSettings, {**dict.fromkeys(absent, 0.0), **wind, "dme.slots": 2, **changes})
 
 
 def dead_reckoning_step(
@@ -71,8 +72,8 @@ def dead_reckoning_step(
         psd[layout["heading_bias"]] += white
         white = 0.0
     a_n, a_e = speed_mps * math.cos(heading), speed_mps * math.sin(heading)
-    G = model.coupling(a_n, a_e, 1.0, layout.kind, layout.axis)
-    sums = dt_s * np.array([1.0, a_n, a_e, a_n * a_n, a_n * a_e, a_e * a_e, 1.0])
+    G = model.coupling(a_n, a_e, 0.0, 1.0, layout.kind, layout.axis)
+    sums = dt_s * np.array([1.0, a_n, a_e, a_n * a_n, a_n * a_e, a_e * a_e, 1.0, 0.0])
     noise = {}
     for name, blocks in SOURCES.items():
         Phi, Qd = model.step_matrices(G, rate, psd * layout.mask(*blocks), dt_s)

@@ -17,7 +17,7 @@ from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.base.units import NAUTICAL_MILE
-from lowcostnav_ros.cores.reckoning_model import carry_covariance, move
+from lowcostnav_ros.cores.reckoning_model import SUMS, carry_covariance, move
 from lowcostnav_ros.estimation.consistency import acceptance_band, nees
 from lowcostnav_ros.estimation.kalman import scalar_update
 from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
@@ -65,10 +65,10 @@ def fly_reduced(nav, estimate, P, kind, axis, rate, psd, free, air_n, seconds, t
     """
     count = air_n.shape[0]
     places, covariance = np.empty((count + 1, 3)), np.empty((count + 1, 2, 2))
-    sums, held, due = np.zeros(7), np.zeros(rate.shape[0]), 0
+    sums, held, due = np.zeros(SUMS), np.zeros(rate.shape[0]), 0
     places[0], covariance[0] = nav, P[0:2, 0:2]
     for k in range(1, count + 1):
-        move(nav, estimate, kind, axis, held, rate[3], air_n[k - 1], True, 1.0, sums)
+        move(nav, estimate, kind, axis, held, rate[3], air_n[k - 1], 0.0, True, 1.0, sums)
         carry_covariance(P, sums, kind, axis, rate, psd, 0.0, 0.0, walk, np.zeros((0, 0)))
         while due < seconds.shape[0] and seconds[due] == k:
             tower = towers[due]

@@ -42,7 +42,7 @@ def fly_other(case: OtherCase) -> Flight:
     truth, profile, table = truth_of(case.duration_s), load_imu_profile(case.profile), load_stations("beacons_range.csv")
     values: dict[str, Any] = {"horizon.lag_s": 0.0, "gps.latency_s": 0.0, "pseudolite.enabled": False}
     values["aids"] = ["gps", "pseudolite", case.sensor]
-    settings = replace(from_mapping(PseudoliteIns.Settings, values), imu=imu_settings(profile.filter_noise()))
+    settings: Any = replace(from_mapping(PseudoliteIns.Settings, values), imu=imu_settings(profile.filter_noise()))
     if case.sensor == "ranging":
         some = type(table)(list(table)[: case.beacons])
         measured: list = RangingSimulator(RangingSimulatorSettings(seed=case.seed, rate_hz=case.rate_hz), some).simulate(truth)

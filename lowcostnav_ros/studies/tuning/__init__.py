@@ -1,0 +1,1 @@
+"""Noise numbers of a navigator from recordings: maximum likelihood of its own innovations."""

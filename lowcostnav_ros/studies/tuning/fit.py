@@ -1,0 +1,171 @@
+"""The fit: the most likely factors on the declared numbers, with priors, and how far they can be trusted.
+
+Parameters are logarithms of factors on the numbers to begin with, each with the normal prior that its declaration states (``within``).
+Gradient and information matrix come from forward differences by blocks of time: sums and sums of squares of the blocks' scores (Berndt,
+Hall, Hall and Hausman, "Estimation and inference in nonlinear structural models", Annals of Economic and Social Measurement 3, 1974).
+"""
+
+import math
+import multiprocessing
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.base.settings import SettingsError, declared
+from lowcostnav_ros.studies.tuning.likelihood import Flight, Innovations, Source, innovations, load
+
+STEP = 0.1
+"""Step of the differences, in the logarithm of a factor."""
+FURTHEST = 3.0
+"""A factor stays within so many sigmas of its prior."""
+OBSERVED = 0.7
+"""A number whose sigma the recordings cut to less than this share of the prior's counts as learned."""
+Advance = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Tunable:
+    """A number that recordings may tune: its value to begin with (one, or three by axis), its range, and the factor of its prior."""
+
+    name: str
+    value: Any
+    unit: str
+    low: float
+    high: float
+    within: float
+
+    def at(self, x: float) -> Any:
+        """Its value for the logarithm of a factor."""
+        factor = math.exp(min(max(x, -FURTHEST * math.log(self.within)), FURTHEST * math.log(self.within)))
+        clipped = [min(max(factor * v, self.low), self.high) for v in (self.value if isinstance(self.value, list) else [self.value])]
+        return clipped if isinstance(self.value, list) else clipped[0]
+
+
+def tunables(settings: Any, groups: frozenset[str]) -> list[Tunable]:
+    """Numbers of settings that may be tuned: those of the core, and of sensors that had innovations; a number of 0 is a state left out."""
+    sensors = set(getattr(settings, "aids", ()))
+    found = []
+    for entry in declared(settings):
+        if entry.within is None:
+            continue
+        group, value = entry.name.partition(".")[0], entry.default
+        is_on = min(value if isinstance(value, list) else [value]) > 0.0
+        if is_on and (group not in sensors or group in groups):
+            low, high = entry.minimum or 0.0, math.inf if entry.maximum is None else entry.maximum
+            found.append(Tunable(entry.name, value, entry.unit, low, high, entry.within))
+    return found
+
+
+_flights: list[Flight] = []
+
+
+def _begin(sources: Sequence[Source]) -> None:
+    _flights[:] = [load(source) for source in sources]
+
+
+def _fly(changes: Mapping[str, Any]) -> list[Innovations]:
+    return [innovations(flight, changes) for flight in _flights]
+
+
+class Trials:
+    """Recordings in worker processes, flown with many settings.
+
+    Attributes
+    ----------
+    parameters : list of Tunable
+    reference : list of Innovations
+        Of the numbers to begin with, by recording.
+    """
+
+    def __init__(self, sources: Sequence[Source], workers: int | None = None, advance: Advance | None = None) -> None:
+        self._advance, self._done = advance, 0
+        flight = load(sources[0])  # what cannot be flown is refused here, in this process
+        self._pool = ProcessPoolExecutor(
+            workers or len(os.sched_getaffinity(0)), multiprocessing.get_context("spawn"), initializer=_begin, initargs=(sources,)
+        )
+        self.reference: list[Innovations] = self._pool.submit(_fly, {}).result()
+        if not any(one.count.sum() for one in self.reference):
+            raise SettingsError(f"{sources[0].navigator} had no innovations over the recordings; look at the replay first.")
+        groups = frozenset.union(*(one.groups for one in self.reference))
+        self.parameters = tunables(flight.settings, groups)
+        if not self.parameters:
+            raise SettingsError(f"{sources[0].navigator} has no numbers that could be tuned.")
+        self._known: dict[tuple, np.ndarray] = {}
+
+    def __enter__(self) -> "Trials":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def changes(self, x: np.ndarray) -> dict[str, Any]:
+        """Settings of a point."""
+        return {p.name: p.at(v) for p, v in zip(self.parameters, x.tolist(), strict=True)}
+
+    def blocks(self, points: Sequence[np.ndarray]) -> np.ndarray:
+        """Log-likelihood of each point (p, n) by block, those of all recordings one after the other (p, b)."""
+        keys = [tuple(np.round(p, 9).tolist()) for p in points]
+        new = {key: point for key, point in zip(keys, points, strict=True) if key not in self._known}
+        for key, flown in zip(new, self._pool.map(_fly, [self.changes(p) for p in new.values()]), strict=True):
+            self._known[key] = np.concatenate([one.against(r) for one, r in zip(flown, self.reference, strict=True)])
+            self._done += 1
+            if self._advance is not None:
+                self._advance(self._done)
+        return np.array([self._known[key] for key in keys])
+
+    def half(self, which: int) -> np.ndarray:
+        """Blocks of the first (0) or the second (1) half of every recording, as 1 and 0 (b,)."""
+        return np.concatenate([(np.arange(len(r.count)) * 2 >= len(r.count)) == bool(which) for r in self.reference]).astype(float)
+
+    def count(self) -> np.ndarray:
+        """Innovations by block (b,)."""
+        return np.concatenate([r.count for r in self.reference])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The most likely point (n,), its covariance (n, n), and the gain of log-likelihood over the numbers to begin with."""
+
+    x: np.ndarray
+    covariance: np.ndarray
+    gain: float
+
+    def sigma(self) -> np.ndarray:
+        """Sigmas (n,) of the logarithms of the factors."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def fit(trials: Trials, blocks: np.ndarray, start: np.ndarray, steps: int) -> Fit:
+    """Maximise the posterior over some blocks (b,), 1 or 0, from a point (n,), in at most ``steps`` steps."""
+    from scipy.optimize import minimize
+
+    prior = np.array([math.log(p.within) for p in trials.parameters])
+    slopes: dict[tuple, np.ndarray] = {}
+
+    def cost(x: np.ndarray) -> float:
+        return float(0.5 * ((x / prior) ** 2).sum() - trials.blocks([x])[0] @ blocks)
+
+    def scores(x: np.ndarray) -> np.ndarray:
+        key = tuple(x.tolist())
+        if key not in slopes:
+            found = trials.blocks([x, *(x + STEP * np.eye(len(x)))])
+            slopes[key] = (found[1:] - found[0]) / STEP * blocks
+        return slopes[key]
+
+    def gradient(x: np.ndarray) -> np.ndarray:
+        return x / prior**2 - scores(x).sum(axis=1)
+
+    def information(x: np.ndarray) -> np.ndarray:
+        each, n = scores(x), blocks.sum()
+        mean = each.sum(axis=1, keepdims=True) / n
+        centred = (each - mean) * blocks
+        return centred @ centred.T + np.diag(prior**-2.0)
+
+    options = {"maxiter": steps, "initial_trust_radius": 0.7, "max_trust_radius": 1.5, "gtol": 0.5}
+    best = minimize(cost, start, method="dogleg", jac=gradient, hess=information, options=options)
+    gain = float((trials.blocks([best.x])[0] - trials.blocks([np.zeros_like(best.x)])[0]) @ blocks)
+    return Fit(best.x, np.linalg.inv(information(best.x)), gain)

@@ -1,0 +1,145 @@
+"""A tuned vehicle: fitted on one half of the recordings, judged on the other, then fitted on all and written."""
+
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.base.tables import Column, Table, number
+from lowcostnav_ros.catalogue.config_files import config_dir
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.studies.outages.result import OutageStudy
+from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, study_outages
+from lowcostnav_ros.studies.tuning.fit import OBSERVED, Advance, Fit, Trials, Tunable, fit
+from lowcostnav_ros.studies.tuning.likelihood import Source
+
+STEPS, FURTHER_STEPS = 6, 3
+LENGTHS_S = (60.0,)
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """Result of tuning.
+
+    Attributes
+    ----------
+    source : Source
+        The first recording.
+    parameters : list of Tunable
+    half, whole : Fit
+        Fitted on the first halves, and on all.
+    judged : float
+        Gain of log-likelihood over the second halves by the numbers of the first, of ``count`` innovations.
+    outages : list of OutageStudy
+        Of the second halves with the numbers to begin with and those of the first halves, by recording; empty where none fits.
+    """
+
+    source: Source
+    parameters: list[Tunable]
+    half: Fit
+    whole: Fit
+    judged: float
+    count: int
+    outages: list[OutageStudy]
+
+    def learned(self) -> list[bool]:
+        """Which numbers the recordings tell."""
+        return [s < OBSERVED * math.log(p.within) for p, s in zip(self.parameters, self.whole.sigma(), strict=True)]
+
+    def values(self, of: Fit) -> dict[str, Any]:
+        """The numbers of a fit that the recordings tell."""
+        rows = zip(self.parameters, of.x.tolist(), self.learned(), strict=True)
+        return {p.name: _rounded(p.at(x)) for p, x, learned in rows if learned}
+
+
+def tune(sources: Sequence[Source], every_s: float = 15.0, workers: int | None = None, advance: Advance | None = None) -> Tuned:
+    """Tune a navigator over recordings.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        All of one navigator.
+    every_s : float
+        Seconds between the outages that judge, s.
+    workers : int, optional
+        Processes; all cores where None.
+    advance : callable, optional
+        Called with the number of trials flown.
+
+    Raises
+    ------
+    ValueError
+        With a sentence, for recordings or settings that cannot be flown.
+    """
+    with Trials(sources, workers, advance) as trials:
+        first, second = trials.half(0), trials.half(1)
+        nothing = np.zeros(len(trials.parameters))
+        half = fit(trials, first, nothing, STEPS)
+        known = trials.blocks([nothing, half.x])
+        whole = fit(trials, np.ones_like(first), half.x, FURTHER_STEPS)
+        judged, count = float((known[1] - known[0]) @ second), int(trials.count() @ second)
+        tuned = Tuned(sources[0], trials.parameters, half, whole, judged, count, [])
+    for source in sources:
+        tuned.outages.extend(_outages(source, tuned, every_s))
+    return tuned
+
+
+def _outages(source: Source, tuned: Tuned, every_s: float) -> list[OutageStudy]:
+    """Lose GPS in the second half of a recording; nothing where that cannot be done."""
+    with BagReader(source.bag) as reader:
+        after_s = 0.5 * reader.duration_s
+    with tempfile.TemporaryDirectory() as folder:
+        trial = Path(folder) / "tuned on the first half"
+        write_vehicle(trial, tuned, tuned.half)
+        case = Case(source.bag, Plan(LENGTHS_S, every_s, after_s), source.chain)
+        try:
+            return [study_outages(case, [source.config or config_dir(), trial])]
+        except OutageError:
+            return []
+
+
+def write_vehicle(folder: Path, tuned: Tuned, of: Fit | None = None) -> Path:
+    """Write the settings of a vehicle, ``<navigator>.yaml`` with each number's uncertainty; return the file."""
+    of = of or tuned.whole
+    values, sigmas = tuned.values(of), dict(zip((p.name for p in tuned.parameters), of.sigma().tolist(), strict=True))
+    before = {p.name: p.value for p in tuned.parameters}
+    name = tuned.source.navigator
+    lines = [
+        f"# Numbers of {name} tuned on recordings by the likelihood of its innovations ('lowcostnav tune').",
+        "# Behind each: the number before, and the factor by which it is uncertain (one sigma).",
+        f"{name}:",
+        "  ros__parameters:",
+    ]
+    lines += [f"    {key}: {value} # {before[key]}; within {math.exp(sigmas[key]):.2f}" for key, value in values.items()]
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.yaml"
+    path.write_text("\n".join(lines) + ("\n" if values else " {}\n"), encoding="utf-8")
+    return path
+
+
+def tuning_table(tuned: Tuned) -> Table:
+    """Numbers before and after, with their uncertainty."""
+    rows = list(zip(tuned.parameters, tuned.whole.x.tolist(), tuned.whole.sigma().tolist(), tuned.learned(), strict=True))
+    columns = (
+        Column("setting", lambda r: r[0].name, left=True),
+        Column("before", lambda r: _text(r[0].value)),
+        Column("tuned", lambda r: _text(r[0].at(r[1])) if r[3] else "not observable"),
+        Column("within a factor of", lambda r: number(math.exp(r[2])), short="within\nfactor"),
+        Column("unit", lambda r: r[0].unit, left=True),
+    )
+    per = tuned.judged / max(tuned.count, 1)
+    judged = f"log-likelihood {tuned.judged:+.1f} over {tuned.count} innovations ({per:+.3f} each)"
+    note = f"Fitted on the first half, judged on the second: {judged}."
+    return Table.of(f"{tuned.source.navigator}: numbers by the likelihood of the innovations", columns, rows, notes=(note,))
+
+
+def _text(value: Any) -> str:
+    return ", ".join(number(v) for v in (value if isinstance(value, list) else [value]))
+
+
+def _rounded(value: Any) -> Any:
+    return [_rounded(v) for v in value] if isinstance(value, list) else float(f"{value:.4g}")
