@@ -27,8 +27,12 @@ UT = 1e6
 """Microtesla of a tesla: states of a size near one keep the covariance well conditioned."""
 UNKNOWN_UT = 5.0
 """Sigma of the hard iron beyond which the field shows no heading by its direction, and its strength is no test of it."""
+PROVEN_S, REMEMBERED_S = 60.0, 1800.0
+"""A calibration that was contradicted by the one after it is no hard iron (a sensor mounted turned, a load that comes and goes): no heading
+is taken for twice as long each time."""
 INTERFERENCE = "magnetic interference"
-ADVICE = "look for iron or currents near it; calibrated anew in turns"
+UNPROVEN = "magnetic calibration contradicted itself"
+ADVICE = "look for iron or currents near it, or a sensor mounted turned; calibrated anew in turns"
 
 
 class Calibration:
@@ -37,6 +41,8 @@ class Calibration:
     def __init__(self, aid: Aid, host: Host) -> None:
         self.iron, self.scale = host.layout.get(aid.own("hard_iron")), host.layout.get(aid.own("magnetic_scale"))
         self._variance = aid.settings.uncalibrated_ut**2
+        self._forgotten_ns: int | None = None
+        self._failures, self._until_ns = 0, 0
 
     def field_ut(self, field_b: np.ndarray, host: Host) -> np.ndarray:
         """Measured field (3,), tesla, as the estimate makes it, uT."""
@@ -62,9 +68,17 @@ class Calibration:
         """Whether the field shows a heading."""
         return self.sigma_ut(host) < UNKNOWN_UT
 
-    def forget(self, host: Host) -> None:
+    def is_proven(self, stamp_ns: int) -> bool:
+        """Whether no calibration was contradicted of late by the one before it."""
+        return stamp_ns >= self._until_ns
+
+    def forget(self, stamp_ns: int, host: Host) -> None:
         """Begin the calibration anew: nothing is known of the hard iron but its usual size."""
         if self.iron is not None:
+            again = self._forgotten_ns is not None and stamp_ns - self._forgotten_ns < 1e9 * REMEMBERED_S
+            self._failures = self._failures + 1 if again else 0
+            self._forgotten_ns = stamp_ns
+            self._until_ns = stamp_ns + round(1e9 * PROVEN_S * 2 ** min(self._failures, 10)) if again else 0
             kalman.reset_block(host.P, self.iron, self._variance * np.eye(3), host.core.history)
 
 
@@ -116,7 +130,8 @@ class HardIronAid(Aid):
         decision, reason = super().control(stamp_ns, test_ratio, host)
         y = self.status.innovation
         size = 0.0 if y is None else math.hypot(*y)
-        self.other_field.judge(stamp_ns, decision is not Decision.FUSE, size, self.source, ADVICE)
+        disagrees = decision is not Decision.FUSE or not self.calibration.is_proven(stamp_ns)
+        self.other_field.judge(stamp_ns, disagrees, size, self.source, ADVICE)
         return decision, INTERFERENCE if decision is Decision.REJECT else reason
 
     def rejects(self, measurement: MagneticField) -> bool:
@@ -130,5 +145,5 @@ class HardIronAid(Aid):
 
     def recover(self, measurement: MagneticField, innovation: Innovation, host: Host) -> None:
         """Forget the calibration; the attitude stays."""
-        self.calibration.forget(host)
+        self.calibration.forget(measurement.stamp_ns, host)
         self.fuse(innovation, host)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.aids import AIDS
-from lowcostnav_ros.aids._hard_iron import INTERFERENCE, UT, Calibration, HardIronAid
+from lowcostnav_ros.aids._hard_iron import INTERFERENCE, UNPROVEN, UT, Calibration, HardIronAid
 from lowcostnav_ros.base.measurements import MagneticField
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.base.units import DEGREE
@@ -89,7 +89,7 @@ class MagneticAid(Aid):
     def attach(self, host: Host) -> None:
         """Find the states of the calibration."""
         super().attach(host)
-        self.calibration = Calibration(self, host)
+        self.calibration = Calibration(self, host) if self.strength is None else self.strength.calibration
 
     @property
     def remark(self) -> str:
@@ -108,7 +108,7 @@ class MagneticAid(Aid):
                 down = slice(core.attitude_rows.stop - 1, core.attitude_rows.stop)
                 reset_to(host, down, np.array([wrap(math.atan2(east, north) - heading)]), np.array([[(TRACK_SIGMA_DEG * DEGREE) ** 2]]))
             if began:
-                self.calibration.forget(host)
+                self.calibration.forget(stamp_ns, host)
         if self.turned.held is not None and known:
             return Decision.REJECT, TURNED
         decision = super().control(stamp_ns, test_ratio, host)
@@ -134,7 +134,7 @@ class MagneticAid(Aid):
         if self.calibration.iron is None:
             super().recover(measurement, innovation, host)
         else:
-            self.calibration.forget(host)
+            self.calibration.forget(measurement.stamp_ns, host)
 
     def innovation(self, measurement: MagneticField, host: Host) -> Innovation | str:
         """Heading innovation with its attitude row; refused when the field is not the earth's (interference)."""
@@ -147,6 +147,8 @@ class MagneticAid(Aid):
         refusal = Reason.of(reference.refusal(field_ut / UT)) if known else ""
         if not refusal and self.strength is not None and self.strength.rejects(measurement):
             refusal = INTERFERENCE
+        if not refusal and not self.calibration.is_proven(measurement.stamp_ns):
+            refusal = UNPROVEN
         if refusal:
             return refusal
         H = np.zeros((1, host.layout.size))
