@@ -7,19 +7,33 @@ form of comparing the change of velocity with the integral of specific force, in
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.aids import AIDS
+from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.inertial import CORE, POS, VEL
 from lowcostnav_ros.cores.views import Attitude, Velocity
-from lowcostnav_ros.estimation.aiding import Aid, GateSettings, Host, Innovation, Sensor, SensorSettings, each
+from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings, each
+from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov, random_walk
+from lowcostnav_ros.estimation.growth import Growth
+from lowcostnav_ros.estimation.innovation_watch import watch
 from lowcostnav_ros.physics.rotation import skew
 
 SLOW = "below minimum airspeed"
+ADVICE = "pitot tube blocked or iced, air data failed, or the wind has changed at once"
+CREPT = "airspeed creeps away from the inertial motion"
+WATCHED_S, CALM_MPS = (5.0, 15.0, 45.0), 0.3
+"""Times over which the innovations of the airspeed are added up, and the mean that a sound one may have."""
+WAIT_S = 20.0
+"""One that creeps is not used for so long, three times as long each time again."""
+CHANCE = chi_square.threshold(1.0 - 1e-6, 1)
 SMALLEST_SPEED = 1.0
 VANE_SHARE = 0.5 * DEGREE
 """Smallest error of a vane, rad: position error and mounting."""
@@ -41,6 +55,9 @@ class AirDataSettings(SensorSettings):
     sideslip_tau_s: float = setting(15.0, "Correlation time of the sideslip.", unit="s", minimum=0.5)
     wind_mps: float = setting(5.0, "Change of a wind component in its correlation time, sigma.", unit="m/s", minimum=0.01, maximum=50.0)
     wind_tau_s: float = setting(400.0, "Correlation time of the wind.", unit="s", minimum=1.0)
+    wind_spread: float = setting(
+        1.0, "Factor by which that change may be more or less, learned while GPS is good; 1: as set.", minimum=1.0, maximum=10.0
+    )
     wind_start_mps: float = setting(10.0, "Sigma of the wind at the start.", unit="m/s", minimum=0.1, maximum=100.0)
     updraught_mps: float = setting(0.5, "Vertical wind, Gauss-Markov sigma.", unit="m/s", minimum=0.01, maximum=20.0)
     updraught_tau_s: float = setting(30.0, "Correlation time of the vertical wind.", unit="s", minimum=1.0)
@@ -54,7 +71,8 @@ class AirDataAid(Aid):
     """Velocity through the air: its length is the true airspeed, its direction sideslip and incidence."""
 
     name, labels = "airdata", ("tas_mps", "lateral_mps", "vertical_mps")
-    measurement, topic, views, last_resort = AirVelocity, "air/velocity", (Velocity, Attitude), True
+    measurement, topic, views = AirVelocity, "air/velocity", (Velocity, Attitude)
+    growth: Growth | None = None
     teaches = ("wind", "updraught", "airspeed_bias", "airspeed_scale", "sideslip", "incidence")
 
     def blocks(self) -> list[Block]:
@@ -73,6 +91,89 @@ class AirDataAid(Aid):
             *([random_walk(scale, [scale], Kind.AIRSPEED_SCALE, air.scale)] if air.scale else []),
             *(gauss_markov(own(n), [f"{own(n)}_rad"], Kind.FREE, sigma * DEGREE, tau) for n, sigma, tau in angles),
         ]
+
+    def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
+        super().__init__(settings, key, stations)
+        self.unfelt = Latch("airspeed and inertial motion disagree", (self.topic, "the inertial sensors"), "m/s")
+        self.latches = [self.unfelt]
+
+    def attach(self, host: Host) -> None:
+        """Find the states; how fast the wind changes may be learned."""
+        spread, taught = self.settings.wind_spread, host.layout.mask(*map(self.own, self.teaches)) > 0.0
+        self.growth = Growth(host.layout, taught, host.layout["wind"], spread) if spread > 1.0 else None
+        super().attach(host)
+
+    def restart(self) -> None:
+        """Forget what was received, and how fast the wind changed."""
+        super().restart()
+        self._begin_watch()
+        self._waits, self._until_ns = 0, 0
+        if self.growth is not None:
+            self.growth.restart()
+
+    def fuse(self, innovation: Innovation, host: Host) -> None:
+        """As every aid; with GPS it shows how fast the wind changes, without it what it moves is kept in mind."""
+        y, H, R, free = innovation.y, innovation.H, innovation.R, innovation.free
+        if self.growth is not None and free is not None:
+            self.growth.take(self.status.stamp_ns, y, H, R, host.core.estimate, host.P)
+        dx = kalman.update(host.P, y, H, R, np.ones(len(host.P)) if free is None else free)
+        self._moved += dx[:CORE]
+        host.correct(dx)
+
+    def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
+        """As every aid; what the inertial sensors did not feel is named.  Without GPS, one that creeps away from them has to wait."""
+        y, S = self.status.innovation, self.status.innovation_variance
+        if y is None or S is None or host.gps_good(stamp_ns):
+            self._begin_watch()
+            self._waits, self._until_ns = 0, 0
+            decision = super().control(stamp_ns, test_ratio, host)
+        elif self._until_ns:
+            over = stamp_ns >= self._until_ns
+            self._until_ns, decision = (0, (Decision.RECOVER, CREPT)) if over else (self._until_ns, (Decision.REJECT, CREPT))
+        elif test_ratio <= 1.0 and self._creeps(stamp_ns, y[:1], S[:1, None]):
+            self._doubt_moved(host)
+            self._until_ns, self._waits = stamp_ns + round(1e9 * WAIT_S * 3**self._waits), min(self._waits + 1, 6)
+            decision = Decision.REJECT, CREPT
+        else:
+            decision = super().control(stamp_ns, test_ratio, host)
+        self.unfelt.judge(stamp_ns, decision[0] is not Decision.FUSE, 0.0 if y is None else float(np.linalg.norm(y)), self.source, ADVICE)
+        return decision
+
+    def _begin_watch(self) -> None:
+        """Forget the innovations seen, and what they have moved."""
+        shape = len(WATCHED_S)
+        self._sums = np.zeros((shape, 1)), np.zeros((shape, 1, 1)), np.zeros((shape, 1, 1))
+        self._moved, self._seen_ns = np.zeros(CORE), 0
+
+    def _doubt_moved(self, host: Host) -> None:
+        """Add what it has moved of late to the covariance."""
+        history = host.core.history
+        if history is not None:
+            history.begin(host.P)
+        host.P[:CORE, :CORE] += np.outer(self._moved, self._moved)
+        if history is not None:
+            history.end(host.P)
+        self._begin_watch()
+
+    def _creeps(self, stamp_ns: int, y: np.ndarray, S: np.ndarray) -> bool:
+        """Whether airspeed has been off to one side for longer than chance allows."""
+        dt = 1e-9 * (stamp_ns - self._seen_ns) if self._seen_ns else 0.0
+        self._seen_ns = stamp_ns
+        self._moved *= np.exp(-dt / WATCHED_S[-1])
+        self._moved[POS] += self._moved[VEL] * dt
+        return bool((watch(y, np.eye(1), S, dt, np.array(WATCHED_S), np.array([CALM_MPS]), *self._sums) > CHANCE).any())
+
+    def recover(self, measurement: AirVelocity, innovation: Innovation, host: Host) -> None:
+        """Lose the air mass, not the velocity: the wind has changed or the airspeed fails, and from now on only its changes count."""
+        self._doubt_moved(host)
+        core, layout, y = host.core, host.layout, innovation.y
+        if core.history is not None:
+            core.history.begin(host.P)
+        for rows, variance in ((layout["wind"], y @ y), (layout[self.own("airspeed_bias")], y[0] ** 2)):
+            host.P[rows, rows] += variance * np.eye(rows.stop - rows.start)
+        if core.history is not None:
+            core.history.end(host.P)
+        self.fuse(innovation, host)
 
     def wind_n(self, host: Host) -> np.ndarray:
         """Estimated wind (3,), m/s, NED."""

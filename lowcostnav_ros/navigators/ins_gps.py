@@ -14,7 +14,7 @@ from lowcostnav_ros.aids.wheels import WHEELS
 from lowcostnav_ros.navigators.inertial import IMU, InertialNavigator, InertialSettings
 from lowcostnav_ros.navigators.registry import navigator
 
-AIR = AIRDATA.but(noise_mps=1.0, sideslip_sigma_deg=1.0, wind_mps=1.5, minimum_mps=12.0, period_s=1.0)
+AIR = AIRDATA.but(noise_mps=1.0, sideslip_sigma_deg=1.0, wind_mps=1.5, wind_spread=2.0, minimum_mps=12.0, period_s=1.0)
 """Gusts last for seconds: more often than once in one they say the same.  Over 20 km, 400 s at 50 m/s, wind varies by some 1.5 m/s (the
 structure function of Lindborg, J. Fluid Mech. 388, 1999)."""
 
