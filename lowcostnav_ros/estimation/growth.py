@@ -51,7 +51,8 @@ class Growth:
         """Begin anew with what is set."""
         count = len(self._factors)
         self._x, self._P = np.zeros((count, len(self._rows))), np.tile(self._P0, (count, 1, 1))
-        self._seen, self._last_ns, self.factor = np.zeros(count), None, 1.0
+        self._seen, self.factor = np.zeros(count), 1.0
+        self._last_ns: int | None = None
         self.layout.psd[self.walking] = self._set
 
     def take(self, stamp_ns: int, y: np.ndarray, H: np.ndarray, R: np.ndarray, estimate: np.ndarray, P: np.ndarray) -> None:

@@ -87,7 +87,7 @@ def settings_class(navigator: type[Listing], keys: tuple[str, ...]) -> type:
 def _names(aids: Any) -> tuple[str, ...]:
     if not isinstance(aids, list | tuple) or not all(isinstance(key, str) for key in aids):
         raise SettingsError(f"'aids' must list the names of sensors, got {shown(aids)}.")
-    return tuple(RENAMED.get(key, key) for key in aids)
+    return tuple(RENAMED.get(str(key), str(key)) for key in aids)
 
 
 def _renamed(flat: dict[str, Any]) -> dict[str, Any]:
