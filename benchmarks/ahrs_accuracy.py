@@ -40,7 +40,7 @@ SETTINGS = {
     "imu.accel_bias_tau_s": 100.0,
     "imu.accel_turn_on_mg": 0.0,
     "magnetic.bias_deg": 1.0,
-    "airflow.wind_mps": 2.0,
+    "airdata.wind_mps": 2.0,
 }
 WITHHELD_AFTER_S = 60.0
 SETTLED_S = 90.0

@@ -66,7 +66,7 @@ CASES = {
     "barometer": Case("aircraft", {"baro.enabled": True}),
     "compass": Case("aircraft", {"magnetic.enabled": True}),
     "vor": Case("aircraft", _VOR),
-    "airspeed": Case("aircraft", {**_AIRSPEED, "airdata.sideslip_deg": 30.0}),  # so wide that it says nothing
+    "airspeed": Case("aircraft", {**_AIRSPEED, "airdata.sideslip_sigma_deg": 30.0}),  # so wide that it says nothing
     "airspeed_and_zero_sideslip": Case("aircraft", _AIRSPEED),
     "airspeed_zero_sideslip_and_compass": Case("aircraft", {**_AIRSPEED, "magnetic.enabled": True}),
     "airspeed_zero_sideslip_and_vor": Case("aircraft", {**_AIRSPEED, **_VOR}),

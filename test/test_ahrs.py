@@ -33,7 +33,7 @@ def test_registered_and_settings_file_is_the_declaration():
 def test_aligns_and_stays_true_in_a_turn(bank_deg, sources):
     pitch_deg = 3.0 if "gps" not in sources else 0.0  # without GPS the usual incidence has to be the one flown
     turn = Turn(bank_deg, pitch_deg=pitch_deg)
-    solutions = Ahrs(settings(airflow__incidence_deg=pitch_deg)).feed_all(turn.measurements(0.0, 30.0, sources))
+    solutions = Ahrs(settings(airdata__incidence_deg=pitch_deg)).feed_all(turn.measurements(0.0, 30.0, sources))
     errors = np.array([attitude_error_deg(turn, s) for s in solutions])
     assert (solutions[0].stamp_ns - T0) * 1e-9 < 4.0
     tilt = 0.25 if "gps" in sources else 1.0
@@ -44,7 +44,7 @@ def test_aligns_and_stays_true_in_a_turn(bank_deg, sources):
 def test_plain_levelling_in_a_turn_would_be_wrong_by_the_bank():
     # what the aid prevents: without velocities, the switch must not let the turn be called level
     turn, straight = Turn(20.0), Turn(0.0)
-    navigator = Ahrs(settings(airflow__enabled=False))
+    navigator = Ahrs(settings(airdata__enabled=False))
     navigator.feed_all(straight.measurements(0.0, 10.0, ("mag",)))
     assert navigator.mode == "coasting"
     assert "steady flight" in navigator.reason
@@ -130,7 +130,7 @@ def test_modes_follow_what_is_heard():
     assert navigator.mode == "calibrating"
     assert "no magnetic heading" in navigator.reason
     status = navigator.status()
-    assert {a.name for a in status.aids} == {"gps_velocity", "accelerometer_level", "airflow", "magnetic_heading"}
+    assert {a.name for a in status.aids} == {"gps_velocity", "accelerometer_level", "airdata", "hard_iron", "magnetic_heading"}
     assert status.sigmas["roll_deg"] < 1.0
 
 

@@ -126,7 +126,7 @@ def test_a_wrong_attitude_is_rejected_and_a_lasting_one_believed(kind):
 @pytest.mark.parametrize("kind", ["full", "quaternion"])
 def test_begins_on_gps_attitude_alone_in_a_turn(kind):
     turn = Turn(30.0)
-    navigator = Ahrs(settings(filter=kind, gps_attitude__enabled=True, magnetic__enabled=False, airflow__enabled=False))
+    navigator = Ahrs(settings(filter=kind, gps_attitude__enabled=True, magnetic__enabled=False, airdata__enabled=False))
     items = turn.measurements(0.0, 6.0, ()) + gps_attitude(turn, 0.0, 6.0)
     solutions = navigator.feed_all(sorted(items, key=lambda m: m.stamp_ns))
     assert navigator.mode == "calibrating"

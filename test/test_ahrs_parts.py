@@ -35,38 +35,38 @@ def started(roll: float, pitch: float, heading: float, rng: np.random.Generator)
 
 @hypothesis_settings(deadline=None, max_examples=25)
 @given(roll=st.floats(-1.0, 1.0), pitch=st.floats(-0.5, 0.5), heading=st.floats(-3.1, 3.1), vanes=st.booleans(), seed=st.integers(0, 99))
-def test_airflow_jacobian_is_the_derivative_of_the_innovation(roll, pitch, heading, vanes, seed):
+def test_air_data_jacobian_is_the_derivative_of_the_innovation(roll, pitch, heading, vanes, seed):
     navigator = started(roll, pitch, heading, np.random.default_rng(seed))
     cov = np.diag([7.0, 0.2, 0.2] if vanes else [7.0, UNKNOWN, UNKNOWN])
     seen = AirVelocity(T0, "air/velocity", np.array([52.0, 1.0, 2.5]), cov)
     nav, estimate, P = navigator.core.nav.copy(), navigator.core.estimate.copy(), navigator.P.copy()
-    H = navigator.aid("airflow").innovation(seen, navigator).H
+    H = navigator.aid("airdata").innovation(seen, navigator).H
 
     def innovation(index: int, step: float) -> np.ndarray:
         navigator.core.nav[:], navigator.core.estimate[:], navigator.core.P[:] = nav, estimate, P
         dx = np.zeros(navigator.layout.size)
         dx[index] = step
         navigator.correct(dx)
-        return navigator.aid("airflow").innovation(seen, navigator).y
+        return navigator.aid("airdata").innovation(seen, navigator).y
 
     for index in range(3, navigator.layout.size):
         slope = -(innovation(index, 1e-5) - innovation(index, -1e-5)) / 2e-5  # a correction takes its error out of the innovation
         np.testing.assert_allclose(slope, H[:, index], atol=2e-5)
 
 
-def test_airflow_moves_no_attitude_while_gps_is_good():
+def test_air_data_moves_no_attitude_while_gps_is_good():
     turn = Turn(10.0)
     with_air, without = Ahrs(settings()), Ahrs(settings())
     last = with_air.feed_all(turn.measurements(0.0, 20.0, ("gps", "mag", "air")))[-1]
     other = without.feed_all(turn.measurements(0.0, 20.0, ("gps", "mag")))[-1]
-    assert with_air.aid("airflow").status.fused > 50
+    assert with_air.aid("airdata").status.fused > 50
     np.testing.assert_allclose(last.q_nb, other.q_nb, atol=1e-6)
 
 
 def test_slow_air_is_not_used():
     navigator = Ahrs(settings())
     slow = AirVelocity(T0, "air/velocity", np.array([9.0, 0.0, 0.0]), np.diag([7.0, UNKNOWN, UNKNOWN]))
-    assert navigator.aid("airflow").innovation(slow, navigator) == "below minimum airspeed"
+    assert navigator.aid("airdata").innovation(slow, navigator) == "below minimum airspeed"
 
 
 def test_window_integral_against_a_differential_equation():

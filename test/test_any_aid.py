@@ -112,8 +112,8 @@ def test_topics_and_frames_of_a_sensor_are_settings():
 @pytest.mark.parametrize(
     ("cls", "aids", "sentence"),
     [
-        (GnssOnly, ["gnss", "airdata"], "gnss_only cannot take the aid 'airspeed': it does not estimate an attitude with its error"),
-        (GnssOnly, ["gnss", "magnetic"], "gnss_only cannot take the aid 'magnetic_heading'"),
+        (GnssOnly, ["gnss", "airdata"], "gnss_only cannot take the aid 'airdata': it does not estimate an attitude with its error"),
+        (GnssOnly, ["gnss", "magnetic"], "gnss_only cannot take the aid 'hard_iron'"),
         (InsGps, ["baro"], "ins_gps cannot start without 'gps'"),
         (InsGps, ["gps", "barro"], "did you mean 'baro'"),
         (InsGps, ["gps", "gps"], "names a sensor twice"),

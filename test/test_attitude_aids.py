@@ -52,10 +52,10 @@ def test_gps_attitude_gives_an_inertial_navigator_its_heading_in_straight_flight
     assert error_deg < 4.0 * sigma_deg
 
 
-def test_airflow_teaches_an_inertial_navigator_the_wind(flight):
-    navigator = InsGps(from_mapping(InsGps.Settings, {"aids": ["gps", "gps_attitude", "airflow"]}))
+def test_air_data_teaches_an_inertial_navigator_the_wind(flight):
+    navigator = InsGps(from_mapping(InsGps.Settings, {"aids": ["gps", "gps_attitude", "airdata"]}))
     last = navigator.feed_all(flight[1])[-1]
-    assert navigator.aid("airflow").status.fused > 100
+    assert navigator.aid("airdata").status.fused > 80
     assert np.linalg.norm(last.wind_n - [8.0, -4.0]) < 4.0 * np.sqrt(np.trace(last.cov_wind))
 
 
@@ -87,7 +87,7 @@ def test_the_list_is_a_setting():
     without.feed_all(Turn().measurements(0.0, 10.0, ("mag",)))
     assert without.mode == "coasting" and "gps/vel" not in without.inputs
     values = to_mapping(without.settings)
-    assert from_mapping(AhrsSettings, values) == without.settings and "airflow.noise_mps" not in values
+    assert from_mapping(AhrsSettings, values) == without.settings and "airdata.noise_mps" not in values
 
 
 def test_a_second_receiver_and_magnetometer_of_the_attitude_reference():

@@ -56,7 +56,7 @@ def test_a_second_barometer_is_a_name_with_a_number():
 
 
 def test_what_the_core_cannot_serve_is_refused_in_a_sentence():
-    for kind, aid in (("airdata", "airspeed"), ("wheels", "wheels"), ("magnetic", "magnetic_heading")):
+    for kind, aid in (("airdata", "airdata"), ("wheels", "wheels"), ("magnetic", "hard_iron")):
         values = {f"{kind}.enabled": True} if kind == "wheels" else {}
         with pytest.raises(SettingsError, match=f"dead_reckoning cannot take the aid '{aid}'"):
             made(aids=["gps", kind], **values)

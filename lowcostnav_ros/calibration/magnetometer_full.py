@@ -1,10 +1,13 @@
-"""Free calibration with soft iron: hard iron and a full symmetric matrix from the field strength alone, outliers found and named.
+"""Free calibration: the simplest of hard iron, factors and cross terms that the field strength carries, outliers found and named.
 
-The robust fit of :mod:`.magnetometer_known_strength` with priors so wide that data which show a parameter decide on it.  What the
-directions flown do not show is refused, with what is missing; cross terms alone may stay out, unless the data contradict their absence.
+The robust fit of :mod:`.magnetometer_known_strength` with priors so wide that data which show a parameter decide on it: factors lie within
+0.8 and 1.25.  What the directions flown do not show is refused, with what is missing; cross terms alone may stay out, unless the data
+contradict their absence.  What is not told from zero is left out, too: it would add its noise.  The sigmas stay those of the richer fit,
+which does not pretend that what is left out is none.
 A matrix that is not symmetric differs by a rotation, which no strength shows: it is a misalignment of the sensor.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +24,14 @@ KNOWN = 0.02
 POOREST = 0.05
 """Largest residual, share of the field, of something that is still a calibration."""
 SHOWN_ROWS = 8
-_CLEARER = 1.2
+_CLEARER, _CHANCE = 1.02, 16.0
+"""Residual of a fit without some parameters over that with them, from which on the data contradict their absence: at least the first, and
+beyond what chance makes of it (chi-square, three parameters, one in a thousand)."""
+FACTORS = (0.8, 1.25)
+"""No magnetometer's factors lie outside: a wrong strength or unit, or no ellipsoid."""
+_SCALE_SIGMA, _CROSS_SIGMA, _USUAL_CROSS = 0.1, 0.1, 0.03
+_TOLD = 2.0
+"""Sigmas from which on a parameter is told from zero."""
 
 
 def full_fit(measured: np.ndarray, strength: float, minimum_strip_deg: float = NARROW_DEG) -> MagnetometerFit:
@@ -42,21 +52,59 @@ def full_fit(measured: np.ndarray, strength: float, minimum_strip_deg: float = N
         When the data are unusable, do not lie on an ellipsoid, hold too many outliers, or do not show what is fitted.
     """
     measured, _ = checked_samples(measured, strength)
-    fit = _without_outliers(measured, strength, 0.3)
+    fit = _without_outliers(measured, strength, _SCALE_SIGMA, _CROSS_SIGMA)
+    plain = _without_outliers(measured, strength, _SCALE_SIGMA, 0.0)
     if weakness(fit):
-        plain = _without_outliers(measured, strength, 0.0)
-        softer = plain.residual_rms > _CLEARER * fit.residual_rms
-        missing = weakness(fit if softer else plain)
+        softer = _contradicted(plain, fit)
+        modest = fit if softer else _without_outliers(measured, strength, _SCALE_SIGMA, _USUAL_CROSS)
+        missing = weakness(fit) if softer else weakness(replace(modest, cross_sigma=np.zeros(3)))
         if missing:
             soft = "hold soft iron with cross terms and " if softer else ""
             remedy = "bank and pitch more in all headings, or use the fit with known field strength"
             raise CalibrationError(f"The samples {soft}do not show {missing}; {remedy}.")
-        fit = plain
+        fit = _simpler(plain, modest)
+    elif not _told(fit.matrix[[1, 0, 0], [2, 2, 1]], fit.cross_sigma):
+        fit = _simpler(plain, fit)
+    if not np.any(fit.matrix[[1, 0, 0], [2, 2, 1]]) and not _told(np.diag(fit.matrix) - 1.0, fit.scale_sigma):
+        fit = _simpler(_without_outliers(measured, strength, 0.0, 0.0), fit)
     if fit.residual_rms > POOREST * strength:
         share = 100.0 * fit.residual_rms / strength
         raise CalibrationError(f"The samples lie on no ellipsoid: the residual is {share:.0f} % of the field; look for interference.")
     wide_coverage_of(fit.apply(measured), minimum_strip_deg)
-    return replace(fit, method="full", warnings=fit.warnings + _odd_strength(fit))
+    _check_factors(fit)
+    return replace(fit, method="full")
+
+
+def _told(values: np.ndarray, sigmas: np.ndarray) -> bool:
+    """Whether any of these is told from zero."""
+    return bool(np.any(np.abs(values) > _TOLD * sigmas))
+
+
+def _contradicted(simple: MagnetometerFit, rich: MagnetometerFit) -> bool:
+    """Whether the data contradict the absence of what the simple fit leaves out."""
+    return simple.residual_rms > max(_CLEARER, math.sqrt(1.0 + _CHANCE / rich.samples)) * rich.residual_rms
+
+
+def _simpler(simple: MagnetometerFit, rich: MagnetometerFit) -> MagnetometerFit:
+    """The fit with fewer parameters, at the sigmas of the one with more; that one where the data contradict it."""
+    if _contradicted(simple, rich):
+        return rich
+    sigmas = {name: np.maximum(getattr(simple, name), getattr(rich, name)) for name in ("hard_iron_sigma", "scale_sigma", "cross_sigma")}
+    return replace(simple, **sigmas)
+
+
+def _check_factors(fit: MagnetometerFit) -> None:
+    """Refuse a factor that no magnetometer has.
+
+    Raises
+    ------
+    CalibrationError
+    """
+    for axis, value, sigma in zip("xyz", np.diag(fit.matrix), fit.scale_sigma, strict=True):
+        if not 1.0 / FACTORS[1] - 3.0 * sigma <= value <= 1.0 / FACTORS[0] + 3.0 * sigma:
+            limits = f"{FACTORS[0]} to {FACTORS[1]}"
+            remedy = "check field strength and unit"
+            raise CalibrationError(f"A factor of {1.0 / value:.2f} on {axis} is no magnetometer's ({limits}); {remedy}.")
 
 
 def weakness(fit: MagnetometerFit, limit: float = KNOWN) -> str:
@@ -74,10 +122,10 @@ def weakness(fit: MagnetometerFit, limit: float = KNOWN) -> str:
     return " and ".join(unknown).replace(" )", ")")
 
 
-def _without_outliers(measured: np.ndarray, strength: float, cross_sigma: float) -> MagnetometerFit:
+def _without_outliers(measured: np.ndarray, strength: float, scale_sigma: float, cross_sigma: float) -> MagnetometerFit:
     low, high = np.percentile(measured, [2.0, 98.0], axis=0)
     centre = 0.5 * (low + high)
-    prior = CalibrationPrior((float(centre[0]), float(centre[1]), float(centre[2])), 1.0, 0.3, cross_sigma)
+    prior = CalibrationPrior((float(centre[0]), float(centre[1]), float(centre[2])), 1.0, scale_sigma, cross_sigma)
     fit = known_strength_fit(measured, strength, prior)
     residual = np.abs(np.linalg.norm(fit.apply(measured), axis=1) - strength)
     noise = 1.4826 * float(np.median(residual))
@@ -101,9 +149,3 @@ def _growth(fit: MagnetometerFit, measured: np.ndarray) -> float:
     _, place, count = np.unique(cell, return_inverse=True, return_counts=True)
     means = np.bincount(place, weights=residual) / count
     return max(1.0, float(np.sqrt(np.mean(count * means**2) / max(np.mean(residual**2), 1e-300))))
-
-
-def _odd_strength(fit: MagnetometerFit) -> tuple[str, ...]:
-    if np.all(np.abs(np.diag(fit.matrix) - 1.0) < 0.3):
-        return ()
-    return ("A factor far from 1 speaks for another field strength or unit than was given.",)

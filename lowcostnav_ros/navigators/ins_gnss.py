@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.aids.airdata import AIRDATA
 from lowcostnav_ros.aids.baro import BARO
 from lowcostnav_ros.aids.gnss import ENOUGH, EPOCH, GNSS, THESIS_POSITION_PSD, RangeAid, RangeRateAid, Receiver
 from lowcostnav_ros.aids.gps import GPS
@@ -29,6 +28,7 @@ from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.error_state import Block
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.navigators.inertial import IMU, InertialNavigator, InertialSettings
+from lowcostnav_ros.navigators.ins_gps import AIR
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.starts.gps_start import Start
@@ -79,7 +79,7 @@ class InsGnss(InertialNavigator):
     colour = "#7a5195"
     modes = {"sparse": ("#b8b042", "with fewer than four satellites"), "suspect": ("#d95f02", "")}
     OwnSettings = InsGnssOwnSettings
-    sensors = (GPS, BARO.but(enabled=False), MAGNETIC.but(enabled=False), AIRDATA.but(enabled=False), WHEELS, VOR, GNSS)
+    sensors = (GPS, BARO.but(enabled=False), MAGNETIC.but(enabled=False), AIR.but(enabled=False), WHEELS, VOR, GNSS)
     needs = ("gps", "gnss")
 
     def __init__(self, settings: Any, stations: Any = None) -> None:

@@ -14,6 +14,9 @@ from lowcostnav_ros.base.registry import RegistryError
 from lowcostnav_ros.base.settings import SettingsError, setting, shown, to_mapping
 from lowcostnav_ros.estimation.aiding import Sensor
 
+RENAMED = {"airflow": "airdata"}
+"""Sensors whose settings stand under an older name in recordings, and the name of today."""
+
 
 class Listing(Protocol):
     """A navigator class, of which settings are derived."""
@@ -75,7 +78,7 @@ def settings_class(navigator: type[Listing], keys: tuple[str, ...]) -> type:
             "__doc__": f"All settings of {navigator.name}.",
             "__module__": navigator.__module__,
             "chosen_by": classmethod(lambda cls, values: settings_class(navigator, _names(values.get("aids", keys)))),
-            "upgraded": staticmethod(lambda flat: {n: v for n, v in upgrade(flat).items() if n.partition(".")[0] not in unused}),
+            "upgraded": staticmethod(lambda flat: {n: v for n, v in upgrade(_renamed(flat)).items() if n.partition(".")[0] not in unused}),
             "__reduce__": lambda self: (_restored, (navigator, to_mapping(self))),
         },
     )
@@ -84,7 +87,15 @@ def settings_class(navigator: type[Listing], keys: tuple[str, ...]) -> type:
 def _names(aids: Any) -> tuple[str, ...]:
     if not isinstance(aids, list | tuple) or not all(isinstance(key, str) for key in aids):
         raise SettingsError(f"'aids' must list the names of sensors, got {shown(aids)}.")
-    return tuple(aids)
+    return tuple(RENAMED.get(str(key), str(key)) for key in aids)
+
+
+def _renamed(flat: dict[str, Any]) -> dict[str, Any]:
+    """Names and lists of recordings made when two sensors took air data."""
+    new = {"".join((RENAMED.get(group, group), dot, rest)): v for n, v in flat.items() for group, dot, rest in [n.partition(".")]}
+    if "airdata.sideslip_deg" in new:
+        new["airdata.sideslip_sigma_deg"] = new.pop("airdata.sideslip_deg")
+    return new | ({"aids": list(_names(new["aids"]))} if "aids" in new else {})
 
 
 def _restored(navigator: type[Listing], values: dict[str, Any]) -> Any:

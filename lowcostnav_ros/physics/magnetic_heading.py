@@ -152,6 +152,16 @@ class MagneticReference:
         """Where the declination comes from, for people."""
         return f"{self.model.name} {self.model.year:.1f}" if self.override is None and self.model else "given by hand"
 
+    def field_n(self, lat: float, lon: float, height: float) -> np.ndarray | None:
+        """Expected field (3,), tesla, NED, at a place: rad, rad, m above the ellipsoid; None where no model covers the date."""
+        if self.model is None:
+            return None
+        field: np.ndarray = self.model.field_n(lat, lon, min(max(height, LOWEST_HEIGHT), HIGHEST_HEIGHT))
+        if self.override is not None:
+            level = float(np.hypot(field[0], field[1]))
+            field = np.array([level * np.cos(self.override), level * np.sin(self.override), field[2]])
+        return field
+
     def at(self, lat: float, lon: float, height: float) -> LocalField | None:
         """Expected field at a place: rad, rad, m above the ellipsoid; None where no model covers the date and none is given."""
         if self.model is None:
@@ -190,16 +200,9 @@ class FieldAtPlace:
         """Expected field, or None when neither the place nor a declination is known."""
         return self.reference.anywhere() if self.place is None else self.reference.at(*self.place)
 
-    def field_n(self) -> np.ndarray | None:
-        """Expected field (3,), tesla, NED, or None where the place or the model is missing."""
-        model, azimuth = self.reference.model, self.reference.override
-        if self.place is None or model is None:
-            return None
-        field: np.ndarray = model.field_n(*self.place)
-        if azimuth is not None:
-            level = float(np.hypot(field[0], field[1]))
-            field = np.array([level * np.cos(azimuth), level * np.sin(azimuth), field[2]])
-        return field
+    def field_n(self, *_guess: float) -> np.ndarray | None:
+        """Expected field (3,), tesla, NED, or None where the place or the model is missing; the host's guess of the place is not used."""
+        return None if self.place is None else self.reference.field_n(*self.place)
 
     def at(self, lat: float, lon: float, height: float) -> LocalField | None:
         """The same; the position asked about is the host's guess and is not used."""

@@ -21,6 +21,7 @@ from lowcostnav_ros.aids._constant_gain import (
     ScheduledEulerAid,
     tunings,
 )
+from lowcostnav_ros.aids._hard_iron import HardIronAid
 from lowcostnav_ros.aids.gps import VelocityAid
 from lowcostnav_ros.aids.gps_attitude import GpsAttitudeAid
 from lowcostnav_ros.aids.level import SteadyFlightAid
@@ -40,7 +41,7 @@ HELD_NS = 1_000_000_000
 class SwitchedFilter(Filter):
     """Accelerometers and magnetometer in steady flight, gyros alone in manoeuvres."""
 
-    unused: ClassVar[tuple[str, ...]] = ("airflow", "gps_attitude")
+    unused: ClassVar[tuple[str, ...]] = ("airdata", "gps_attitude")
 
     def __init__(self, host: Navigator) -> None:
         super().__init__(host)
@@ -56,7 +57,7 @@ class SwitchedFilter(Filter):
             return [ConstantHeadingAid(aid.settings, aid.key, level)]
         if isinstance(aid, SteadyFlightAid):
             return [ConstantLevelAid(aid.settings, aid.key, level, settings.rate_switch)]
-        return [] if isinstance(aid, VelocityAid) else [aid]
+        return [] if isinstance(aid, VelocityAid | HardIronAid) else [aid]
 
     def begin(self, t_ns: int) -> None:
         """Count the periods from here."""
@@ -107,7 +108,7 @@ class QuaternionFilter(SwitchedFilter):
     """GPS attitude as a small rotation."""
 
     needs = ("level", "gps_attitude")
-    unused = ("airflow",)
+    unused = ("airdata",)
     attitude: ClassVar[type[ConstantQuaternionAid]] = ConstantQuaternionAid
 
     @classmethod

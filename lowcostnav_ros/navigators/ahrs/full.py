@@ -2,13 +2,13 @@
 
 Accelerometers show the vertical only once the acceleration is known.  It comes, in this order, from GPS velocity, from the velocity
 through the air, or it is taken to be zero while a manoeuvre switch sees steady flight.  The error state is that of the inertial
-core with gyro and accelerometer biases, a slow magnetic heading error, wind and airflow; velocity is carried because it links
+core with gyro and accelerometer biases, a slow magnetic heading error, wind and flow angles; velocity is carried because it links
 attitude to acceleration exactly.
 """
 
 import numpy as np
 
-from lowcostnav_ros.aids.airflow import AirflowAid
+from lowcostnav_ros.aids.airdata import AirDataAid
 from lowcostnav_ros.aids.gps import VelocityAid
 from lowcostnav_ros.aids.level import SteadyFlightAid
 from lowcostnav_ros.base.measurements import AirVelocity, GpsVelocity, ImuBlock, Measurement
@@ -39,7 +39,7 @@ class FullFilter(Filter):
         """Judge the motion; level by steady flight when nothing measures velocity."""
         core, level = self.host.core, self.level
         level.switch.decide(core.C_nb(), core.errors()[1])
-        if self.gps_good(now_ns) or self.fresh("airflow", now_ns):
+        if self.gps_good(now_ns) or self.fresh("airdata", now_ns):
             level.since_ns = None
             return
         if level.since_ns is not None:
@@ -62,7 +62,7 @@ class FullFilter(Filter):
             offsets.restart()
         if isinstance(aid, VelocityAid) and isinstance(measurement, GpsVelocity):
             restart_velocity(core, measurement.vel_n, measurement.cov_n + np.eye(3) * aid.settings.velocity_floor_mps**2)
-        elif isinstance(aid, AirflowAid) and isinstance(measurement, AirVelocity) and aid.fast_enough(measurement):
+        elif isinstance(aid, AirDataAid) and isinstance(measurement, AirVelocity) and aid.fast_enough(measurement):
             restart_velocity_from_air(core, measurement, aid.wind_n(self.host))
         else:
             return
@@ -79,7 +79,7 @@ class FullFilter(Filter):
             return Mode.CALIBRATING, "GPS velocity gives the acceleration" + heading
         if fresh("gps_attitude", now_ns):
             return Mode.CALIBRATING, "no GPS velocity, GPS attitude holds the attitude"
-        if fresh("airflow", now_ns):
+        if fresh("airdata", now_ns):
             return Mode.COASTING, "no GPS velocity, airspeed gives the acceleration" + heading
         if fresh("level", now_ns, LEVEL_TIMEOUT_S):
             return Mode.COASTING, "no GPS velocity or airspeed, levelled in steady flight" + heading

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.aids.airflow import AIRFLOW
+from lowcostnav_ros.aids._hard_iron import HardIronAid
+from lowcostnav_ros.aids.airdata import AIRDATA
 from lowcostnav_ros.aids.gps import GPS_VELOCITY
 from lowcostnav_ros.aids.gps_attitude import GPS_ATTITUDE
 from lowcostnav_ros.aids.level import LEVEL
@@ -77,7 +78,7 @@ class Ahrs(Navigator):
     not_observable = "it takes position, velocity and acceleration from outside its filter; study ins_gps, which estimates them"
     inertial = IMU
     OwnSettings = AhrsOwnSettings
-    sensors = (GPS_VELOCITY.but(latency_s=0.0), MAGNETIC.but(noise_deg=0.8), AIRFLOW, LEVEL, GPS_ATTITUDE.but(enabled=False))
+    sensors = (GPS_VELOCITY.but(latency_s=0.0), MAGNETIC.but(noise_deg=0.8), AIRDATA, LEVEL, GPS_ATTITUDE.but(enabled=False))
     required = (IMU,)
 
     def __init__(self, settings: Any, stations: Any = None) -> None:
@@ -88,13 +89,13 @@ class Ahrs(Navigator):
         super().__init__(settings, stations)
         layout = Layout([core_block(settings.imu), *bias_blocks(settings.imu), *self.aid_blocks()])
         self._attach(layout, InertialCore(layout))
-        field, heading, airflow = getattr(settings, "magnetic", MagneticSettings()), self.aid("magnetic_heading"), self.aid("airflow")
+        field, heading, air = getattr(settings, "magnetic", MagneticSettings()), self.aid("magnetic_heading"), self.aid("airdata")
         self.magnetic = FieldAtPlace(MagneticReference(field.decimal_year, field.declination_deg), settings.place.known())
         for aid in self.aids:
             if hasattr(aid, "reference"):
                 aid.reference = self.magnetic
         heading_deg = None if heading is None else heading.settings.noise_deg
-        slowest_mps = None if airflow is None else airflow.settings.minimum_mps
+        slowest_mps = None if air is None else air.settings.minimum_mps
         self.alignment = Alignment(settings.alignment, settings.imu, settings.level, heading_deg, slowest_mps)
         self.filter, self.axes = self._kind(self), AxesCheck(IMU)
         self._restart()
@@ -124,7 +125,7 @@ class Ahrs(Navigator):
         self.core.settle()
         self.filter.before(aid, measurement)
         used = super().use_aid(aid, measurement)
-        if used:
+        if used and not isinstance(aid, HardIronAid):
             self.filter.used_ns[kind_of(aid.key)] = measurement.stamp_ns
         return used
 
@@ -245,12 +246,12 @@ class Ahrs(Navigator):
             self.settings = replace(self.settings, imu=imu)
             layout = Layout([core_block(imu), *bias_blocks(imu), *self.aid_blocks()])
             self._attach(layout, InertialCore(layout))
-            self.core.history = self.history
+            self._report_to_history()
         begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
         self._aligned, self._kept = True, None
         if self.offsets is not None:
             self.offsets.restart()
-        began_with = {"level": True, "gps": first.gps is not None, "airflow": first.air is not None, "magnetic": first.is_magnetic}
+        began_with = {"level": True, "gps": first.gps is not None, "airdata": first.air is not None, "magnetic": first.is_magnetic}
         self.filter.used_ns = {sensor: first.t_ns for sensor, was_used in began_with.items() if was_used}
         self.filter.begin(first.t_ns)
         self._judge()

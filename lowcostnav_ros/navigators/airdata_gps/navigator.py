@@ -36,7 +36,7 @@ FROM_MODEL, VARIATION_NS = 999.0, 60_000_000_000
 STEP = 1.2
 """Ratio of the stated variances of two fixes in a row that shows another set of satellites."""
 HELD_WORDS = "straight flight: all corrections but the wind are held"
-LEARNING = ("core", "wind", "wind_mean", "airflow", "baro_bias")
+LEARNING = ("core", "wind", "wind_mean", "gust", "airflow", "baro_bias")
 """Blocks that stay observable in straight flight, or decay by themselves."""
 
 
