@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
-from lowcostnav_ros.base.measurements import Attitude, ImuBlock, Measurement
+from lowcostnav_ros.base.measurements import Attitude, Measurement
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.standard import Found, Standard, Summary
 from lowcostnav_ros.formats import dataflash, ulog
 from lowcostnav_ros.formats.log import NO_DATE_S, Log
 from lowcostnav_ros.formats.mavlink import MavlinkParser
 from lowcostnav_ros.formats.nmea import NmeaParser
-from lowcostnav_ros.formats.parser import UTC, Parser
+from lowcostnav_ros.formats.parser import UTC, Parser, shifted
 from lowcostnav_ros.formats.ubx import UbloxParser
 from lowcostnav_ros.messages.bag import new_bag
 
@@ -168,13 +168,6 @@ def _renamed(one: Measurement, offset_ns: int, left_out: set[str]) -> Iterator[M
     yield moved
     if isinstance(moved, Attitude):
         yield replace(moved, source="imu/data")
-
-
-def shifted(one: Measurement, offset_ns: int) -> Measurement:
-    """Return a measurement with its stamps moved."""
-    if isinstance(one, ImuBlock):
-        return ImuBlock.of(one.source, one.stamps_ns + offset_ns, one.specific_force_b, one.angular_rate_b)
-    return replace(one, stamp_ns=one.stamp_ns + offset_ns)
 
 
 def _measurements(path: Path, parser: Parser) -> Iterator[Measurement]:

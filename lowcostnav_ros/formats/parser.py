@@ -1,10 +1,10 @@
 """What the parsers of streams share: bytes in, measurements out, and an account of what was not used and what was assumed."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
-from lowcostnav_ros.base.measurements import Measurement
+from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.formats.framing import Framer, Protocol
 
@@ -87,3 +87,10 @@ class Parser:
         """Yield what can be made of the rest, once no more bytes will come."""
         for protocol, frame in self.framer.feed(b"", is_last=True):
             yield from self.take(protocol, frame)
+
+
+def shifted(one: Measurement, offset_ns: int) -> Measurement:
+    """Return a measurement with its stamps moved."""
+    if isinstance(one, ImuBlock):
+        return ImuBlock.of(one.source, one.stamps_ns + offset_ns, one.specific_force_b, one.angular_rate_b)
+    return replace(one, stamp_ns=one.stamp_ns + offset_ns)
