@@ -7,11 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lowcostnav_ros.convert.recognise import convert_log, recognise
+from lowcostnav_ros.convert.profile import ConvertError
+from lowcostnav_ros.convert.recognise import Options, convert_log, recognise
 from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
-from lowcostnav_ros.formats import dataflash, ubx, ulog
+from lowcostnav_ros.convert.ros_bags import convert_bag
+from lowcostnav_ros.formats import dataflash, flight_tables, igc, ubx, ulog
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.physics.earth import LocalFrame, difference_n
+from lowcostnav_ros.physics.rotation import quats_to_euler
 
 pytestmark = pytest.mark.data
 
@@ -28,6 +31,8 @@ def sample(name):
 @pytest.mark.parametrize(
     ("name", "form"),
     [
+        ("igc/glider_4h_tas_heading.igc", "IGC flight recorder"),
+        ("g1000_csv/cessna_t182t_takeoff.csv", "recording of avionics or a simulator"),
         ("ulog/sitl_groundtruth_28s.ulg.gz", "PX4 ULog"),
         ("dataflash/arduplane_2s.BIN", "ArduPilot dataflash"),
         ("tlog/arduplane_vtol_sitl_gpl.tlog.gz", "MAVLink"),
@@ -130,3 +135,52 @@ def test_the_raw_satellites_of_a_receiver_fly_a_navigator(tmp_path):
     with BagReader(tmp_path / "bag") as bag:
         epochs = list(bag.measurements(["gnss/raw"]))
         assert not bag.decoder.rejected and np.median([int(one.range_valid.sum()) for one in epochs]) >= 5
+
+
+def test_a_glider_flies_over_midnight_and_knows_its_heading():
+    log = igc.read(sample("igc/glider_4h_tas_heading.igc"))
+    series = {one.topic: one for one in log.series}
+    fix, air, attitude = series["gps/fix"], series["air/velocity"], series["imu/data_fused"]
+    assert 15_600e9 < fix.stamps_ns[-1] - fix.stamps_ns[0] < 15_650e9  # recorded at 23:48, over midnight
+    assert 20.0 < np.median(air.fields["tas"]) < 60.0
+    # wind = ground speed - air speed along the heading: from the west at 6 m/s, as the publisher's data give it
+    rows = np.searchsorted(series["gps/vel"].stamps_ns, air.stamps_ns)
+    at = np.searchsorted(attitude.stamps_ns, air.stamps_ns).clip(0, len(attitude.stamps_ns) - 1)
+    yaw = quats_to_euler(attitude.fields["quaternion"])[at, 2]
+    north, east = (air.fields["tas"] * f(yaw) for f in (np.cos, np.sin))
+    wind = series["gps/vel"].fields["velocity"][rows][:, :2] - np.stack([north, east], axis=1)
+    np.testing.assert_allclose(np.median(wind, axis=0), [0.3, 6.2], atol=1.5)
+
+
+def test_a_garmin_recording_counts_heading_and_track_from_magnetic_north():
+    log = flight_tables.read(sample("g1000_csv/cessna_t182t_takeoff.csv"))
+    series = {one.topic: one for one in log.series}
+    fix, velocity = series["gps/fix"], series["gps/vel"].fields["velocity"]
+    north, east = np.diff(fix.fields["lat"]) * 6.36e6, np.diff(fix.fields["lon"]) * 6.38e6 * np.cos(fix.fields["lat"][0])
+    fast = np.hypot(north, east) > 40.0
+    off = np.arctan2(east, north) - np.arctan2(velocity[1:, 1] + velocity[:-1, 1], velocity[1:, 0] + velocity[:-1, 0])
+    assert abs(np.degrees(np.median(np.angle(np.exp(1j * off[fast]))))) < 2.0
+    assert 40.0 < np.median(series["air/velocity"].fields["tas"]) < 55.0
+
+
+def test_a_bag_of_ros_1_keeps_its_numbers(tmp_path):
+    summary = convert_bag(sample("ros1bag/husky_imu_fix_odom.bag"), tmp_path / "bag")
+    assert summary.messages == {"gps/fix": 989, "imu/data_raw": 11865} and "husky_velocity_controller/odom" in str(summary)
+    with BagReader(tmp_path / "bag") as bag:
+        force = np.concatenate([one.specific_force_b for one in bag.measurements(["imu/data_raw"])])
+    np.testing.assert_allclose(np.median(force, axis=0), [0.0, -9.8, 0.0], atol=0.5)
+    assert "--mounting=90,0,0" in str(summary)  # its sensor lies on its side, which is told from gravity
+
+
+def test_a_turned_sensor_is_turned_back(tmp_path):
+    path = sample("ulog/sample_multicopter_68s.ulg.gz")
+    summary = convert_log(path, recognise(path), tmp_path / "bag", Options(mounting_deg=(180.0, 0.0, 0.0)))
+    assert "--mounting=180,0,0" in str(summary)  # it was level before
+
+
+def test_a_bag_of_another_system_is_refused_or_mapped(tmp_path):
+    (tmp_path / "r.db3").write_bytes(gzip.decompress(sample("rosbag2_sqlite/plotjuggler_imu/rosbag2_test_0.db3.gz").read_bytes()))
+    with pytest.raises(ConvertError, match="1565 x imu/data_raw: angular rate implausible"):
+        convert_bag(tmp_path / "r.db3", tmp_path / "bag")
+    with pytest.raises(ConvertError, match="has no topic 'inu' to map; did you mean 'imu'|has no topic 'inu' to map"):
+        convert_bag(tmp_path / "r.db3", tmp_path / "bag", {"inu": "imu/data_raw"})

@@ -11,6 +11,8 @@ from lowcostnav_ros.convert.profile import ConvertError, shipped_profile_for
 from lowcostnav_ros.convert.recognise import Options, convert_log, recognise
 from lowcostnav_ros.convert.rinex import convert_rinex
 from lowcostnav_ros.convert.rinex_files import is_rinex
+from lowcostnav_ros.convert.ros_bags import convert_bag, is_ros_1
+from lowcostnav_ros.messages.foreign import parse_maps
 
 
 def add_arguments(convert: argparse.ArgumentParser) -> None:
@@ -20,9 +22,18 @@ def add_arguments(convert: argparse.ArgumentParser) -> None:
     convert.add_argument("--profile", metavar="NAME|FILE", help="column profile: a shipped one or a YAML file (default: the one that fits)")
     text = "day of a log that holds times of day alone"
     convert.add_argument("--date", type=date.fromisoformat, metavar="YYYY-MM-DD", help=text)
+    text = "bag of ROS 1, or of another system: read this recorded topic as one of ours; may be given more than once"
+    convert.add_argument("--map", action="append", default=[], metavar="RECORDED=OURS", help=text)
+    text = "rotation from the axes of the inertial sensor to those of the aircraft, deg"
+    convert.add_argument("--mounting", type=_angles, metavar="ROLL,PITCH,YAW", help=text)
     text = "RINEX navigation files: SOURCE is then an observation file, and the bag gets gnss/raw"
     convert.add_argument("--navigation", nargs="+", metavar="NAV", help=text)
     convert.add_argument("--at-rest", action="store_true", help="RINEX: the header's coordinates are the truth, recorded as truth/odometry")
+
+
+def _angles(text: str) -> tuple[float, float, float]:
+    roll, pitch, yaw = (float(part) for part in text.split(","))
+    return roll, pitch, yaw
 
 
 @job("Turn a recorded log (CSV, or RINEX files) into a bag with the standard topics.", add_arguments)
@@ -35,8 +46,11 @@ def convert(arguments: argparse.Namespace) -> int:
     if arguments.at_rest:
         raise ConvertError("--at-rest is for RINEX files; give --navigation too, or leave it out.")
     path = Path(arguments.source)
+    if not arguments.profile and (is_ros_1(path) or path.suffix in (".mcap", ".db3") or (path / "metadata.yaml").is_file()):
+        print(convert_bag(path, arguments.output, parse_maps(arguments.map), arguments.mounting))
+        return 0
     if not arguments.profile and path.is_file() and (form := recognise(path)) is not None:
-        print(convert_log(path, form, arguments.output, Options(arguments.date)))
+        print(convert_log(path, form, arguments.output, Options(arguments.date, arguments.mounting)))
         return 0
     profile = arguments.profile or shipped_profile_for(arguments.source)
     report = conversion.convert(arguments.source, profile, arguments.output)

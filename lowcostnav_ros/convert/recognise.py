@@ -11,7 +11,7 @@ from pathlib import Path
 from lowcostnav_ros.base.measurements import Attitude, Measurement
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.standard import Found, Standard, Summary
-from lowcostnav_ros.formats import dataflash, ulog
+from lowcostnav_ros.formats import dataflash, flight_tables, igc, ulog
 from lowcostnav_ros.formats.log import NO_DATE_S, Log
 from lowcostnav_ros.formats.mavlink import MavlinkParser
 from lowcostnav_ros.formats.nmea import NmeaParser
@@ -38,9 +38,18 @@ class Format:
 
 @dataclass(frozen=True)
 class Options:
-    """What a user may say about a log: ``day`` is the date of one that holds times of day alone."""
+    """What a user may say about a log.
+
+    Attributes
+    ----------
+    day : date, optional
+        Of a log that holds times of day alone.
+    mounting_deg : tuple of three floats, optional
+        Roll, pitch, yaw from the axes of the inertial sensor to those of the body.
+    """
 
     day: date | None = None
+    mounting_deg: tuple[float, float, float] | None = None
 
 
 def _frames(head: bytes, parser: Callable[[], Parser]) -> Counter:
@@ -66,6 +75,8 @@ def _is_mavlink(head: bytes) -> bool:
 FORMATS = (
     Format("PX4 ULog", lambda head: head.startswith(ulog.MAGIC), ulog.read),
     Format("ArduPilot dataflash", lambda head: head.startswith((dataflash.MAGIC, dataflash.TEXT_MAGIC)), dataflash.read),
+    Format("IGC flight recorder", igc.fits, igc.read),
+    Format("recording of avionics or a simulator", lambda head: flight_tables.dialect_of(head) is not None, flight_tables.read),
     Format("u-blox", _is_ubx, parser=lambda _: UbloxParser()),
     Format("NMEA 0183", _is_nmea, parser=lambda options: NmeaParser(options.day)),
     Format("MAVLink", _is_mavlink, parser=lambda _: MavlinkParser()),
@@ -99,8 +110,10 @@ def convert_log(path: Path, form: Format, out_bag: str | Path, options: Options 
     ConvertError, FormatError, BagError
         Each with one sentence that says what to do.
     """
+    options = options or Options()
     with new_bag(out_bag, storage) as bag:
-        standard = Standard(bag)
+        standard = Standard(bag, options.mounting_deg)
+        log: Log | None = None
         if form.read is not None:
             log = form.read(path)
             if not log.series:
@@ -108,12 +121,14 @@ def convert_log(path: Path, form: Format, out_bag: str | Path, options: Options 
             standard.put_series(log.series)
             account, time_base = log.account, log.time_base
         else:
-            parser, time_base = _streamed(path, form, options or Options(), standard)
+            parser, time_base = _streamed(path, form, options, standard)
             account = parser.account
         standard.close()
         if not standard.found:
             raise ConvertError(f"{path}: {_nothing(form.name, {**account.refused, **standard.rejected()}, account.left_out)}")
-        return Summary(form.name, time_base, standard.found, account, standard.rejected())
+        if remark := standard.mounting_remark():
+            account.remark(remark)
+        return Summary(log.format if log is not None else form.name, time_base, standard.found, account, standard.rejected())
 
 
 def _nothing(name: str, refused: dict[str, int], left_out: dict[str, int]) -> str:

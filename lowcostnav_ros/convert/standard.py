@@ -8,15 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import Measurement
+from lowcostnav_ros.base.measurements import ImuBlock, MagneticField, Measurement
 from lowcostnav_ros.base.text import counted
+from lowcostnav_ros.base.units import STANDARD_GRAVITY
 from lowcostnav_ros.formats.log import AUTOPILOT, Series, own_solution
 from lowcostnav_ros.formats.parser import Account
 from lowcostnav_ros.formats.records import CheckedRecords, Record
 from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.samples import TableRow
 from lowcostnav_ros.messages.topics import spec
+from lowcostnav_ros.physics.rotation import euler_to_dcm
 
+MOUNTING_SAMPLES = 200
+"""Inertial samples before their mean says anything of gravity."""
 REORDER_NS = 10 * 10**9
 """How far out of order records may come; beyond, they are written where they came."""
 WINDOW_NS = 20 * 10**9
@@ -82,9 +86,14 @@ class Summary:
 
 
 class Standard:
-    """Writes measurements and columns to a recording, in order of stamp within :data:`REORDER_NS`."""
+    """Writes measurements and columns to a recording, in order of stamp within :data:`REORDER_NS`.
 
-    def __init__(self, bag: BagWriter) -> None:
+    ``mounting_deg`` is the rotation (roll, pitch, yaw) from the axes of the inertial sensor and the magnetometer to those of the body.
+    """
+
+    def __init__(self, bag: BagWriter, mounting_deg: tuple[float, float, float] | None = None) -> None:
+        self._turn = None if mounting_deg is None else euler_to_dcm(*np.radians(mounting_deg))
+        self._force_sum, self._samples = np.zeros(3), 0
         self.found: dict[str, Found] = {}
         self._bag, self._checked = bag, CheckedRecords()
         self._waiting: list[tuple[int, int, Record]] = []
@@ -92,7 +101,19 @@ class Standard:
 
     def put(self, measurement: Measurement) -> None:
         """Write one measurement, or count why not."""
+        if self._turn is not None and isinstance(measurement, MagneticField):
+            measurement = replace(measurement, field_b=self._turn @ measurement.field_b)
+        if isinstance(measurement, ImuBlock):
+            if self._turn is not None:
+                force, rate = (vectors @ self._turn.T for vectors in (measurement.specific_force_b, measurement.angular_rate_b))
+                measurement = replace(measurement, specific_force_b=force, angular_rate_b=rate)
+            self._force_sum += measurement.specific_force_b.sum(axis=0)
+            self._samples += len(measurement)
         self._add(self._checked.of(measurement))
+
+    def put_message(self, stamp_ns: int, topic: str, msgtype: str, message: Any) -> None:
+        """Write one message object, or count why not."""
+        self._add(self._checked.of_message(stamp_ns, topic, msgtype, message))
 
     def put_series(self, series: Iterable[Series]) -> None:
         """Write columns, a window of time after the other."""
@@ -110,6 +131,19 @@ class Standard:
         """Write what still waits for its turn."""
         while self._waiting:
             self._write(heapq.heappop(self._waiting)[2])
+
+    def mounting_remark(self) -> str:
+        """One sentence where gravity does not lie where a body's axes have it, which a turned sensor or other axes explain; else empty."""
+        mean = self._force_sum / max(self._samples, 1)
+        if self._samples < MOUNTING_SAMPLES or not 0.7 < np.linalg.norm(mean) / STANDARD_GRAVITY < 1.3 or -mean[2] > 0.7 * STANDARD_GRAVITY:
+            return ""
+        roll, pitch = np.arctan2(-mean[1], -mean[2]), np.arctan2(mean[0], np.hypot(mean[1], mean[2]))
+        turn = ",".join(f"{45 * round(np.degrees(angle) / 45) % 360}" for angle in (roll, pitch))
+        seen = ", ".join(f"{value:.1f}" for value in mean)
+        return (
+            f"The mean specific force is ({seen}) m/s^2 forward right down, where level flight has (0, 0, -9.8): the sensor is turned, or "
+            f"its axes are others; --mounting={turn},0 makes it level (the last angle, of the heading, is yours to say)."
+        )
 
     def rejected(self) -> dict[str, int]:
         """Messages that the decoder refused, by topic and phrase."""
@@ -133,7 +167,7 @@ class Standard:
             if isinstance(built, Measurement):
                 self.put(built)
             else:
-                self._add(self._checked.of_message(stamp_ns, series.topic, kind.msgtype, built))
+                self.put_message(stamp_ns, series.topic, kind.msgtype, built)
 
     def _add(self, records: list[Record]) -> None:
         for record in records:

@@ -8,7 +8,7 @@ import numpy as np
 from lowcostnav_ros.base.units import GAUSS
 from lowcostnav_ros.catalogue.geoid import undulation
 from lowcostnav_ros.formats.air import RATIO_SIGMA, true_airspeed
-from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, FormatError, Log, date_log, level_force, read_bytes
+from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, FormatError, Log, attitude_rates, date_log, level_force, read_bytes
 from lowcostnav_ros.gnss.gps_time import WEEK_NS, unix_ns
 from lowcostnav_ros.physics.rotation import euler_to_quat
 
@@ -194,7 +194,8 @@ def _own_solution(log: Log, data: dict[str, Columns]) -> None:
     if attitude is not None and q_nb is not None and not log.has("imu/data_raw"):
         for topic in ("imu/data", "imu/data_fused"):
             origin = "ATT: the autopilot's own, deg, for want of inertial samples; sigmas assumed, 1 deg and 5 deg in heading"
-            log.add(topic, _stamps(attitude), origin, quaternion=q_nb, rate=np.zeros(3), force=level_force(q_nb), sigma=ATTITUDE_SIGMA)
+            rate = attitude_rates(q_nb, _stamps(attitude))
+            log.add(topic, _stamps(attitude), origin, quaternion=q_nb, rate=rate, force=level_force(q_nb), sigma=ATTITUDE_SIGMA)
     if place is None or filtered is None or not log.has("gps/fix"):
         return
     there = (place["Lat"] != 0.0) | (place["Lng"] != 0.0)

@@ -124,3 +124,41 @@ def level_force(q_nb: np.ndarray) -> np.ndarray:
     w, x, y, z = q_nb.T
     down_b = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z], axis=1)
     return -STANDARD_GRAVITY * down_b
+
+def attitude_rates(q_nb: np.ndarray, stamps_ns: np.ndarray) -> np.ndarray:
+    """Angular rates by differences of an attitude, rad/s, shape (n, 3)."""
+    if len(q_nb) < 2:
+        return np.zeros((len(q_nb), 3))
+    w, v = q_nb[:-1, :1], q_nb[:-1, 1:]
+    w2, v2 = q_nb[1:, :1], q_nb[1:, 1:]
+    scalar = w * w2 + np.sum(v * v2, axis=1, keepdims=True)
+    vector = w * v2 - w2 * v - np.cross(v, v2)
+    rate = 2.0 * np.sign(scalar) * vector / np.maximum(np.diff(stamps_ns) * 1e-9, 1e-3)[:, None]
+    return np.vstack([rate[:1], rate])
+
+
+def heading_attitude(log: Log, stamps_ns: np.ndarray, heading: np.ndarray, speed: np.ndarray, origin: str) -> None:
+    """Add the attitude of coordinated flight: heading as recorded, the bank its change needs, no pitch.
+
+    Parameters
+    ----------
+    log : Log
+    stamps_ns : ndarray of int64, shape (n,)
+    heading : ndarray, shape (n,)
+        Rad from true north.
+    speed : ndarray, shape (n,)
+        True airspeed, m/s.
+    origin : str
+    """
+    if len(stamps_ns) < 3:
+        return
+    seconds = 1e-9 * (stamps_ns - stamps_ns[0])
+    steps = np.maximum(np.gradient(seconds), 1e-3)
+    turn = np.clip(np.gradient(np.unwrap(heading)) / steps, -0.6, 0.6)
+    bank = np.arctan(np.nan_to_num(speed) * turn / STANDARD_GRAVITY)
+    half, roll = 0.5 * heading, 0.5 * bank
+    (ch, sh), (cr, sr) = ((np.cos(angle), np.sin(angle)) for angle in (half, roll))
+    q_nb = np.stack([ch * cr, ch * sr, sh * sr, sh * cr], axis=1)
+    rate = np.stack([np.zeros(len(turn)), turn * np.sin(bank), turn * np.cos(bank)], axis=1)
+    for topic in ("imu/data", "imu/data_fused"):
+        log.add(topic, stamps_ns, origin, quaternion=q_nb, rate=rate, force=level_force(q_nb), sigma=np.radians([8.0, 8.0, 8.0]))

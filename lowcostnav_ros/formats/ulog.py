@@ -8,7 +8,7 @@ import numpy as np
 
 from lowcostnav_ros.base.units import GAUSS
 from lowcostnav_ros.catalogue.geoid import undulation
-from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, FormatError, Log, date_log, level_force, read_bytes
+from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, FormatError, Log, attitude_rates, date_log, level_force, read_bytes
 from lowcostnav_ros.physics import atmosphere
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -155,7 +155,7 @@ def _own_solution(log: Log, data: dict[str, Columns]) -> None:
     q_nb = None if attitude is None else _stack(attitude, *(f"q[{k}]" for k in range(4)))
     if attitude is not None and q_nb is not None and not log.has("imu/data_raw"):
         names = ("rollspeed", "pitchspeed", "yawspeed")
-        rate = _stack(attitude, *names) if names[0] in attitude else _finite_rates(q_nb, _stamps(attitude))
+        rate = _stack(attitude, *names) if names[0] in attitude else attitude_rates(q_nb, _stamps(attitude))
         for topic in ("imu/data", "imu/data_fused"):
             origin = "vehicle_attitude: the autopilot's own, for want of inertial samples; sigmas assumed, 1 deg and 5 deg in heading"
             log.add(topic, _stamps(attitude), origin, quaternion=q_nb, rate=rate, force=level_force(q_nb), sigma=ATTITUDE_SIGMA)
@@ -188,15 +188,3 @@ def _projected(lat0: np.ndarray, lon0: np.ndarray, north: np.ndarray, east: np.n
     lat = np.arcsin(np.clip(np.cos(c) * np.sin(lat0) + x * scale * np.cos(lat0), -1.0, 1.0))
     lon = lon0 + np.arctan2(y * scale, np.cos(lat0) * np.cos(c) - np.sin(lat0) * x * scale)
     return lat, lon
-
-
-def _finite_rates(q_nb: np.ndarray, stamps_ns: np.ndarray) -> np.ndarray:
-    """Angular rates by differences of an attitude, rad/s, shape (n, 3)."""
-    if len(q_nb) < 2:
-        return np.zeros((len(q_nb), 3))
-    w, v = q_nb[:-1, :1], q_nb[:-1, 1:]
-    w2, v2 = q_nb[1:, :1], q_nb[1:, 1:]
-    scalar = w * w2 + np.sum(v * v2, axis=1, keepdims=True)
-    vector = w * v2 - w2 * v - np.cross(v, v2)
-    rate = 2.0 * np.sign(scalar) * vector / np.maximum(np.diff(stamps_ns) * 1e-9, 1e-3)[:, None]
-    return np.vstack([rate[:1], rate])
