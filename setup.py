@@ -52,7 +52,7 @@ data_files = [("share/ament_index/resource_index/packages", [f"resource/{NAME}"]
 if "editable_wheel" not in sys.argv:  # an editable installation reads these where they are edited
     data_files += [
         (f"share/{NAME}", ["package.xml"]),
-        *shared_files("config", ("*.yaml", "*.csv", "*.xml")),
+        *shared_files("config", ("*.yaml", "*.csv", "*.xml", "*.npz")),
         *shared_files("launch", ("*.launch.py",)),
     ]
 
@@ -85,7 +85,8 @@ setup(
         # an extra, not a requirement: on apt Jazzy these wheels would shadow the system's own packages
         "ros": ["ros-jazzy-rclpy==7.1.6", "ros-jazzy-common-interfaces==5.3.6", "ros-jazzy-rmw-fastrtps-cpp==8.4.3"],
         "bags": ["mcap>=1.2"],
-        "drivers": ["pyserial>=3.5", "pynmeagps>=1.0", "pyubx2>=1.2"],
+        "drivers": ["pyserial>=3.5"],
+        "logs": ["pyulog>=1.2"],
         "cluster": ["dask[distributed]>=2024.5"],
         "test": [
             "pytest>=8",

@@ -9,9 +9,10 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lowcostnav_ros.base.measurements import ImuBlock
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, ImuBlock
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.convert import ConvertError, convert, load_profile
+from lowcostnav_ros.convert.guess import guess
 from lowcostnav_ros.convert.profile import profile_from
 from lowcostnav_ros.convert.timebase import straight_line
 from lowcostnav_ros.convert.units_by_name import UNITS
@@ -52,12 +53,12 @@ def converted(tmp_path, checked, name="bag"):
 def test_units_frames_and_malformed_rows(tmp_path):
     (tmp_path / "gps.csv").write_text(ROWS)
     report, measurements = converted(tmp_path, profile(GPS))
-    assert report.messages == {"gps/fix": 2, "gps/vel": 2}
+    assert report.messages == {"gps/fix": 2, "gps/vel": 3}  # a height that is none costs the position, not the velocity
     assert report.malformed == {"gps.csv": [(3, "'alt' is not a number"), (5, "2 columns instead of 7")]}
     assert report.not_increasing == {"gps.csv": 1}
     assert "line 3: 'alt' is not a number" in str(report)
     fix, velocity = measurements[:2]
-    assert (fix.stamp_ns, measurements[2].stamp_ns) == (1_000_000_000_000, 1_000_400_000_000)
+    assert (fix.stamp_ns, measurements[-1].stamp_ns) == (1_000_000_000_000, 1_000_400_000_000)
     np.testing.assert_allclose([fix.lat, fix.lon, fix.height], [np.pi / 4, -93 * np.pi / 180, 304.8], rtol=1e-15)
     np.testing.assert_allclose(np.diag(fix.cov_n), [16, 9, 25])
     np.testing.assert_allclose(velocity.vel_n, np.array([18, 36, -2]) * 0.514444444444444444, rtol=1e-14)
@@ -260,3 +261,48 @@ def test_a_recording_carries_the_settings_of_its_vehicle_and_the_replay_uses_the
     assert build_navigators(["dead_reckoning"], NAVIGATORS, None)["dead_reckoning"].settings.heading.bias_deg != 15.0
     with pytest.raises(ConvertError, match="did you mean 'small_aircraft'"):
         profile_from({**profile, "vehicle": "smal_aircraft"})
+
+
+WIDE = "t,ax,ay,az,gx,gy,gz,lat,lon,alt,gs,trk,ias,p\n"
+
+
+def wide_rows():
+    """A usual logger: inertial data in every row, GPS in each tenth."""
+    for k in range(100):
+        gps = "37.69,-121.8,1000,95,90,90,954.6" if k % 10 == 0 else ",,,,,,"
+        yield f"{0.02 * k:.2f},0,0,-1,1.0,0,0,{gps}\n"
+
+
+def test_a_wide_table_keeps_the_rows_of_each_topic(tmp_path):
+    (tmp_path / "log.csv").write_text(WIDE + "".join(wide_rows()))
+    (tmp_path / "log.yaml").write_text(guess(tmp_path / "log.csv"))
+    report, measurements = converted(tmp_path, load_profile(tmp_path / "log.yaml"))
+    expected = {"gps/fix": 10, "gps/vel": 10, "air/velocity": 10, "air/static_pressure": 10, "imu/data_raw": 100}
+    assert report.messages == expected and not report.malformed
+    fix = next(one for one in measurements if one.source == "gps/fix")
+    assert abs(fix.height - (1000.0 - 32.0)) < 2.0  # above the sea, raised by the geoid
+    velocity = next(one for one in measurements if one.source == "gps/vel")
+    np.testing.assert_allclose(velocity.vel_n, [0.0, 95.0, 0.0], atol=1e-9)
+    assert velocity.cov_n[2, 2] >= UNKNOWN_VARIANCE
+    air = next(one for one in measurements if one.source == "air/velocity")
+    assert 1.02 < air.vel_b[0] / 90.0 < 1.05
+    block = next(one for one in measurements if isinstance(one, ImuBlock))
+    np.testing.assert_allclose(block.specific_force_b[0], [0.0, 0.0, -9.80665])
+
+
+def test_a_guess_says_why_and_refuses_what_it_cannot_read(tmp_path):
+    (tmp_path / "log.csv").write_text(WIDE + "".join(wide_rows()))
+    text = guess(tmp_path / "log.csv")
+    assert "gravity is 1 g along az, which is negative: z down" in text and "hPa} # by its size" in text
+    (tmp_path / "none.csv").write_text("a1,b1\n1,2\n3,4\n")
+    with pytest.raises(ConvertError, match="none of its columns is recognised"):
+        guess(tmp_path / "none.csv")
+    (tmp_path / "bare.csv").write_text("1,2\n3,4\n")
+    with pytest.raises(ConvertError, match="no line of column names"):
+        guess(tmp_path / "bare.csv")
+
+
+def test_fields_that_stand_for_others_are_all_or_nothing():
+    table = {"file": "a.csv", "time": {"column": "t"}, "topics": {"gps/vel": {"speed": {"column": "s", "unit": "kt"}}}}
+    with pytest.raises(ConvertError, match="'velocity' is missing"):
+        profile(table)

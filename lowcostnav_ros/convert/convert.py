@@ -10,6 +10,7 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.catalogue.config_files import config_dir
+from lowcostnav_ros.convert import derived
 from lowcostnav_ros.convert.profile import ConvertError, FieldSpec, Profile, TableProfile, TopicProfile, load_profile
 from lowcostnav_ros.convert.table import Table, read_table
 from lowcostnav_ros.convert.timebase import stamps_ns
@@ -34,6 +35,7 @@ class ConversionReport:
     malformed : dict of file to list of (line number, reason)
     skipped : dict of file to rows skipped by ``keep`` and ``every``
     not_increasing : dict of file to rows skipped because their time did not increase
+    rows : dict of file to rows read
     vehicle : name of the vehicle whose settings the recording carries, empty for none
     """
 
@@ -41,14 +43,20 @@ class ConversionReport:
     malformed: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
     skipped: dict[str, int] = field(default_factory=dict)
     not_increasing: dict[str, int] = field(default_factory=dict)
+    rows: dict[str, int] = field(default_factory=dict)
     vehicle: str = ""
+
+    @property
+    def malformed_share(self) -> float:
+        """Share of the rows with something malformed."""
+        return sum(map(len, self.malformed.values())) / max(sum(self.rows.values()), 1)
 
     def __str__(self) -> str:
         """Return lines for a terminal."""
         lines = [f"{count:8d}  {topic}" for topic, count in self.messages.items()]
         for file, rows in self.malformed.items():
             shown = "; ".join(f"line {number}: {reason}" for number, reason in rows[:_SHOWN])
-            lines.append(f"{file}: {len(rows)} malformed rows skipped ({shown}{'; ...' if len(rows) > _SHOWN else ''})")
+            lines.append(f"{file}: {len(rows)} malformed rows or cells left out ({shown}{'; ...' if len(rows) > _SHOWN else ''})")
         lines += [f"{file}: {n} rows skipped by the profile" for file, n in self.skipped.items() if n]
         lines += [f"{file}: {n} rows skipped, their time does not increase" for file, n in self.not_increasing.items() if n]
         if self.vehicle:
@@ -115,6 +123,7 @@ def _file(source: Path, profile: TableProfile, tables: int) -> Path:
 
 def _records(path: Path, profile: TableProfile, report: ConversionReport) -> list[Record]:
     table = read_table(path, profile)
+    report.rows[path.name] = table.total
     stamps = stamps_ns(table, profile.time, path.parent)
     if table.malformed:
         report.malformed[path.name] = table.malformed
@@ -128,10 +137,22 @@ def _records(path: Path, profile: TableProfile, report: ConversionReport) -> lis
         raise ConvertError(f"{path}: the profile leaves no row; relax 'keep' or correct the time.")
     records: list[Record] = []
     for topic in profile.topics:
-        columns = {name: _values(spec, table, rising) for name, spec in topic.fields.items()}
-        _refuse_no_place(columns, table, rising, f"{path}, {topic.topic}")
-        records += _topic_records(topic, stamps[rising], columns)
+        there = rising.copy()
+        for one in topic.fields.values():  # a cell that is empty or no number costs its own topic, not the row
+            for name in one.columns:
+                there &= np.isfinite(table.numbers[name])
+        columns = {name: _values(one, table, there) for name, one in topic.fields.items()}
+        _refuse_no_place(columns, table, there, f"{path}, {topic.topic}")
+        if there.any():
+            kind = spec(topic.topic)
+            records += _topic_records(topic, stamps[there], derived.complete(kind.name, kind, columns, int(there.sum())))
+    if not records:
+        raise ConvertError(f"{path}: no row has all the numbers of a topic; {_first_malformed(table)}.")
     return records
+
+
+def _first_malformed(table: Table) -> str:
+    return f"the first that fails is line {table.malformed[0][0]}: {table.malformed[0][1]}" if table.malformed else "their cells are empty"
 
 
 def _topic_records(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Record]:

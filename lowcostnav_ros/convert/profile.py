@@ -8,6 +8,7 @@ from typing import Any
 from lowcostnav_ros.base.documents import read_yaml
 from lowcostnav_ros.base.settings import nearest, shown
 from lowcostnav_ros.catalogue.config_files import config_dir, find_config
+from lowcostnav_ros.convert import derived
 from lowcostnav_ros.convert.units_by_name import UNITS
 from lowcostnav_ros.messages.kind import TOPICS, Quantity
 from lowcostnav_ros.messages.topics import kind_of
@@ -196,9 +197,10 @@ def _topic(topic: str, content: Any, where: str) -> TopicProfile:
     if kind is None or not kind.fields:
         possible = [name for name, other in TOPICS.items() if other.fields]
         raise ConvertError(f"{where}: a table cannot become this topic{nearest(topic, possible)}.")
-    expected = kind.fields
-    required = *(name for name, quantity in expected.items() if quantity.required), *(set(kind.options) - {"mounting_deg"})
-    _known(content, {*expected, *kind.options}, where, required)
+    expected = derived.possible(kind.name, kind)
+    _known(content, {*expected, *kind.options}, where, tuple(set(kind.options) - {"mounting_deg"}))
+    if lacking := derived.missing(kind.name, kind, set(content)):
+        raise ConvertError(f"{where}: '{lacking}' is missing.")
     fields = {name: _field(value, expected[name], f"{where}.{name}") for name, value in content.items() if name in expected}
     if "quaternion" in expected and ("quaternion" in fields) == ("euler" in fields):
         raise ConvertError(f"{where}: give the attitude either as 'quaternion' or as 'euler'.")

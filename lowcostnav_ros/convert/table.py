@@ -56,6 +56,7 @@ def read_table(path: Path, profile: TableProfile) -> Table:
     wanted = sorted(profile.needed())
     where = _places(wanted, names, path)
     text_places = _places(profile.time.columns, names, path) if profile.time.text_format else []
+    time_places = [] if profile.time.text_format else [wanted.index(name) for name in profile.time.columns]
     rows: list[list[float]] = []
     table = Table({}, [], np.zeros(0, int))
     ends: list[int] = []
@@ -67,11 +68,17 @@ def read_table(path: Path, profile: TableProfile) -> Table:
         cells = cells_of(line, delimiter)
         if delimiter == ";":
             cells = [cell.replace(",", ".") for cell in cells]  # such tables come with a decimal comma
-        values, reason = _numbers(cells, where, wanted, len(names))
-        if text_places and not reason:
-            written, reason = _written(" ".join(cells[k] for k in text_places), profile.time.text_format)
-        if reason:
-            table.malformed.append((number, reason))
+        if len(cells) < len(names):
+            table.malformed.append((number, f"{len(cells)} columns instead of {len(names)}"))
+            continue
+        values, reason = _numbers(cells, where, wanted)
+        is_timed = all(math.isfinite(values[k]) for k in time_places)
+        if text_places and is_timed:
+            written, bad = _written(" ".join(cells[k] for k in text_places), profile.time.text_format)
+            reason, is_timed = bad or reason, not bad
+        if reason or not is_timed:
+            table.malformed.append((number, reason or "no time"))
+        if not is_timed:
             continue
         rows.append(values)
         ends.append(end)
@@ -119,17 +126,20 @@ def _places(wanted: list[str] | tuple[str, ...], names: tuple[str, ...], path: P
     return [names.index(name) for name in wanted]
 
 
-def _numbers(cells: list[str], where: list[int], wanted: list[str], width: int) -> tuple[list[float], str]:
-    if len(cells) < width:
-        return [], f"{len(cells)} columns instead of {width}"
-    try:
-        values = [float(cells[k]) for k in where]
-    except ValueError:
-        bad = next(name for name, k in zip(wanted, where, strict=True) if not is_number(cells[k]))
-        return [], f"'{bad}' is not a number"
-    if not all(map(math.isfinite, values)):
-        return [], "a value is not finite"
-    return values, ""
+def _numbers(cells: list[str], where: list[int], wanted: list[str]) -> tuple[list[float], str]:
+    """The numbers of a row, NaN where a cell is empty or no number, and what is wrong with the first that is neither empty nor one."""
+    values, reason = [], ""
+    for name, k in zip(wanted, where, strict=True):
+        cell = cells[k]
+        try:
+            value = float(cell) if cell else math.nan
+        except ValueError:
+            value = math.nan
+            reason = reason or f"'{name}' is not a number"
+        if cell and not math.isfinite(value):
+            reason, value = reason or "a value is not finite", math.nan
+        values.append(value)
+    return values, reason
 
 
 def _written(text: str, text_format: str) -> tuple[int, str]:

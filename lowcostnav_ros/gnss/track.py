@@ -99,33 +99,32 @@ def track(
     advance : callable, optional
         Called with the number of epochs done.
     """
-    follower = _Follower(navigation, settings or CorrectionSettings(), raim_settings)
+    follower = Follower(navigation, settings or CorrectionSettings(), raim_settings)
     for done, raw in enumerate(epochs, 1):
-        follower.take(raw)
+        follower.out.located.append(follower.take(raw))
         if advance is not None:
             advance(done)
     return follower.out
 
 
-class _Follower:
-    """Carries the last good position and the watch over the clock from epoch to epoch."""
+class Follower:
+    """Carries the last good position and the watch over the clock from epoch to epoch, in a recording or as they come."""
 
-    def __init__(self, navigation: Navigation, settings: CorrectionSettings, raim_settings: raim.RaimSettings | None) -> None:
+    def __init__(self, navigation: Navigation, settings: CorrectionSettings, raim_settings: raim.RaimSettings | None = None) -> None:
         self.out = Track()
         self._navigation, self._settings, self._raim = navigation, settings, raim_settings
         self._watch = ClockWatch()
         self._runs_away = False
         self._good: tuple[int, np.ndarray, float] | None = None
 
-    def take(self, raw: RawEpoch) -> None:
-        """Locate the next epoch."""
+    def take(self, raw: RawEpoch) -> Located:
+        """Locate the next epoch; ``out`` gets everything but what is returned."""
         satellites = len(raw)
         raw = self._without_jumps(raw)
         try:
             used, result = self._located(raw, self._good[1] if self._good else None)
         except GnssError as error:
-            self.out.located.append(Located(raw.gps_ns, satellites, self._held(raw), None, None, str(error)))
-            return
+            return Located(raw.gps_ns, satellites, self._held(raw), None, None, str(error))
         clock_m = next(iter(result.fix.clocks_m.values()))
         if result.verdict in TRUSTED:
             self._good = raw.gps_ns, result.fix.position_e, clock_m
@@ -135,7 +134,7 @@ class _Follower:
         else:
             self._watch_clock(raw.gps_ns, clock_m)
         velocity = _velocity(used, result) if result.verdict != raim.FAULTY else None
-        self.out.located.append(Located(raw.gps_ns, satellites, epoch, result, velocity))
+        return Located(raw.gps_ns, satellites, epoch, result, velocity)
 
     def _without_jumps(self, raw: RawEpoch) -> RawEpoch:
         report = self._watch.observe(raw)

@@ -9,7 +9,8 @@ from lowcostnav_ros.catalogue.config_files import yaml_of
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.sensors.registry import SIMULATORS
 
-SOURCE, SIMULATOR, NAVIGATOR, NODE, RECORDER, MONITOR = KINDS = ("source", "simulator", "navigator", "node", "recorder", "monitor")
+KINDS = ("source", "driver", "simulator", "navigator", "node", "recorder", "monitor")
+SOURCE, DRIVER, SIMULATOR, NAVIGATOR, NODE, RECORDER, MONITOR = KINDS
 """Kinds of executables, in the order in which a graph stops them: what feeds before what is fed, so that a recording is complete."""
 
 _SUFFIX = "_simulator"

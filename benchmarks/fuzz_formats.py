@@ -1,0 +1,197 @@
+"""Mutated byte streams through every parser: no exception, nothing accepted that cannot be, back in step within a frame; prints JSON.
+
+    python benchmarks/fuzz_formats.py               # 10 000 streams for each parser
+    python benchmarks/fuzz_formats.py --streams 500
+
+Half of the streams are mutated on the wire (bytes changed, lost, added, repeated), half inside the frames, whose check sums are then made
+right again: what a receiver with a fault would send.
+"""
+
+import argparse
+import os
+import struct
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from common import run
+
+from lowcostnav_ros.formats import mavlink, nmea, ubx
+from lowcostnav_ros.formats.mavlink_messages import CHECK_BYTES
+from lowcostnav_ros.formats.parser import Parser
+from lowcostnav_ros.formats.records import CheckedRecords
+
+TAIL = 3
+"""Good copies of the first frame after each stream: all but the first must be found again."""
+
+
+def sentence(body: str) -> bytes:
+    """An NMEA sentence with its check sum."""
+    return f"${body}*{nmea.checksum(body.encode()):02X}\r\n".encode()
+
+
+def nmea_frames() -> list[bytes]:
+    """Two seconds of a receiver."""
+    lines = []
+    for k in range(2):
+        lines += [
+            f"GPRMC,12000{k}.00,A,3741.6000,N,12149.2000,W,95.0,273.4,01082{5},,,A",
+            f"GPGGA,12000{k}.00,3741.6000,N,12149.2000,W,1,09,0.9,500.0,M,-28.0,M,,",
+            f"GPGST,12000{k}.00,1.1,1.2,1.0,30.0,1.1,1.2,2.0",
+            "GPGSA,A,3,01,02,03,04,05,06,07,08,,,,,1.8,0.9,1.5",
+            f"GPZDA,12000{k}.00,01,08,2025,00,00",
+            "PGRMZ,1640,f,3",
+        ]
+    return [sentence(line) for line in lines]
+
+
+def ubx_frames() -> list[bytes]:
+    """NAV-PVT, NAV-COV, RXM-RAWX and RXM-SFRBX."""
+    frames = []
+    for k in range(2):
+        tow = 302_400_000 + 1000 * k
+        pvt = (tow, 2025, 8, 1, 12, 0, k, 7, 20, -400, 3, 1, 0, 12, -1_218_200_000, 376_933_000, 472_000, 500_000, 1500, 2400,
+               -2000, 48_000, 10, 48_040, 9_240_000, 300, 100_000, 150)  # fmt: skip
+        frames.append(ubx.frame_of(0x01, 0x07, ubx._PVT.pack(*pvt).ljust(92, b"\0")))
+        frames.append(ubx.frame_of(0x01, 0x36, struct.pack("<IBBB9x12f", tow, 0, 1, 1, *([1.0, 0.1, 0.0, 1.0, 0.0, 4.0] * 2))))
+        raw = np.zeros(6, ubx._SIGNAL)
+        raw["pseudorange"], raw["doppler"], raw["sat_id"], raw["cn0"], raw["status"] = 2.2e7, 1200.0, np.arange(1, 7), 42, 1
+        frames.append(ubx.frame_of(0x02, 0x15, struct.pack("<dHbBBB2x", 302_400.0 + k, 2377, 18, 6, 1, 1) + raw.tobytes()))
+        frames.append(ubx.frame_of(0x02, 0x13, bytes((0, 5, 0, 0, 10, 0, 2, 0)) + struct.pack("<10I", *([0x22C0_0000 + (k << 8)] * 10))))
+    return frames
+
+
+def mavlink_frame(number: int, payload: bytes, sequence: int = 0, version: int = 2, system: int = 1) -> bytes:
+    """A frame of component 1."""
+    if version == 1:
+        body = bytes((len(payload), sequence, system, 1, number)) + payload
+    else:
+        body = bytes((len(payload), 0, 0, sequence, system, 1)) + number.to_bytes(3, "little") + payload
+    check = mavlink.check_sum(body + bytes((CHECK_BYTES[number],)))
+    return (b"\xfe" if version == 1 else b"\xfd") + body + check.to_bytes(2, "little")
+
+
+def mavlink_frames() -> list[bytes]:
+    """Every message that is read, in both versions."""
+    frames = []
+    for k in range(2):
+        boot = 10_000 + 100 * k
+        place = 376_933_000, -1_218_200_000, 500_000
+        gps = struct.pack("<QiiiHHHHBBiIII", 1000 * boot, *place, 90, 140, 4900, 27_340, 3, 12, 472_000, 1200, 1900, 200)
+        high = struct.pack("<Q13fH", 1000 * boot, 0.1, 0.2, -9.8, 0.01, 0.0, 0.02, 0.22, 0.05, 0.42, 954.6, 14.5, 500.0, 20.0, 0x1FFF)
+        messages = [
+            (0, struct.pack("<IBBBBB", 0, 1, 3, 81, 4, 3)),
+            (1, struct.pack("<IIIHHhHHHHHHb", 16, 16, 16, 0, 12_000, 0, 0, 0, 0, 0, 0, 0, 50)),
+            (2, struct.pack("<QI", 1_754_049_600_000_000 + 1000 * boot, boot)),
+            (27, struct.pack("<Q9h", 1000 * boot, 10, 20, -1000, 10, 0, 20, 220, 50, 420)),
+            (29, struct.pack("<Iffh", boot, 954.6, 14.5, 2000)),
+            (30, struct.pack("<I6f", boot, 0.1, 0.05, 1.2, 0.01, 0.0, 0.02)),
+            (33, struct.pack("<IiiiihhhH", boot, 376_933_000, -1_218_200_000, 500_000, 500_000, 100, 4900, 10, 27_340)),
+            (74, struct.pack("<ffffhH", 50.0, 49.0, 500.0, 0.1, 273, 60)),
+            (24, gps), (105, high), (26, struct.pack("<I9h", boot + 50, 10, 20, -1000, 10, 0, 20, 220, 50, 420)),
+        ]  # fmt: skip
+        frames += [mavlink_frame(number, payload, k, 1 if number < 100 and number != 24 and k else 2) for number, payload in messages]
+    return frames
+
+
+def again_sound(frame: bytes) -> bytes:
+    """The frame with a right check sum."""
+    if frame[:2] == b"\xb5\x62":
+        return frame[:-2] + ubx.checksum(frame[2:-2])
+    if frame[:1] == b"$":
+        body = frame[1:].rpartition(b"*")[0]
+        return b"$" + body + f"*{nmea.checksum(body):02X}\r\n".encode()
+    one = frame[:1] == b"\xfe"
+    number = frame[5] if one else int.from_bytes(frame[7:10], "little")
+    body = frame[1:-2]
+    return frame[:1] + body + mavlink.check_sum(body + bytes((CHECK_BYTES.get(number, 0),))).to_bytes(2, "little")
+
+
+HEADS = {b"\xb5": 6, b"$": 6, b"\xfe": 6, b"\xfd": 10}
+"""Bytes that say which message follows: left alone where the content is mutated."""
+
+
+def mutated(frames: list[bytes], rng: np.random.Generator, is_sound: bool) -> bytes:
+    """A stream with one to eight faults."""
+    if is_sound:
+        frames = list(frames)
+        for _ in range(rng.integers(1, 9)):
+            k = int(rng.integers(len(frames)))
+            frame, head = bytearray(frames[k]), HEADS[frames[k][:1]]
+            end = len(frame) - (5 if frame[:1] == b"$" else 2)
+            for _ in range(rng.integers(1, 9)):
+                at = int(rng.integers(head, end))
+                text = b"0123456789.,-+eENWMnaif"
+                frame[at] = text[rng.integers(len(text))] if frame[:1] == b"$" else rng.choice([0, 0x7F, 0x80, 0xFF, rng.integers(256)])
+            frames[k] = again_sound(bytes(frame))
+        return b"".join(frames)
+    stream = bytearray(b"".join(frames))
+    for _ in range(rng.integers(1, 9)):
+        at, size = int(rng.integers(max(len(stream) - 1, 1))), int(rng.integers(1, 40))
+        match rng.integers(5):
+            case 0:
+                stream[at : at + 1] = rng.bytes(1)
+            case 1:
+                del stream[at : at + size]
+            case 2:
+                stream[at:at] = rng.bytes(size)
+            case 3:
+                stream[at:at] = stream[at : at + size]
+            case _:
+                del stream[at:]
+                stream += rng.bytes(size)
+    return bytes(stream)
+
+
+PARSERS: dict[str, tuple[Callable[[], Parser], Callable[[], list[bytes]]]] = {
+    "nmea": (nmea.NmeaParser, nmea_frames),
+    "ubx": (ubx.UbloxParser, ubx_frames),
+    "mavlink": (mavlink.MavlinkParser, mavlink_frames),
+}
+
+
+def pieces(stream: bytes, rng: np.random.Generator) -> Iterator[bytes]:
+    """The stream in pieces as a port gives it."""
+    at = 0
+    while at < len(stream):
+        size = int(rng.integers(1, 200))
+        yield stream[at : at + size]
+        at += size
+
+
+def fuzz(name: str, streams: int, seed: int = 1) -> dict[str, object]:
+    """Feed a parser; return what went wrong, empty lists where nothing did."""
+    make, frames_of = PARSERS[name]
+    rng, frames, checked = np.random.default_rng(seed), frames_of(), CheckedRecords()
+    raised: list[str] = []
+    lost, measurements, began = 0, 0, time.perf_counter()
+    for k in range(streams):
+        parser = make()
+        stream = mutated(frames, rng, is_sound=bool(k % 2))
+        try:
+            for piece in pieces(stream, rng):
+                for one in parser.feed(piece):
+                    measurements += len(checked.of(one))
+            before = sum(parser.framer.frames.values())
+            for one in [*parser.feed(frames[0] * TAIL), *parser.close()]:
+                measurements += len(checked.of(one))
+            lost += sum(parser.framer.frames.values()) - before < TAIL - 1
+        except Exception as error:
+            if os.environ.get("FUZZ_RAISE"):
+                raise
+            raised.append(f"{type(error).__name__}: {error}")
+    elapsed = time.perf_counter() - began
+    return {
+        "streams": streams, "measurements": measurements, "raised": sorted(set(raised)), "out_of_step": lost,
+        "refused": checked.refused(),
+        "streams_per_s": round(streams / elapsed, 1),
+    }  # fmt: skip
+
+
+def measure(arguments: argparse.Namespace) -> dict[str, object]:
+    """Fuzz every parser."""
+    return {name: fuzz(name, 200 if arguments.quick else arguments.streams) for name in PARSERS}
+
+
+if __name__ == "__main__":
+    run(__doc__ or "", measure, streams={"type": int, "default": 10_000})

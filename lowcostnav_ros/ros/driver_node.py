@@ -1,0 +1,195 @@
+"""A driver: bytes of a port through a parser onto the standard topics, at times of this computer's clock."""
+
+import threading
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from lowcostnav_ros.base.measurements import Measurement
+from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.text import counted
+from lowcostnav_ros.formats.clock_fit import ClockFit
+from lowcostnav_ros.formats.parser import Parser, shifted
+from lowcostnav_ros.formats.records import CheckedRecords
+from lowcostnav_ros.ros.input_monitor import ERROR, OK, WARN, Status
+from lowcostnav_ros.ros.node_base import NodeBase, Output
+from lowcostnav_ros.ros.port import BAUDS, Port, PortError, open_port, parse_source
+
+READ_S = 0.2
+REOPEN_S = 0.5
+"""A port that is gone is tried again this often."""
+TRY_S = 2.0
+"""How long a baud rate is listened to before the next is tried."""
+
+
+@dataclass(frozen=True)
+class ClockSettings:
+    """Where the time of a message comes from."""
+
+    source: str = setting(
+        "computer",
+        "computer: the device's times mapped onto this computer's clock, by a fit to the times of arrival; device: the device's own UTC.",
+        choices=("computer", "device"),
+    )
+    latency_s: float = setting(0.0, "Shortest delay from the measurement to its arrival, taken off.", unit="s", minimum=0.0, maximum=2.0)
+
+
+@dataclass(frozen=True)
+class PortSettings:
+    """A port and the time of what comes from it."""
+
+    source: str = setting("/dev/ttyUSB0", "Serial port (best by /dev/serial/by-id/...), file:PATH, tcp:HOST:PORT or udp:PORT.")
+    baud: int = setting(0, "Serial rate; 0 finds it.", minimum=0, maximum=4_000_000)
+    silent_after_s: float = setting(3.0, "A port without a byte for longer is reported.", unit="s", minimum=0.5, maximum=600.0)
+    file_pace: float = setting(1.0, "A file is read at this multiple of its own time; 0: at once.", minimum=0.0, maximum=1000.0)
+    instance: int = setting(1, "Number of this device among its kind: 2 publishes gps2/fix in place of gps/fix.", minimum=1, maximum=9)
+    clock: ClockSettings = group(ClockSettings)
+
+    def __post_init__(self) -> None:
+        parse_source(self.source)
+
+
+class DriverNode(NodeBase):
+    """Base of the drivers; a subclass gives ``name``, ``Settings`` and :meth:`make_parser`, and may choose what is published."""
+
+    name: ClassVar[str]
+    Settings: ClassVar[type[PortSettings]] = PortSettings
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(self.name, [self.Settings()], **kwargs)
+        self.settings: Any = self.parameters.settings[0]
+        self.parser = self.make_parser()
+        self._checked, self._fit = CheckedRecords(), ClockFit()
+        self._state, self._trouble, self._bytes, self._opened, self._baud = "starting", "", 0, 0, self.settings.baud
+        self._began: tuple[int, float] | None = None
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="port", daemon=True)
+        self._thread.start()
+
+    def make_parser(self) -> Parser:
+        """Return the parser of the protocol."""
+        raise NotImplementedError
+
+    def published(self, measurement: Measurement) -> Iterable[Measurement]:
+        """Return what is published of a measurement, with the topics' names."""
+        yield measurement
+
+    def running(self) -> bool:
+        """False once the node is to stop."""
+        return not self._stopping.is_set() and self.context.ok()
+
+    def rows(self) -> Iterable[Status]:
+        """Add the state of the port and of the protocol to the rows of every node."""
+        yield from super().rows()
+        framer, account = self.parser.framer, self.parser.account
+        level = ERROR if self._trouble else WARN if not sum(framer.frames.values()) else OK
+        values = {"source": self.settings.source, "baud": str(self._baud), "bytes": str(self._bytes), "opened": str(self._opened)}
+        values |= {"frames": counted(framer.frames), "broken": counted(framer.broken), "skipped_bytes": str(framer.skipped)}
+        values |= {"refused": counted({**account.refused, **self._checked.refused()}), "remarks": " ".join(account.remarks[-3:])}
+        values |= {"drift_ppm": f"{self._fit.drift_ppm:.1f}", "clock_steps": str(self._fit.steps)}
+        yield Status(f"{self.get_name()}: port", level, self._trouble or self._state, values)
+
+    def destroy_node(self) -> None:
+        """End the thread, then the node."""
+        if hasattr(self, "_stopping"):
+            self._stopping.set()
+            self._thread.join(5.0)
+        super().destroy_node()
+
+    def _run(self) -> None:
+        bauds = [self.settings.baud] if self.settings.baud else list(BAUDS)
+        turn = 0
+        while self.running():
+            self._baud = bauds[turn % len(bauds)]
+            try:
+                port = open_port(self.settings.source, self._baud)
+            except PortError as error:
+                self._say(str(error))
+                self._stopping.wait(REOPEN_S)
+                continue
+            self._opened += 1
+            try:
+                turn += not self._listen(port, len(bauds) > 1 and self.settings.source.startswith(("/", "serial:")))
+            except PortError as error:
+                self._say(str(error))
+                self._stopping.wait(REOPEN_S)
+            except Exception as error:  # bad data in flight never ends a driver
+                if self.running():
+                    self._say(f"error in handling: {type(error).__name__}: {error}")
+                    self._stopping.wait(REOPEN_S)
+            finally:
+                port.close()
+
+    def _listen(self, port: Port, is_searching: bool) -> bool:
+        """Read until the port is gone; return False where no frame came at this rate."""
+        opened = heard = time.monotonic()
+        before = sum(self.parser.framer.frames.values())
+        while self.running():
+            data = port.read(READ_S)
+            received_ns = self.get_clock().now().nanoseconds
+            if data is None:
+                self._publish(self.parser.close(), received_ns)
+                self._say("", "the whole file was read")
+                while self.running():
+                    self._stopping.wait(READ_S)
+                return True
+            now = time.monotonic()
+            heard = now if data else heard
+            self._bytes += len(data)
+            self._publish(self.parser.feed(data), received_ns)
+            found = sum(self.parser.framer.frames.values()) > before
+            if is_searching and not found and now - opened > TRY_S:
+                self._say(f"{self.settings.source} gives {'no known message' if self._bytes else 'no bytes'} at {self._baud} baud")
+                return False
+            if now - heard > self.settings.silent_after_s:
+                self._say(f"{self.settings.source} is open, but no bytes have come for {now - heard:.0f} s; check the wiring")
+            elif found:
+                self._say("", f"{self.settings.source} open{f' at {self._baud} baud' if self._baud else ''}, messages come")
+        return True
+
+    def _publish(self, measurements: Iterable[Measurement], received_ns: int) -> None:
+        for measurement in measurements:
+            moved = self._timed(measurement, received_ns)
+            if moved is None:
+                continue
+            for one in self.published(moved):
+                for _, topic, _, cdr in self._checked.of(one):
+                    self._output(topic).send(cdr)
+
+    def _timed(self, measurement: Measurement, received_ns: int) -> Measurement | None:
+        """Return the measurement at its time by the clock that is asked for, None where that is not known yet."""
+        if self.settings.source.startswith("file:"):
+            received_ns = self._paced(measurement.stamp_ns)
+        if self.settings.clock.source == "device":
+            offset_ns = self.parser.utc_offset_ns
+            if offset_ns is None:
+                self.parser.account.refused["message before the device knows UTC"] += 1
+                return None
+        else:
+            offset_ns = self._fit.map(measurement.stamp_ns, received_ns) - measurement.stamp_ns
+        offset_ns -= round(1e9 * self.settings.clock.latency_s)
+        return shifted(measurement, offset_ns) if offset_ns else measurement
+
+    def _paced(self, stamp_ns: int) -> int:
+        """Wait until a measurement of a file is due; return the time at which it would have come."""
+        pace = self.settings.file_pace
+        now_ns = self.get_clock().now().nanoseconds
+        if self._began is None or stamp_ns < self._began[0]:
+            self._began = stamp_ns, now_ns
+        due_ns = self._began[1] + (stamp_ns - self._began[0]) / (pace or 1.0)
+        if pace:
+            self._stopping.wait(max(due_ns - now_ns, 0.0) * 1e-9)
+        return round(self._began[1] + (stamp_ns - self._began[0]))
+
+    def _output(self, topic: str) -> Output:
+        first, slash, rest = topic.partition("/")
+        return self.output(f"{first}{self.settings.instance}{slash}{rest}" if self.settings.instance > 1 else topic)
+
+    def _say(self, trouble: str, state: str = "") -> None:
+        """Take over the state; a new trouble is logged once."""
+        if trouble and trouble != self._trouble:
+            self.get_logger().warning(trouble)
+        elif self._trouble and not trouble:
+            self.get_logger().info(state)
+        self._trouble, self._state = trouble, state or self._state

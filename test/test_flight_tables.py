@@ -1,0 +1,64 @@
+"""Text recordings of simulators, written here: units, names of columns, times."""
+
+import numpy as np
+import pytest
+
+from lowcostnav_ros.convert.recognise import convert_log, recognise
+from lowcostnav_ros.formats import flight_tables, igc
+from lowcostnav_ros.formats.log import FormatError
+
+XPLANE = """
+   _real,_time |   _totl,_time |   Vind,_kias |   Vtrue,_ktas |   Vtrue,_ktgs |  __VVI,__fpm |
+   pitch,__deg |   _roll,__deg |   hding,_true |   hpath,__deg |   __lat,__deg |   __lon,__deg |   __alt,ftmsl |
+"""
+
+
+def xplane():
+    header = XPLANE.strip("\n").replace("\n", "")
+    speeds = "95.0 | 100.0 | 110.0 | 600.0 | 5.0 | 0.0 | 90.0 | 90.0"
+    rows = [f" {10 + k:.3f} | {10 + k:.3f} | {speeds} | 37.69 | {-121.8 + 0.0006 * k:.5f} | 1000.0 |" for k in range(20)]
+    return "\n" + header + "\n" + "\n".join(rows) + "\n"
+
+
+FLIGHTGEAR = (
+    "Time,/position/latitude-deg,/position/longitude-deg,/position/altitude-ft,/velocities/airspeed-kt,/orientation/heading-deg,"
+    "/orientation/pitch-deg,/orientation/roll-deg,/velocities/speed-north-fps,/velocities/speed-east-fps\n"
+)
+
+
+def test_xplane(tmp_path):
+    (tmp_path / "Data.txt").write_text(xplane())
+    path = tmp_path / "Data.txt"
+    summary = convert_log(path, recognise(path), tmp_path / "bag")
+    assert summary.format == "X-Plane Data.txt" and summary.messages["gps/fix"] == 20
+    series = {one.topic: one.fields for one in flight_tables.read(path).series}
+    np.testing.assert_allclose(series["gps/vel"]["velocity"][0], [0.0, 110 * 1852 / 3600, -600 * 0.3048 / 60], atol=1e-9)
+    np.testing.assert_allclose(series["air/velocity"]["tas"][0], 100 * 1852 / 3600)
+    assert abs(series["gps/fix"]["height"][0] - (304.8 - 32.0)) < 2.0  # the geoid is 32 m below the ellipsoid there
+
+
+def test_flightgear(tmp_path):
+    rows = [f"{0.5 * k},37.69,{-121.8 + 1e-4 * k},1000,95,90,5,0,0,150" for k in range(20)]
+    (tmp_path / "fg.csv").write_text(FLIGHTGEAR + "\n".join(rows))
+    log = flight_tables.read(tmp_path / "fg.csv")
+    series = {one.topic: one for one in log.series}
+    assert log.format == "FlightGear log" and np.all(np.diff(series["gps/fix"].stamps_ns) == 5 * 10**8)
+    np.testing.assert_allclose(series["gps/vel"].fields["velocity"][0], [0.0, 45.72, 0.0])
+
+
+def test_an_igc_flight_without_a_date_or_fix_is_refused(tmp_path):
+    (tmp_path / "a.igc").write_text("AXXX001\nB1200004500000N00700000EA0100001100\n")
+    with pytest.raises(FormatError, match="states no date"):
+        igc.read(tmp_path / "a.igc")
+    (tmp_path / "b.igc").write_text("AXXX001\nHFDTE010825\nHFFXA035\n")
+    with pytest.raises(FormatError, match="holds no fix"):
+        igc.read(tmp_path / "b.igc")
+
+
+def test_an_igc_flight_without_a_recorded_speed_gets_it_from_its_fixes(tmp_path):
+    lines = [f"B1200{k:02d}4500{6 * k:03d}N00700000EA0100001100" for k in range(30)]
+    (tmp_path / "a.igc").write_text("AXXX001\nHFDTE010825\n" + "\n".join(lines))
+    log = igc.read(tmp_path / "a.igc")
+    velocity = next(one for one in log.series if one.topic == "gps/vel").fields["velocity"]
+    np.testing.assert_allclose(velocity[5:, 0], 6e-3 / 60 * np.pi / 180 * 6.37e6, rtol=1e-3)
+    assert "velocity is made of successive fixes" in log.account.remarks[0]
