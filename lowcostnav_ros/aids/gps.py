@@ -39,6 +39,8 @@ LONGER = 1.2
 """Times the memory of its receiver, after which the prediction is the less credible."""
 WATCHED_S, RARE = (5.0, 10.0), 1e-3
 """Times over which innovations are watched, s, and how rarely a sound one is suspected."""
+USUAL, USUALLY_S, LARGEST = 0.17, 60.0, 2.0
+"""Their size, over what one in a thousand exceeds, that is usual; over which time what is usual is learnt; the most that counts for it."""
 AXES, LEAST = np.eye(3), 1e-12
 STEPPED = "velocity stepped without a motion"
 
@@ -86,25 +88,32 @@ class ReceiverAid(Aid):
 
     def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
         super().__init__(settings, key, stations)
-        self._watch = InnovationWatch(WATCHED_S, [self.small] * 3, RARE)
+        self._watch, self._usual = InnovationWatch(WATCHED_S, [self.small] * 3, RARE), USUAL
 
     @property
     def drift(self) -> float:
-        """Squared size of its innovations of some seconds together, over what one in a thousand sound ones exceeds."""
-        return self._watch.ratio
+        """Squared size of its innovations of some seconds together, over what one in a thousand sound ones exceeds.
+
+        Where they are usually larger than they should be, as with an IMU poorer than set, so much larger is no suspicion.
+        """
+        return self._watch.ratio / max(1.0, self._usual / USUAL)
 
     def restart(self) -> None:
         """As every aid."""
         super().restart()
         self._watch.clear()
+        self._watched_ns = 0
 
     def process(self, measurement: Any, host: Host) -> bool:
         """As every aid."""
-        used, status = super().process(measurement, host), self.status
+        used, status, before_ns = super().process(measurement, host), self.status, self._watched_ns
         if self.decision is Decision.RECOVER:
             self._watch.clear()
         elif used and status.innovation is not None and status.innovation_variance is not None:
             self._watch.observe(status.stamp_ns, status.innovation, AXES, np.diag(np.maximum(status.innovation_variance, LEAST)))
+            share = min(1e-9 * (status.stamp_ns - before_ns) / USUALLY_S, 1.0) if before_ns else 0.0
+            self._usual += share * (min(self._watch.ratio, LARGEST) - self._usual)
+            self._watched_ns = status.stamp_ns
         return used
 
 

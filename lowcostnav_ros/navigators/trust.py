@@ -8,7 +8,7 @@ it, or :data:`LASTS_NS` have passed.
 
 from collections.abc import Iterable
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +22,6 @@ from lowcostnav_ros.estimation.cross_checks.sources import SourceChecks
 from lowcostnav_ros.navigators.witness import Witness
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat
-
-if TYPE_CHECKING:
-    from lowcostnav_ros.navigators.base import Navigator
 
 FIX, AIR, STATIC, EPOCHS = "gps/fix", "air/velocity", "air/static_pressure", "gnss/raw"
 COVERED = 0.5
@@ -41,13 +38,13 @@ SLOW_NS = 6_000_000_000
 """What shows in innovations over some seconds began so long before."""
 FAR = 1.6
 """Size of watched innovations that is no chance: that of one in a hundred thousand sound ones."""
-APART = 16.0
-"""Squared distance of witness and solution over both covariances, of position, velocity or attitude, above which they disagree."""
+APART = 25.0
+"""Squared distance of witness and solution over both covariances, of position or velocity, above which they disagree."""
 LOOKS_NS, LASTS_NS, RETURNS_NS = 20_000_000_000, 120_000_000_000, 2_000_000_000
 """A witness that agrees is heard so long; one that does not, so long after the last suspicion; GPS is back after so long."""
 NEARER = 0.6
 """GPS that is so much nearer to the witness than the state is is back."""
-ROWS, FLOORS = {"m": slice(0, 3), "m/s": slice(3, 6), "rad": slice(6, 9)}, {"m": 3.0, "m/s": 0.3}
+ROWS, FLOORS = {"m": slice(0, 3), "m/s": slice(3, 6)}, {"m": 3.0, "m/s": 0.3}
 """Rows of a motion; and sigma of fixes and velocities as far as the witness is concerned."""
 
 
@@ -57,6 +54,7 @@ class Trust:
     Parameters
     ----------
     host : Navigator
+        Of no stated type: its module imports this one.
 
     Attributes
     ----------
@@ -73,7 +71,7 @@ class Trust:
         Stamp, position and velocity of satellites that agree among themselves less those of the state, m and m/s NED.
     """
 
-    def __init__(self, host: "Navigator") -> None:
+    def __init__(self, host: Any) -> None:
         self.host = host
         self.receivers: dict[Aid, ReceiverCheck] = {}
         self._latches = [latch for aid in host.aids for latch in aid.latches]
@@ -249,16 +247,17 @@ class Trust:
         if witness.core is None:
             self.forget_state()
             return
-        if self._suspected_since(now_ns) is not None:
+        suspected = self._suspected_since(now_ns) is not None
+        if suspected:
             self._heard_ns = now_ns
         own, other = host.core.motion(), witness.core.motion()
         apart = self._apart = distance(own, other)
-        rows_of = ROWS if other.P[6, 6] > 0.0 else {unit: ROWS[unit] for unit in FLOORS}
-        ratio, unit = max((normalised(apart[rows], own.P[rows, rows] + other.P[rows, rows]), unit) for unit, rows in rows_of.items())
+        ratio, unit = max((normalised(apart[rows], own.P[rows, rows] + other.P[rows, rows]), unit) for unit, rows in ROWS.items())
         if self.led_away is None:
             self._unit = unit
         size = float(np.linalg.norm(apart[ROWS[self._unit]]))
-        if self.led_away is not None or self.told or ratio > APART or self._drift() > self._far or host.recoveries() > self._recoveries:
+        shown = (suspected and ratio > APART) or self._drift() > self._far or host.recoveries() > self._recoveries
+        if self.led_away is not None or self.told or shown:
             self._largest = max(self._largest, size)
             since_ns = now_ns if self.led_away is None else self.led_away.since_ns
             self.led_away = Contradiction(LED_AWAY, (self._gps(), host.inertial or host.name), size, self._unit, since_ns)
