@@ -195,7 +195,7 @@ class SatelliteAid(Aid):
         if host.offsets is not None and np.median(ratios) > 1.0:
             late = host.offsets.uncertainty(self, obs, host).diagonal()
             widened = obs.y**2 / ((S + late) * self.threshold)
-            if np.median(widened) <= 1.0:
+            if np.median(widened) <= 1.0 and host.offsets.is_likely(self.source):
                 obs.late, ratios = late, widened
         self._report(obs, ratios, ~excluded, host)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they

@@ -448,7 +448,7 @@ class Aid(ABC):
         """Covariance and normalised square of an innovation that passes the gate once the offset of its stamp is as uncertain as it is."""
         late = offsets.uncertainty(self, innovation, host)
         widened = kalman.normalised_innovation_squared(innovation.y, S + late)
-        if widened > self.threshold:
+        if widened > self.threshold or not offsets.explains(self, innovation, host):
             return S, nis
         innovation.late = late
         return S + late, widened

@@ -256,6 +256,20 @@ class TimeOffsets:
         U = innovation.H @ self.V + self._direct(aid, innovation, host)
         return (U * [offset.sigma_s**2 + offset.rest_s**2 for offset in self.known.values()]) @ U.T
 
+    def is_likely(self, source: str) -> bool:
+        """Whether what was learned speaks for an offset, or one was corrected."""
+        offset = self.known.get(source.partition("/")[0])
+        return offset is not None and (offset.late_s != 0.0 or abs(offset.rest_s) > SURE_AGAIN * offset.sigma_s)
+
+    def explains(self, aid: Any, innovation: Any, host: Any) -> bool:
+        """Whether an innovation beyond the gate, which an offset might explain, is to be used for that; else it teaches alone."""
+        offset = self.known.get(aid.source.partition("/")[0])
+        likely = self.is_likely(aid.source) or (offset is not None and offset.spans < SPANS)  # nothing speaks against it yet
+        if not likely and aid.status.stamp_ns > (self._settled_ns or 0):
+            y, H, R, D = innovation.y, innovation.H, innovation.R, self._direct(aid, innovation, host)
+            kalman.update_with_parameters(host.P.copy(), y, H, R, np.ones(self.size), D, self.V.copy(), self._learned)
+        return likely
+
     def recovered(self, aid: Any, host: Any) -> None:
         """A state was taken from an aid: where it is late, it lies behind by as much."""
         if aid.source:
@@ -299,7 +313,7 @@ class TimeOffsets:
 
     def doubt(self) -> np.ndarray | None:
         """What the offsets that were corrected or are likely may still do to the state: covariance (n, n); None for nothing."""
-        likely = [k for k, o in enumerate(self.known.values()) if o.late_s or abs(o.rest_s) > SURE_AGAIN * o.sigma_s]
+        likely = [k for k, device in enumerate(self.known) if self.is_likely(device)]
         if not likely:
             return None
         offsets = [list(self.known.values())[k] for k in likely]
