@@ -222,7 +222,7 @@ class ReckoningCore:
         Time of the mean.
     started : bool
     wind_rows : ndarray (2, n)
-        Sum all that makes up the wind, north and east.
+        Sum all that makes up the wind, north and east; turbulence is none of it.
     ranging : ndarray (n,)
         1 for states that a range, a bearing or a horizontal fix may move: all but the vertical channel and what is only considered.
     """
@@ -240,6 +240,8 @@ class ReckoningCore:
         self._holds = slice(0, 0) if settings.model == "full" else layout["wind"]
         self.levels = NoiseLevels(layout, settings.learn_s)
         self.wind_rows = layout.components(Kind.WIND, 2)
+        if "gust" in layout:
+            self.wind_rows[:, layout["gust"]] = 0.0
         self._floor, self._ceiling = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2, np.full(layout.size, 1e14)
         self.ranging = (layout.kind != Kind.HELD).astype(float)
         self.ranging[2:CORE] = 0.0
@@ -464,4 +466,4 @@ class ReckoningCore:
 
     def wind_n(self) -> np.ndarray:
         """Estimated wind (2,), m/s, north and east."""
-        return self.totals()[0:2]
+        return self.wind_rows @ self.estimate

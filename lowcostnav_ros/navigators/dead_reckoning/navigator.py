@@ -269,7 +269,7 @@ class DeadReckoning(Navigator):
             cov_pos=core.P[POS, POS] + doubt[0:3, 0:3],
             cov_vel=G @ core.P @ G.T + noise + doubt[3:6, 3:6],
             cov_att=held.cov_att + swing**2 * np.eye(3),
-            wind_n=total[0:2],
+            wind_n=core.wind_n(),
             cov_wind=core.wind_covariance(),
             mode=self.mode,
             states=dict(zip(STATES, zip(total[2:].tolist(), core.sigmas().tolist(), strict=True), strict=True)),

@@ -20,6 +20,8 @@ from lowcostnav_ros.studies.tuning.likelihood import Flight, Innovations, Source
 
 STEP = 0.1
 """Step of the differences, in the logarithm of a factor."""
+CLOSE = 0.1
+"""A step that gains less log-likelihood than this is the last."""
 FURTHEST = 3.0
 """A factor stays within so many sigmas of its prior."""
 OBSERVED = 0.7
@@ -140,32 +142,29 @@ class Fit:
 
 
 def fit(trials: Trials, blocks: np.ndarray, start: np.ndarray, steps: int) -> Fit:
-    """Maximise the posterior over some blocks (b,), 1 or 0, from a point (n,), in at most ``steps`` steps."""
+    """Maximise the posterior over some blocks (b,), 1 or 0, from a point (n,), with about ``steps`` gradients."""
     from scipy.optimize import minimize
 
     prior = np.array([math.log(p.within) for p in trials.parameters])
-    slopes: dict[tuple, np.ndarray] = {}
 
-    def cost(x: np.ndarray) -> float:
-        return float(0.5 * ((x / prior) ** 2).sum() - trials.blocks([x])[0] @ blocks)
-
-    def scores(x: np.ndarray) -> np.ndarray:
-        key = tuple(x.tolist())
-        if key not in slopes:
-            found = trials.blocks([x, *(x + STEP * np.eye(len(x)))])
-            slopes[key] = (found[1:] - found[0]) / STEP * blocks
-        return slopes[key]
-
-    def gradient(x: np.ndarray) -> np.ndarray:
-        return x / prior**2 - scores(x).sum(axis=1)
+    def scores(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found = trials.blocks([x, *(x + STEP * np.eye(len(x)))])
+        return found[0], (found[1:] - found[0]) / STEP * blocks
 
     def information(x: np.ndarray) -> np.ndarray:
-        each, n = scores(x), blocks.sum()
-        mean = each.sum(axis=1, keepdims=True) / n
-        centred = (each - mean) * blocks
+        each = scores(x)[1]
+        centred = (each - each.sum(axis=1, keepdims=True) / blocks.sum()) * blocks
         return centred @ centred.T + np.diag(prior**-2.0)
 
-    options = {"maxiter": steps, "initial_trust_radius": 0.7, "max_trust_radius": 1.5, "gtol": 0.5}
-    best = minimize(cost, start, method="dogleg", jac=gradient, hess=information, options=options)
-    gain = float((trials.blocks([best.x])[0] - trials.blocks([np.zeros_like(best.x)])[0]) @ blocks)
-    return Fit(best.x, np.linalg.inv(information(best.x)), gain)
+    scale = np.linalg.inv(np.linalg.cholesky(information(start))).T  # x = start + scale z: of a curvature of about one
+
+    def cost(z: np.ndarray) -> tuple[float, np.ndarray]:
+        x = start + scale @ z
+        found, each = scores(x)
+        return float(0.5 * ((x / prior) ** 2).sum() - found @ blocks), scale.T @ (x / prior**2 - each.sum(axis=1))
+
+    options = {"maxfun": steps, "ftol": CLOSE / max(abs(cost(np.zeros_like(start))[0]), 1.0), "gtol": 1e-3}
+    best = minimize(cost, np.zeros_like(start), method="L-BFGS-B", jac=True, options=options)
+    x = start + scale @ best.x
+    gain = float((trials.blocks([x])[0] - trials.blocks([np.zeros_like(x)])[0]) @ blocks)
+    return Fit(x, np.linalg.inv(information(x)), gain)

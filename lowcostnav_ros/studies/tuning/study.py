@@ -17,7 +17,7 @@ from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, study_
 from lowcostnav_ros.studies.tuning.fit import OBSERVED, Advance, Fit, Trials, Tunable, fit
 from lowcostnav_ros.studies.tuning.likelihood import Source
 
-STEPS, FURTHER_STEPS = 6, 3
+STEPS, FURTHER_STEPS = 9, 4
 LENGTHS_S = (60.0,)
 
 
