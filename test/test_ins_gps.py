@@ -355,14 +355,18 @@ def test_no_output_is_ever_nan_and_covariances_stay_positive(truth):
             assert np.linalg.eigvalsh(cov).min() > 0.0
 
 
-@pytest.mark.parametrize("which", ["gps_position", "gps_velocity", "baro_height", "magnetic_heading", "airdata", "wheels"])
+@pytest.mark.parametrize("which", ["gps_position", "gps_velocity", "baro_height", "hard_iron", "magnetic_heading", "airdata", "wheels"])
 def test_jacobian_of_every_aid_equals_differences(which):
     from lowcostnav_ros.base.measurements import AirVelocity, MagneticField, Pressure
     from lowcostnav_ros.cores.inertial import CORE
     from lowcostnav_ros.physics.earth import displace
     from lowcostnav_ros.physics.rotation import euler_to_quat
 
-    settings = InsGpsSettings(gps=GpsSettings(lever_arm_b_m=[1.0, 0.5, -2.0], position_bias_m=1.0), wheels=WheelSettings(enabled=True))
+    settings = InsGpsSettings(
+        gps=GpsSettings(lever_arm_b_m=[1.0, 0.5, -2.0], position_bias_m=1.0),
+        wheels=WheelSettings(enabled=True),
+        magnetic=MagneticSettings(scale=0.02),
+    )
     nav = np.array([0.66, -2.1, 900.0, 45.0, -20.0, 3.0, *euler_to_quat(0.3, 0.1, 5.8)])
     from lowcostnav_ros.physics.rotation import quat_to_dcm
 
@@ -375,6 +379,7 @@ def test_jacobian_of_every_aid_equals_differences(which):
         "gps_velocity": GpsVelocity(0, "gps/vel", np.array([44.0, -21.0, 2.0]), np.eye(3)),
         "baro_height": Pressure(0, "air/static_pressure", 91000.0, 100.0),
         "magnetic_heading": MagneticField(0, "imu/mag", quat_to_dcm(nav[6:10]).T @ field, np.eye(3)),
+        "hard_iron": MagneticField(0, "imu/mag", quat_to_dcm(nav[6:10]).T @ field + 3e-6, np.eye(3)),
         "airdata": AirVelocity(0, "air/velocity", np.array([50.0, 1.0, 2.0]), np.eye(3)),
         "wheels": None,
     }

@@ -42,13 +42,8 @@ def flight(seed, seconds=240, speed=20.0, turn_dps=4.0):
 
 def settings(**changes):
     plain = {"heading.noise_deg": 0.1, "airspeed.noise_mps": 0.05, "airspeed.bias_mps": 0.1, "wind.sigma_mps": 0.05, "wind.mean_mps": 5.0}
-<<<<<<< ours
     slow = {"heading.timeout_s": 3.0, "horizon.output_period_s": 1.0, "airspeed.timeout_s": 4.0}
     return from_mapping(DeadReckoningSettings, plain | slow | changes)
-=======
-    plain |= {"heading.timeout_s": 3.0, "horizon.output_period_s": 1.0, "airspeed.timeout_s": 4.0}
-    return from_mapping(DeadReckoningSettings, {**plain, **changes})
->>>>>>> theirs
 
 
 @pytest.fixture(scope="module")

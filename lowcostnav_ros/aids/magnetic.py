@@ -12,7 +12,18 @@ from lowcostnav_ros.base.measurements import MagneticField
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.views import Attitude
-from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Reason, Sensor, SensorSettings, reset_to
+from lowcostnav_ros.estimation.aiding import (
+    BEYOND_GATE,
+    Aid,
+    Decision,
+    GateSettings,
+    Host,
+    Innovation,
+    Reason,
+    Sensor,
+    SensorSettings,
+    reset_to,
+)
 from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, HeadingCheck, crabs
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
@@ -77,7 +88,8 @@ class MagneticAid(Aid):
         super().__init__(settings, key, stations)
         self.turned = HeadingCheck(self.topic)
         self.against_motion = Latch("magnetic heading and motion disagree", (self.topic, "the motion GPS shows"), "deg", 0.0, 20.0)
-        self.latches = [self.turned, self.against_motion]
+        self.against_gyros = Latch("magnetic heading and gyros disagree", (self.topic, "the gyros"), "deg")
+        self.latches = [self.turned, self.against_motion, self.against_gyros]
         self.reference: MagneticReference | FieldAtPlace = MagneticReference(settings.decimal_year, settings.declination_deg)
 
     def blocks(self) -> list[Block]:
@@ -114,8 +126,9 @@ class MagneticAid(Aid):
         if self.turned.held is not None and known:
             return Decision.REJECT, TURNED
         decision = super().control(stamp_ns, test_ratio, host)
+        size = 0.0 if self.status.observation is None else abs(float(self.status.observation[0])) / DEGREE
+        self.against_gyros.judge(stamp_ns, decision == (Decision.REJECT, BEYOND_GATE), size, self.source, ADVICE)
         if self.status.observation is not None and self.against_motion.held is not None:
-            size = abs(float(self.status.observation[0])) / DEGREE
             self.against_motion.judge(stamp_ns, decision[0] is Decision.REJECT, size, self.source, ADVICE)
         return decision
 

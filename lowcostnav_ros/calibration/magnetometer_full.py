@@ -30,7 +30,7 @@ beyond what chance makes of it (chi-square, three parameters, one in a thousand)
 FACTORS = (0.8, 1.25)
 """No magnetometer's factors lie outside: a wrong strength or unit, or no ellipsoid."""
 _SCALE_SIGMA, _CROSS_SIGMA, _USUAL_CROSS = 0.1, 0.1, 0.03
-_TOLD = 2.0
+_TOLD = 3.0
 """Sigmas from which on a parameter is told from zero."""
 
 

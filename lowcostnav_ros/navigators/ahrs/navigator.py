@@ -78,7 +78,13 @@ class Ahrs(Navigator):
     not_observable = "it takes position, velocity and acceleration from outside its filter; study ins_gps, which estimates them"
     inertial = IMU
     OwnSettings = AhrsOwnSettings
-    sensors = (GPS_VELOCITY.but(latency_s=0.0), MAGNETIC.but(noise_deg=0.8), AIRDATA, LEVEL, GPS_ATTITUDE.but(enabled=False))
+    sensors = (
+        GPS_VELOCITY.but(latency_s=0.0),
+        MAGNETIC.but(noise_deg=0.8, hard_iron_ut=0.1, hard_iron_walk_ut_rts=0.0),  # believed until it is contradicted
+        AIRDATA,
+        LEVEL,
+        GPS_ATTITUDE.but(enabled=False),
+    )
     required = (IMU,)
 
     def __init__(self, settings: Any, stations: Any = None) -> None:
