@@ -266,3 +266,17 @@ def test_the_supervisor_flies_it_when_nothing_else_is_there(healthy):
         supervisor.set_origin(*solution.place) if supervisor.origin is None else None
         supervisor.feed(replace(solution, source="airdata_gps/odometry_fused"))
     assert supervisor.active == "airdata_gps"
+
+
+def test_the_node_publishes_and_aids_the_receiver(ros, flight):
+    """Odometry, wind and, for the receiver, the velocity as a message of its own."""
+    node_module = pytest.importorskip("lowcostnav_ros.ros.navigator_node")
+    node = ros.make(lambda **kwargs: node_module.navigator_node("airdata_gps", **kwargs))
+    items = list(integrated.stream(flight))[:400]
+    for item in items:
+        node._feed(item)
+    counts = {topic: output.count for topic, output in node.outputs.items()}
+    assert counts["airdata_gps/odometry"] == counts["gps/velocity_aiding"] > 20
+    assert counts["airdata_gps/odometry_fused"] > 100
+    assert counts["airdata_gps/wind"] > 20
+    assert node.navigator.mode == "calibrating"

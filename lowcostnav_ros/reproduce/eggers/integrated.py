@@ -368,8 +368,8 @@ def sawtooth(context: Context) -> Outcome:
     rise = float(by_phase[-1] / by_phase[0])
 
     def draw(figure: Any) -> None:
-        made = axes(figure, x="time [s]", y="north error [ft]", title="Figure 2")
-        made.plot(DT * np.arange(500), error[2000:2500, 0], linewidth=0.8)
+        made = axes(figure, x="time [s]", y="north error when put out, 12.5 Hz [ft]", title="Figure 2")
+        made.plot(4.0 * DT * np.arange(125), error[2000:2500:4, 0], linewidth=0.8)
 
     return judged(
         f"strongest at {peak:.2f} Hz; at the end of the second {rise:.1f} times the size at the fix",

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -228,6 +229,11 @@ def commands(test: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array([500.0, 0.0, 0.0]), u
 
 
+@cache
+def _feet_gains() -> tuple[np.ndarray, ...]:
+    return cycle(FEET).gains
+
+
 def navigate(test: int, seed: int, samples: int | None = None) -> NavRun:
     """Fly one test with the four gains, from the exact truth."""
     start, u = commands(test)
@@ -236,7 +242,7 @@ def navigate(test: int, seed: int, samples: int | None = None) -> NavRun:
     noise = [s * rng.standard_normal((n, 3)) for s in (7.4, 0.74, 0.3)]
     true_v = start + np.vstack((np.zeros(3), np.cumsum(u, axis=0)[:-1]))
     true_p = np.vstack((np.zeros(3), np.cumsum(DT * true_v, axis=0)[:-1]))
-    gains, p, v = cycle(FEET).gains, true_p[0].copy(), true_v[0].copy()
+    gains, p, v = _feet_gains(), true_p[0].copy(), true_v[0].copy()
     position, velocity = np.empty((n, 3)), np.empty((n, 3))
     for k in range(n):
         K = gains[k % 4]
