@@ -24,6 +24,7 @@ config: venv ## write the parameter files from the settings that the code declar
 
 docs: venv ## write docs/interfaces.md
 	$(BIN)/python docs/make_interfaces.py
+	$(BIN)/python docs/make_convert.py
 
 docs-check: venv ## run every command of README and docs in its printed order (ten minutes)
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python docs/commands.py

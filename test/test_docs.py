@@ -21,3 +21,13 @@ def test_every_link_and_picture_of_a_page_exists(page):
     targets = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text)
     missing = [t for t in targets if "://" not in t and not ((ROOT / page).parent / t).exists()]
     assert not missing
+
+
+def test_the_page_on_logs_says_what_a_table_may_hold():
+    sys.path.insert(0, str(ROOT / "docs"))
+    try:
+        import make_convert
+    finally:
+        sys.path.remove(str(ROOT / "docs"))
+    text = make_convert.PAGE.read_text(encoding="utf-8")
+    assert text == make_convert.page(text), "run python docs/make_convert.py"

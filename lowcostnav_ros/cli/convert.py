@@ -9,12 +9,11 @@ from lowcostnav_ros import convert as conversion
 from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.progress import progress_bar
+from lowcostnav_ros.convert.any_log import convert_any
 from lowcostnav_ros.convert.guess import guess
 from lowcostnav_ros.convert.profile import ConvertError, shipped_profile_for
-from lowcostnav_ros.convert.recognise import Options, convert_log, recognise
+from lowcostnav_ros.convert.recognise import Options
 from lowcostnav_ros.convert.rinex import convert_rinex
-from lowcostnav_ros.convert.rinex_files import is_rinex
-from lowcostnav_ros.convert.ros_bags import convert_bag, is_ros_1
 from lowcostnav_ros.messages.foreign import parse_maps
 
 MOST_MALFORMED = 0.2
@@ -59,17 +58,14 @@ def convert(arguments: argparse.Namespace) -> int:
         raise ConvertError("Give the bag to create with -o; only --guess needs none.")
     if arguments.navigation:
         return _convert_rinex(arguments)
-    if is_rinex(arguments.source):
-        raise ConvertError(f"{arguments.source} is a RINEX file; name the file of its ephemerides with --navigation.")
     if arguments.at_rest:
         raise ConvertError("--at-rest is for RINEX files; give --navigation too, or leave it out.")
-    path = Path(arguments.source)
-    if not arguments.profile and (is_ros_1(path) or path.suffix in (".mcap", ".db3") or (path / "metadata.yaml").is_file()):
-        print(convert_bag(path, arguments.output, parse_maps(arguments.map), arguments.mounting))
-        return 0
-    if not arguments.profile and path.is_file() and (form := recognise(path)) is not None:
-        print(convert_log(path, form, arguments.output, Options(arguments.date, arguments.mounting)))
-        return 0
+    if not arguments.profile:
+        options = Options(arguments.date, arguments.mounting)
+        summary = convert_any(Path(arguments.source), arguments.output, options, parse_maps(arguments.map))
+        if summary is not None:
+            print(summary)
+            return 0
     profile = arguments.profile or shipped_profile_for(arguments.source)
     report = conversion.convert(arguments.source, profile, arguments.output)
     print(report)

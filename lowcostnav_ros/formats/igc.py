@@ -135,6 +135,6 @@ def _air(log: Log, stamps: np.ndarray, table: np.ndarray, further: dict[str, np.
         return
     heading = np.radians(further[name])
     known = np.isfinite(heading)
-    origin = f"heading {'HDT' if name == 'HDT' else 'taken from the track TRT'}, bank of a coordinated turn, pitch taken as zero"
+    origin = f"heading {'HDT' if name == 'HDT' else 'taken from the track TRT'}, bank of a coordinated turn, no pitch, interpolated"
     log.account.remark("The recorder knows no attitude: it is made of heading and turn, within 8 deg; its heading may be made of the wind.")
     heading_attitude(log, stamps[known], heading[known], tas[known], origin)

@@ -16,6 +16,8 @@ AUTOPILOT = "autopilot"
 """Name of the recorder's own solution among the navigators: its odometry is what replays are compared with."""
 ATTITUDE_SIGMA = np.radians([1.0, 1.0, 5.0])
 """Of an autopilot's attitude about north, east and down, rad: what a heading by a small compass is worth."""
+ATTITUDE_STEP_NS, LONGEST_BRIDGE_NS = 5 * 10**8, 6 * 10**9
+"""Interval of an attitude made of headings, and the longest between two of them."""
 NO_DATE_S = 1_500_000_000
 """Start of a log without a date, s of UTC."""
 
@@ -138,7 +140,7 @@ def attitude_rates(q_nb: np.ndarray, stamps_ns: np.ndarray) -> np.ndarray:
 
 
 def heading_attitude(log: Log, stamps_ns: np.ndarray, heading: np.ndarray, speed: np.ndarray, origin: str) -> None:
-    """Add the attitude of coordinated flight: heading as recorded, the bank its change needs, no pitch.
+    """Add the attitude of coordinated flight, twice a second: heading as recorded, the bank its change needs, no pitch.
 
     Parameters
     ----------
@@ -152,9 +154,12 @@ def heading_attitude(log: Log, stamps_ns: np.ndarray, heading: np.ndarray, speed
     """
     if len(stamps_ns) < 3:
         return
-    seconds = 1e-9 * (stamps_ns - stamps_ns[0])
-    steps = np.maximum(np.gradient(seconds), 1e-3)
-    turn = np.clip(np.gradient(np.unwrap(heading)) / steps, -0.6, 0.6)
+    even = np.arange(stamps_ns[0], stamps_ns[-1] + 1, ATTITUDE_STEP_NS)
+    heading, speed = np.interp(even, stamps_ns, np.unwrap(heading)), np.interp(even, stamps_ns, np.nan_to_num(speed))
+    bridged = np.searchsorted(stamps_ns, even, side="right").clip(1, len(stamps_ns) - 1)
+    near = np.diff(stamps_ns)[bridged - 1] <= LONGEST_BRIDGE_NS  # over a longer hole nothing is known of the turn
+    turn = np.clip(np.gradient(heading) / (1e-9 * ATTITUDE_STEP_NS), -0.6, 0.6)
+    stamps_ns, heading, speed, turn = even[near], heading[near], speed[near], turn[near]
     bank = np.arctan(np.nan_to_num(speed) * turn / STANDARD_GRAVITY)
     half, roll = 0.5 * heading, 0.5 * bank
     (ch, sh), (cr, sr) = ((np.cos(angle), np.sin(angle)) for angle in (half, roll))

@@ -85,6 +85,7 @@ class MavlinkParser(Parser):
         self._boot_ns = 0
         self._inertial: tuple[int, int] = (0, 0)
         self._static_pa: float | None = None
+        self._slower: dict[str, tuple[float, ...]] = {}  # a slower sensor's value is repeated in the messages of a faster one
         self._attitude: np.ndarray | None = None
         self._handlers: dict[int, Callable[[Message], Iterator[Measurement]]] = {
             0: self._heartbeat, 1: self._status, 2: self._system_time, 24: self._gps, 29: self._pressure, 30: self._attitude_of,
@@ -161,7 +162,8 @@ class MavlinkParser(Parser):
         if np.any(force) and self.is_new("imu/data_raw", stamp_ns):
             self.account.origins["imu/data_raw"] = used
             yield ImuBlock.of("imu/data_raw", np.array([stamp_ns]), force[np.newaxis], rate[np.newaxis])
-        if np.any(field) and (not updated or updated & 0b111000000) and self.is_new("imu/mag", stamp_ns):
+        is_fresh, self._slower["imu/mag"] = tuple(field) != self._slower.get("imu/mag"), tuple(field)
+        if np.any(field) and is_fresh and (not updated or updated & 0b111000000) and self.is_new("imu/mag", stamp_ns):
             self.account.origins["imu/mag"] = f"{name}: {'gauss' if high else 'milligauss'}"
             yield MagneticField(stamp_ns, "imu/mag", field * GAUSS, _MAG_SIGMA_T**2 * np.eye(3))
         if high and message["abs_pressure"] and (not updated or updated & 0b1000000000):
@@ -169,7 +171,8 @@ class MavlinkParser(Parser):
 
     def _static(self, name: str, stamp_ns: int, hectopascal: float) -> Iterator[Measurement]:
         self._static_pa = hectopascal * HECTOPASCAL
-        if self.is_new("air/static_pressure", stamp_ns):
+        is_fresh, self._slower["air/static_pressure"] = (hectopascal,) != self._slower.get("air/static_pressure"), (hectopascal,)
+        if is_fresh and self.is_new("air/static_pressure", stamp_ns):
             self.account.origins["air/static_pressure"] = f"{name}: hPa"
             yield Pressure(stamp_ns, "air/static_pressure", self._static_pa, 20.0**2)
 

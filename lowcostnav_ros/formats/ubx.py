@@ -1,4 +1,4 @@
-"""The binary protocol of u-blox receivers, generation 8 and later: NAV-PVT, NAV-COV, RXM-RAWX and RXM-SFRBX, with NMEA between the frames.
+"""The binary protocol of u-blox receivers: NAV-PVT (NAV-SOL of old ones), NAV-COV, RXM-RAWX and RXM-SFRBX, with NMEA between the frames.
 
 Raw measurements become ``gnss/raw``, corrected by the ephemerides of the same stream, so that a navigator flies on the receiver's own
 satellites.  Sentences of NMEA are used until the first NAV-PVT comes, which says the same and more.
@@ -20,12 +20,13 @@ from lowcostnav_ros.formats.framing import MORE, NONE, Protocol
 from lowcostnav_ros.formats.nmea import NMEA, NmeaParser
 from lowcostnav_ros.gnss.correction import CorrectionSettings
 from lowcostnav_ros.gnss.ephemeris import EphemerisStore
-from lowcostnav_ros.gnss.gps_time import SECOND, WEEK_S, from_week
+from lowcostnav_ros.gnss.gps_time import SECOND, WEEK_S, from_week, unix_ns
 from lowcostnav_ros.gnss.raw_epoch import RawEpoch, screened
 from lowcostnav_ros.gnss.rinex_nav import Navigation
 from lowcostnav_ros.gnss.signals import GALILEO, GPS, L1_WAVELENGTH_M
 from lowcostnav_ros.gnss.subframes import SubframeReader, crc24q
 from lowcostnav_ros.gnss.track import Follower
+from lowcostnav_ros.physics.earth import dcm_ne, ecef_to_geodetic
 
 LARGEST = 4096
 """Bytes of a payload: 127 signals of RAWX."""
@@ -63,6 +64,7 @@ RTCM = Protocol(
     "RTCM", b"\xd3", _rtcm_length, lambda f: crc24q(int.from_bytes(f[:-3], "big"), 8 * len(f) - 24) == int.from_bytes(f[-3:], "big")
 )
 _PVT = struct.Struct("<I HBBBBB B Ii BBBB ii ii II iii ii II H".replace(" ", ""))
+_SOL = struct.Struct("<IihBB3iI3iI")
 _COV = struct.Struct("<IBBB9x12f")
 _SIGNAL = np.dtype([
     ("pseudorange", "<f8"), ("phase", "<f8"), ("doppler", "<f4"), ("system", "u1"), ("sat_id", "u1"), ("signal", "u1"), ("frequency", "u1"),
@@ -85,7 +87,8 @@ class UbloxParser(NmeaParser):
         self._waiting: tuple[int, list[GpsPosition | GpsVelocity]] | None = None
         self._has_pvt = self._has_cov = False
         self._handlers: dict[tuple[int, int], Callable[[bytes], Iterator[Measurement]]] = {
-            (0x01, 0x07): self._pvt, (0x01, 0x36): self._cov_of, (0x02, 0x15): self._rawx, (0x02, 0x13): self._sfrbx,
+            (0x01, 0x07): self._pvt, (0x01, 0x06): self._sol, (0x01, 0x36): self._cov_of,
+            (0x02, 0x15): self._rawx, (0x02, 0x13): self._sfrbx,
         }  # fmt: skip
 
     def use(self, navigation: Navigation) -> None:
@@ -142,6 +145,27 @@ class UbloxParser(NmeaParser):
         self._waiting = tow, [fix, velocity]
         if not self._has_cov:
             yield from self._released()
+
+    def _sol(self, payload: bytes) -> Iterator[Measurement]:
+        """Position and velocity of the generations before NAV-PVT, in ECEF."""
+        if self._has_pvt:
+            return
+        tow_ms, tow_ns, week, kind, flags, *numbers = _SOL.unpack_from(payload)
+        parts = numbers[:3], numbers[3], numbers[4:7], numbers[7]
+        place_e, accuracy_m, velocity_e, speed_accuracy = (1e-2 * np.array(part, float) for part in parts)
+        if kind not in (2, 3, 4) or flags & 0b1101 != 0b1101 or week <= 0 or not 6.2e6 < np.linalg.norm(place_e) < 6.5e6:
+            self.account.refused["no fix, or one without a valid time"] += 1
+            return
+        stamp_ns = unix_ns(from_week(week, 1e-3 * tow_ms) + tow_ns)
+        if not self.is_new("gps/fix", stamp_ns):
+            return
+        lat, lon, height = ecef_to_geodetic(place_e)
+        level, speed = float(accuracy_m) ** 2 / 3.0, float(speed_accuracy) ** 2 / 3.0  # both of three axes together
+        self.account.origins["gps/fix"] = "NAV-SOL: cm in ECEF, sigma of pAcc"
+        self.account.origins["gps/vel"] = "NAV-SOL: cm/s in ECEF, sigma of sAcc"
+        vertical = ANY_HEIGHT if kind == 2 else 2.0 * level
+        yield GpsPosition(stamp_ns, "gps/fix", lat, lon, height, np.diag([level, level, vertical]))
+        yield GpsVelocity(stamp_ns, "gps/vel", dcm_ne(lat, lon) @ velocity_e, speed * np.eye(3))
 
     def _cov_of(self, payload: bytes) -> Iterator[Measurement]:
         """Covariances of the epoch that waits for them; a stream that has them once is waited for from then on."""
