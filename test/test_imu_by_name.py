@@ -79,7 +79,7 @@ def test_a_simulated_flight_carries_the_numbers_of_its_imu(tmp_path, capsys):
     assert cli.main(["simulate", "gnss_ld", "--duration", "2", "-o", str(tmp_path / "bag")]) == 0
     assert load_settings(InsGpsSettings, tmp_path / "bag" / "settings" / "ins_gps.yaml", "ins_gps").imu == CRISTA
     carried = {p.stem for p in (tmp_path / "bag" / "settings").iterdir()}
-    assert carried & set(NAVIGATORS.own()) == {"ahrs", "ins_gps", "ins_gnss"}
+    assert carried & set(NAVIGATORS.own()) == {"ahrs", "ins_gps", "ins_gnss", "pseudolite_ins"}
     text = "name: ideal\nsensors: [imu]\nimu: {profile: %s}\ntruth: {kind: dataset, name: STR}\n"
     (tmp_path / "ideal.yaml").write_text("name: ideal\n")
     (tmp_path / "scenario.yaml").write_text(text % (tmp_path / "ideal.yaml"))

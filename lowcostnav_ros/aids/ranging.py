@@ -57,6 +57,11 @@ class RangingAid(DmeAid):
         """White noise, m."""
         return float(self.settings.noise_m)
 
+    def curvature(self, P: np.ndarray, direction: np.ndarray, range_m: float) -> float:
+        """As a DME's, height included: without a barometer few beacons leave it open."""
+        across = float(P[0:3, 0:3].trace() - direction @ P[0:3, 0:3] @ direction)
+        return 0.75 * (across / range_m) ** 2
+
     def answers(self, station: Station) -> bool:
         """Whether it is a beacon."""
         return station.kind == BEACON

@@ -11,6 +11,7 @@ from lowcostnav_ros.aids.baro import BARO
 from lowcostnav_ros.aids.gps import GPS
 from lowcostnav_ros.aids.magnetic import MAGNETIC
 from lowcostnav_ros.aids.pseudolite import PSEUDOLITE_AID
+from lowcostnav_ros.aids.ranging import RangingAid
 from lowcostnav_ros.base.measurements import CarrierEpoch, Measurement, StationWeather
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.navigators.inertial import IMU, InertialNavigator, InertialSettings
@@ -19,6 +20,8 @@ from lowcostnav_ros.starts.code_start import code_solution
 
 PSEUDOLITE = "pseudolite"
 RAW = "pseudolite/raw"
+ENOUGH_BEACONS = 3
+"""Two-way ranges need no clock."""
 
 
 @navigator
@@ -68,8 +71,9 @@ class PseudoliteIns(InertialNavigator):
         used = sum(aid.used for aid in self._receivers_of_carriers if aid.is_fresh(self.core.t_ns))
         if any(aid.is_fresh(self.core.t_ns) for aid in self.trust.receivers):
             return
-        self.mode = PSEUDOLITE if used >= ENOUGH else Mode.SPARSE
-        self.reason = f"{used} transmitters"
+        beacons = sum(len(aid.used_lately(self.core.t_ns)) for aid in self.aids_of(RangingAid))
+        self.mode = PSEUDOLITE if used >= ENOUGH or beacons >= ENOUGH_BEACONS else Mode.SPARSE
+        self.reason = f"{used} transmitters" + (f", {beacons} beacons" if beacons else "")
 
 
 PseudoliteInsSettings = PseudoliteIns.Settings

@@ -8,15 +8,12 @@ ranges between which the station is received as ``nearest_m`` and ``farthest_m``
 import math
 from collections.abc import Sequence
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from lowcostnav_ros.base.units import kelvin
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.radionav.station_cells import StationError, number
 from lowcostnav_ros.radionav.weather import Weather
-
-if TYPE_CHECKING:
-    from lowcostnav_ros.radionav.stations import Station
 
 PSEUDOLITE, BEACON = KINDS = ("PSEUDOLITE", "BEACON")
 COLUMNS = ("ident", "name", "lat_deg", "lon_deg", "height_m", "kind")
@@ -25,6 +22,19 @@ COINCIDENT_M = 1.0
 LOWEST_M, HIGHEST_M = -450.0, 6000.0
 ALONE_M, APART_M = 300_000.0, 2500.0
 """No network is so wide, and none of its stations so much higher or lower than the others."""
+
+
+class Placed(Protocol):
+    """What has an ident and stands somewhere."""
+
+    @property
+    def ident(self) -> str: ...
+    @property
+    def lat(self) -> float: ...
+    @property
+    def lon(self) -> float: ...
+    @property
+    def height(self) -> float: ...
 
 
 def from_cells(cells: dict[str, str], where: str) -> tuple[float, Weather | None, tuple[float, float]]:
@@ -59,7 +69,7 @@ def _weather(cells: dict[str, str], height: float, where: str) -> Weather | None
     return weather
 
 
-def refuse_outliers(stations: "Sequence[Station]") -> None:
+def refuse_outliers(stations: Sequence[Placed]) -> None:
     """Refuse a station that lies far from all the others, or far above or below them: a cell is wrong.
 
     Raises
@@ -79,5 +89,5 @@ def refuse_outliers(stations: "Sequence[Station]") -> None:
             raise StationError(f"Station {station.ident} is {abs(higher):.0f} m {side} the others; check its height, in metres.")
 
 
-def _apart_m(lat: float, lon: float, other: "Station") -> float:
+def _apart_m(lat: float, lon: float, other: Placed) -> float:
     return math.hypot(*difference_n(lat, lon, 0.0, other.lat, other.lon, 0.0).tolist())

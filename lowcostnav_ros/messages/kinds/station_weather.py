@@ -11,7 +11,7 @@ import numpy as np
 from lowcostnav_ros.base.measurements import StationWeather
 from lowcostnav_ros.messages import clouds
 from lowcostnav_ros.messages.checks import Received
-from lowcostnav_ros.messages.kind import TopicSpec, describe
+from lowcostnav_ros.messages.kind import WORLD_FRAMES, TopicSpec, describe
 from lowcostnav_ros.messages.rules import Refusal
 from lowcostnav_ros.messages.topics import POINT_CLOUD
 
@@ -28,6 +28,7 @@ def _encode(weather: StationWeather) -> Any:
 
 def _decode(message: Any, received: Received) -> StationWeather:
     """Turn a PointCloud2 message object into weather; whether it can be that of its station is judged where the station is known."""
+    received.frame(message.header.frame_id)
     points = clouds.points_of(message, POINT, MOST, "stations")
     columns = points["pressure"], points["temperature"], points["humidity"]
     finite = np.isfinite(np.column_stack(columns)).all(axis=1)
@@ -43,6 +44,7 @@ describe(
     measurement=StationWeather,
     decode=_decode,
     encode=_encode,
+    frames=WORLD_FRAMES,
     sample=lambda at: at.of(StationWeather, np.array(["100"]), np.array([87500.0]), np.array([283.15]), np.array([0.3])),
     sensed=True,
 )

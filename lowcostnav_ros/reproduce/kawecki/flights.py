@@ -127,7 +127,7 @@ def settings_of_test(number: int) -> dict[str, Any]:
     """Settings of a row of Table 4.1 with the thesis's filter; 0: the navigator as it is, with nothing of the thesis."""
     if number == 0:
         return {}
-    listed = parse_yaml(read_text(find_config("pseudolite_tests.yaml")), "pseudolite_tests.yaml")
+    listed = parse_yaml(read_text(find_config("studies/pseudolite_tests.yaml")), "pseudolite_tests.yaml")
     return {**listed["all"], **listed[str(number)]}
 
 
