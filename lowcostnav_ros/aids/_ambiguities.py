@@ -44,7 +44,8 @@ class Ambiguities:
             self._held[ident] = self._free.pop(0)
         k = self._held[ident]
         if history is not None:
-            history.begin(P)[k] = row
+            track = history.begin(P)
+            track[k] = row @ track
         renewed(P, row, k, variance)
         if history is not None:
             history.end(P)

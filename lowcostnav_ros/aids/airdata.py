@@ -18,7 +18,6 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.inertial import CORE, POS, VEL
 from lowcostnav_ros.cores.views import Attitude, Velocity
-from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings, each
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov, random_walk
@@ -118,7 +117,7 @@ class AirDataAid(Aid):
         y, H, R, free = innovation.y, innovation.H, innovation.R, innovation.free
         if self.growth is not None and free is not None:
             self.growth.take(self.status.stamp_ns, y, H, R, host.core.estimate, host.P)
-        dx = kalman.update(host.P, y, H, R, np.ones(len(host.P)) if free is None else free)
+        dx = self.updated(innovation, host)
         self._moved += dx[:CORE]
         host.correct(dx)
 

@@ -212,6 +212,8 @@ class Aid(ABC):
         Whether :meth:`due` keeps the period (of each station, say) rather than the sensor's channel.
     needs_rate : bool
         Whether the rate of turn of the newest inertial sample is to be had from the core.
+    updates_alone : bool
+        Whether it updates the covariance itself; offsets of stamps are not estimated beside such an aid.
     period_s : float
         At most one measurement in this time, unless it thins itself.
     source : str
@@ -240,6 +242,7 @@ class Aid(ABC):
     last_resort: ClassVar[bool] = False
     thins_itself: ClassVar[bool] = False
     needs_rate: ClassVar[bool] = False
+    updates_alone: ClassVar[bool] = False
     seeds: tuple[slice, ...] = ()
 
     def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
@@ -387,14 +390,16 @@ class Aid(ABC):
 
     def fuse(self, innovation: Innovation, host: Host) -> None:
         """Apply: update the covariance, inject the correction."""
+        host.correct(self.updated(innovation, host))
+
+    def updated(self, innovation: Innovation, host: Host) -> np.ndarray:
+        """Update the covariance; return the correction (n,)."""
         free = innovation.free
         if free is None:
             free = np.ones(len(host.P)) if host.movable is None else host.movable
         if host.offsets is None:
-            dx = kalman.update(host.P, innovation.y, innovation.H, innovation.R, free)
-        else:
-            dx = host.offsets.update(self, innovation, free, host, learn=self.decision is Decision.FUSE)
-        host.correct(dx)
+            return kalman.update(host.P, innovation.y, innovation.H, innovation.R, free)
+        return host.offsets.update(self, innovation, free, host, learn=self.decision is Decision.FUSE)
 
     def recover(self, measurement: Any, innovation: Innovation, host: Host) -> None:
         """After a long run of rejections: widen the noise until the innovation passes the gate, and fuse."""

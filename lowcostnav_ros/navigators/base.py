@@ -288,7 +288,8 @@ class Navigator(ABC):
     def _attach(self, layout: Layout, core: Any) -> None:
         """Take error states and core, and let the aids find theirs in them."""
         self.layout, self.core = layout, core
-        if self.settings.horizon.stamps != "trust" and hasattr(core, "state_rate"):
+        shared = all(not aid.updates_alone for aid in self.aids)
+        if shared and self.settings.horizon.stamps != "trust" and hasattr(core, "state_rate"):
             self.offsets = core.history = TimeOffsets(layout.size, core.velocity_rows)
             for aid in (aid for aid in self.aids if aid.source and aid.settings.late_s):
                 self.offsets.declare(aid.source, aid.settings.late_s)

@@ -20,6 +20,8 @@ from lowcostnav_ros.starts.code_start import code_solution
 
 PSEUDOLITE = "pseudolite"
 RAW = "pseudolite/raw"
+HEIGHT_LOST_M = 100.0
+"""With few ranges and a height known no better, the ranges are no longer linear in the place, and sigmas not to be believed."""
 ENOUGH_BEACONS = 3
 """Two-way ranges need no clock."""
 
@@ -74,6 +76,9 @@ class PseudoliteIns(InertialNavigator):
         beacons = sum(len(aid.used_lately(self.core.t_ns)) for aid in self.aids_of(RangingAid))
         self.mode = PSEUDOLITE if used >= ENOUGH or beacons >= ENOUGH_BEACONS else Mode.SPARSE
         self.reason = f"{used} transmitters" + (f", {beacons} beacons" if beacons else "")
+        height_sigma = float(self.core.P[2, 2]) ** 0.5
+        if self.mode == Mode.SPARSE and height_sigma > HEIGHT_LOST_M:
+            self.mode, self.reason = Mode.FAILED, f"{self.reason} do not hold the height: sigma {height_sigma:.0f} m; add a barometer"
 
 
 PseudoliteInsSettings = PseudoliteIns.Settings

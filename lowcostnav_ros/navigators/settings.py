@@ -5,7 +5,7 @@ called ``gps2``, ``baro2`` and has a group of its own.  Groups of the navigator'
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cache
 from typing import Any, ClassVar, Protocol
 
@@ -68,6 +68,7 @@ def settings_class(navigator: type[Listing], keys: tuple[str, ...]) -> type:
     for key in keys:
         sensor = sensor_of(key, own)
         fields.append((key, sensor.settings, dataclasses.field(default_factory=sensor.default)))
+    groups = {field.name for field in dataclasses.fields(navigator.OwnSettings)}
     unused, upgrade = own.keys() - set(keys), getattr(navigator.OwnSettings, "upgraded", dict)
     return dataclasses.make_dataclass(
         f"{navigator.__name__}Settings",
@@ -78,7 +79,9 @@ def settings_class(navigator: type[Listing], keys: tuple[str, ...]) -> type:
             "__doc__": f"All settings of {navigator.name}.",
             "__module__": navigator.__module__,
             "chosen_by": classmethod(lambda cls, values: settings_class(navigator, _names(values.get("aids", keys)))),
-            "upgraded": staticmethod(lambda flat: {n: v for n, v in upgrade(_renamed(flat)).items() if n.partition(".")[0] not in unused}),
+            "upgraded": staticmethod(
+                lambda flat: {n: v for n, v in upgrade(_renamed(flat, groups)).items() if n.partition(".")[0] not in unused}
+            ),
             "__reduce__": lambda self: (_restored, (navigator, to_mapping(self))),
         },
     )
@@ -90,9 +93,10 @@ def _names(aids: Any) -> tuple[str, ...]:
     return tuple(RENAMED.get(str(key), str(key)) for key in aids)
 
 
-def _renamed(flat: dict[str, Any]) -> dict[str, Any]:
-    """Names and lists of recordings made when two sensors took air data."""
-    new = {"".join((RENAMED.get(group, group), dot, rest)): v for n, v in flat.items() for group, dot, rest in [n.partition(".")]}
+def _renamed(flat: dict[str, Any], own: Collection[str]) -> dict[str, Any]:
+    """Names and lists of recordings made when two sensors took air data; ``own`` groups of the navigator keep their names."""
+    renamed = {old: new for old, new in RENAMED.items() if old not in own}
+    new = {"".join((renamed.get(group, group), dot, rest)): v for n, v in flat.items() for group, dot, rest in [n.partition(".")]}
     if "airdata.sideslip_deg" in new:
         new["airdata.sideslip_sigma_deg"] = new.pop("airdata.sideslip_deg")
     return new | ({"aids": list(_names(new["aids"]))} if "aids" in new else {})
