@@ -86,7 +86,7 @@ def test_missing_required_topics_are_named(capsys, tmp_path, config):
 
 
 def test_a_missing_configuration_file_is_refused(capsys, bag, tmp_path):
-    assert "ahrs.yaml" in refused(capsys, "replay", bag, "--config", str(tmp_path))
+    assert "holds no <navigator>.yaml file; those known are ahrs" in refused(capsys, "replay", bag, "--config", str(tmp_path))
 
 
 def test_replay_writes_what_was_asked_and_meets_its_own_baseline(capsys, bag, config, tmp_path):

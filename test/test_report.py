@@ -148,7 +148,7 @@ def test_a_mode_does_not_last_through_a_silence():
 def test_the_sentence_says_when_there_was_less_than_a_gps_position():
     errors = NavigatorErrors(whole=part_of(9.0, 4.0, 1.0))
     navigator = NavigatorResult(Comparison().result(), 9, "gps", "", errors=errors, mode_seconds={"gps": 300.0, "sparse": 280.4})
-    assert sentence("n", navigator, 0.0).startswith("n: 280 s with fewer than four satellites, worst 9.0 m")
+    assert sentence("n", navigator, 0.0).startswith("n: 280 s with fewer than four satellites or transmitters, worst 9.0 m")
     navigator = replace(navigator, mode_seconds={"gps": 20.0, "no solution": 40.0})
     assert sentence("n", navigator, 0.0).startswith("n: 40 s without a solution,")
     assert sentence("n", replace(navigator, mode_seconds={"gps": 20.0}), 0.0).startswith("n: GPS all flight,")

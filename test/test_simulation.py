@@ -51,6 +51,7 @@ def test_shipped_scenarios_fly_and_every_sensor_speaks(path):
     assert sum(len(t) for t in truth) >= 290
     wanted = {"imu": "imu/data_raw", "magnetometer": "imu/mag", "air_data": "air/velocity"}
     wanted |= {"gps": "gps/fix", "dme": "dme/range", "gnss": "gnss/raw", "vor": "vor/bearing"}
+    wanted |= {"pseudolite": "pseudolite/raw", "ranging": "ranging/range"}
     scenario = scenario_from_text(path.read_text(), path.name)
     assert {wanted[name] for name in scenario.sensors} <= spoken.keys()
     assert all(np.isfinite(b.specific_force_b).all() and np.isfinite(b.angular_rate_b).all() for b in spoken["imu/data_raw"])

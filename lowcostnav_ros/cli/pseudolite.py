@@ -23,8 +23,7 @@ def add_arguments(pseudolite: argparse.ArgumentParser) -> None:
     """Add the sub-command and its options to the parser of the job."""
     verbs = pseudolite.add_subparsers(dest="verb", metavar="VERB", required=True)
     text = "Dilutions over a square about the network at one height; exit status 1 where the PDOP is not good everywhere."
-    example = "example: lowcostnav pseudolite plan --stations my_network.csv --height-m 3000 --half-width-km 20 -o plan"
-    plan = verbs.add_parser("plan", help="dilutions over an area and the best next transmitter", description=text, epilog=example)
+    plan = verbs.add_parser("plan", help="dilutions over an area and the best next transmitter", description=text)
     plan.add_argument("--stations", metavar="FILE", default=DEFAULT_STATIONS, help="station table (default: %(default)s)")
     plan.add_argument("--height-m", type=float, required=True, metavar="M", help="of the aircraft above the ellipsoid")
     plan.add_argument("--half-width-km", type=float, default=13.0, metavar="KM", help="half the side of the square (default: %(default)g)")
@@ -33,7 +32,10 @@ def add_arguments(pseudolite: argparse.ArgumentParser) -> None:
     plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the maps there")
 
 
-@job("Dilutions of ground transmitters over an area, and where the next one helps most.", add_arguments)
+EXAMPLE = "example: lowcostnav pseudolite plan --stations my_network.csv --height-m 3000 --half-width-km 20 -o plan"
+
+
+@job("Dilutions of ground transmitters over an area, and where the next one helps most.", add_arguments, EXAMPLE)
 def pseudolite(arguments: argparse.Namespace) -> int:
     """Plan; returns the exit status."""
     between("--height-m", arguments.height_m, -400.0, 30_000.0)

@@ -232,6 +232,7 @@ class ReckoningCore:
     history: History | None = None
 
     def __init__(self, settings: ReckoningSettings, layout: Layout) -> None:
+        layout.forget()
         self.settings, self.layout, self.held = settings, layout, HeldInputs()
         self.nav, self.estimate, self.P = np.zeros(3), np.zeros(layout.size), layout.initial_covariance()
         self.t_ns, self.started = 0, False

@@ -181,7 +181,7 @@ class Layout:
         for block in self._along_way:
             rows = self._slices[block.name]
             self.rate[rows] = max(speed_mps, SLOWEST_MPS) / block.distance_m + self._rate[rows]
-            self.psd[rows] = 2.0 * (block.sigma0[0] * self.level[rows]) ** 2 * self.rate[rows]
+            self.psd[rows] = 2.0 * (np.array(block.sigma0) * self.level[rows]) ** 2 * self.rate[rows]
 
     def set_levels(self, factors: Mapping[str, float]) -> None:
         """Let the states of some blocks vary by ``factors`` times their declared sigma."""
@@ -191,6 +191,12 @@ class Layout:
         self.psd[:] = self._psd * self.level**2
         if self._speed_mps is not None:
             self.pace(self._speed_mps)
+
+    def forget(self) -> None:
+        """Be as declared: no speed, no levels."""
+        self._speed_mps = None
+        self.rate[:] = self._rate
+        self.set_levels({})
 
     def fill(self, H: np.ndarray, kind: Kind, columns: np.ndarray) -> None:
         """Give all states of one kind their columns (m, 3) of a Jacobian ``H`` (m, n), axis by axis, in place."""

@@ -290,11 +290,16 @@ class Navigator(ABC):
         self.layout, self.core = layout, core
         shared = all(not aid.updates_alone for aid in self.aids)
         if shared and self.settings.horizon.stamps != "trust" and hasattr(core, "state_rate"):
-            self.offsets = core.history = TimeOffsets(layout.size, core.velocity_rows)
-            for aid in (aid for aid in self.aids if aid.source and aid.settings.late_s):
-                self.offsets.declare(aid.source, aid.settings.late_s)
+            self.offsets = core.history = self._declared_offsets()
         for aid in self.aids:
             aid.attach(self)
+
+    def _declared_offsets(self) -> TimeOffsets:
+        """Offsets of stamps, of which nothing is known but what the settings declare."""
+        offsets = TimeOffsets(self.layout.size, self.core.velocity_rows)
+        for aid in (aid for aid in self.aids if aid.source and aid.settings.late_s):
+            offsets.declare(aid.source, aid.settings.late_s)
+        return offsets
 
     @property
     def P(self) -> np.ndarray:
@@ -545,6 +550,8 @@ class Navigator(ABC):
         self._out_ns = None
         self.spikes.clear()
         self.trust.clear()
+        if self.offsets is not None:
+            self.offsets = self._declared_offsets()
         self.realign(reason)
 
     def realign(self, reason: str) -> None:

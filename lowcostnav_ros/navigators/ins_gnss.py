@@ -77,7 +77,7 @@ class InsGnss(InertialNavigator):
 
     name = "ins_gnss"
     colour = "#7a5195"
-    modes = {"sparse": ("#b8b042", "with fewer than four satellites"), "suspect": ("#d95f02", "")}
+    modes = {"sparse": ("#b8b042", "with fewer than four satellites or transmitters"), "suspect": ("#d95f02", "")}
     OwnSettings = InsGnssOwnSettings
     sensors = (GPS, BARO.but(enabled=False), MAGNETIC.but(enabled=False), AIR.but(enabled=False), WHEELS, VOR, GNSS)
     needs = ("gps", "gnss")

@@ -36,7 +36,7 @@ class PseudoliteIns(InertialNavigator):
     name = "pseudolite_ins"
     colour = "#8c564b"
     healthy_modes = ("gps", "calibrating", "pseudolite")
-    modes = {"sparse": ("#b8b042", "with fewer than four transmitters"), "suspect": ("#d95f02", "")}
+    modes = {"sparse": ("#b8b042", "with fewer than four satellites or transmitters"), "suspect": ("#d95f02", "")}
     OwnSettings = InertialSettings
     sensors = (GPS, PSEUDOLITE_AID, BARO, MAGNETIC.but(enabled=False), AIRDATA.but(enabled=False))
     needs = ("gps", "pseudolite")
