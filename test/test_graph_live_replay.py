@@ -18,7 +18,7 @@ GRAPH = {"scenario": "livermore", "lossless": True, "nodes": [TRUTH, *SENSORS, I
 
 
 LIVERMORE = parse_graph(GRAPH, "live")
-RANGE = load_graph("pseudolite_range").with_parameters("truth_source", duration_s=6.0)
+RANGE = load_graph("pseudolite_range").with_parameters("truth_source", duration_s=8.0)
 CANYON = load_graph("gnss_canyon").with_parameters("truth_source", duration_s=16.0)
 
 

@@ -253,7 +253,8 @@ class TimeOffsets:
 
     def uncertainty(self, aid: Any, innovation: Any, host: Any) -> np.ndarray:
         """Covariance (m, m) of an innovation by the offsets as far as they are not known or not corrected yet."""
-        U = innovation.H @ self.V + self._direct(aid, innovation, host)
+        D = self._direct(aid, innovation, host)  # first: it may make a column for a device that is new
+        U = innovation.H @ self.V + D
         return (U * [offset.sigma_s**2 + offset.rest_s**2 for offset in self.known.values()]) @ U.T
 
     def is_likely(self, source: str) -> bool:
