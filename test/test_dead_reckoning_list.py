@@ -93,6 +93,12 @@ def test_the_antenna_is_where_its_lever_arm_says():
     assert abs(apart[:2] @ along) == pytest.approx(20.0, abs=1.0)
 
 
+def test_turbulence_of_older_recordings_is_met_along_the_way():
+    settings = from_mapping(DeadReckoningSettings, {"wind.gust_tau_s": 5.0, "wind.tau_s": 400.0})
+    assert (settings.wind.gust_distance_m, settings.wind.distance_km, settings.wind.tau_s) == (pytest.approx(231.5), 0.0, 400.0)
+    assert settings.learn_s == settings.heading.bank_deg == 0.0
+
+
 def test_a_restart_forgets_what_was_received_and_keeps_the_counters():
     stations = table(station_at("AAA", 40_000.0, 30_000.0))
     flight = turning(60.0)

@@ -1,4 +1,4 @@
-"""A few hundred mutated messages into every navigator in flight; benchmarks/mutated_messages.py throws more of them."""
+"""Some mutated messages into every navigator in flight; benchmarks/mutated_messages.py throws more of them."""
 
 from collections import Counter
 
@@ -9,13 +9,13 @@ import pytest
 @pytest.mark.timeout(300)
 def test_one_bad_message_is_refused_or_limited_alone():
     kinds = [kind for kind in campaign.MUTATIONS if kind != "stamps"]
-    outcomes = campaign.campaign(272, 7, list(campaign.VARIANTS), kinds)
+    outcomes = campaign.campaign(204, 7, list(campaign.VARIANTS), kinds)
     harm = [o for o in outcomes if o.word in ("thrown", "restarted", "blinded", "unsound", "exception")]
     assert not harm
     counts = Counter(o.word for o in outcomes)
-    assert counts["refused"] > 40
-    assert counts["harmless"] > 40
-    assert counts["shaken"] < 10
+    assert counts["refused"] > 30
+    assert counts["harmless"] > 30
+    assert counts["shaken"] < 8
 
 
 @pytest.mark.timeout(300)

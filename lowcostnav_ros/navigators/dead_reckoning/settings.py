@@ -10,6 +10,8 @@ from lowcostnav_ros.navigators.base import HorizonSettings
 
 BARO_DRIFT_M, BARO_TAU_S = 23.0, 400.0
 """Change of pressure altitude minus height, and the time in which it happens."""
+THESIS_SPEED_MPS = 46.3
+"""90 kt, to which the correlation times of Gebre-Egziabher's table 6.1 belong."""
 
 
 def baro_walk(drift_m: float = BARO_DRIFT_M, tau_s: float = BARO_TAU_S) -> float:
@@ -27,7 +29,8 @@ class DeadReckoningOwnSettings(ReckoningSettings):
 
     @staticmethod
     def upgraded(flat: dict[str, Any]) -> dict[str, Any]:
-        """Names of today for those of recordings in which the barometer belonged to the height and was tested as GPS is."""
+        """Names of today for those of recordings in which the barometer belonged to the height, or turbulence and wind varied with time."""
+        flat = _with_turbulence_along_the_way(flat)
         old = {name: flat[f"height.baro_{name}"] for name in ("bias_m", "noise_m", "drift_m", "tau_s") if f"height.baro_{name}" in flat}
         if not old:
             return flat
@@ -40,3 +43,15 @@ class DeadReckoningOwnSettings(ReckoningSettings):
         new |= {f"baro.gate.{name}": flat.get(f"gps.gate.{name}") for name in ("probability", "recovery_s")}
         kept = {name: value for name, value in flat.items() if not name.startswith("height.baro_")}
         return {name: value for name, value in new.items() if value is not None} | kept
+
+
+def _with_turbulence_along_the_way(flat: dict[str, Any]) -> dict[str, Any]:
+    """Settings of recordings in which turbulence had a correlation time: they fly as they were set, nothing is learned."""
+    if "wind.gust_tau_s" not in flat:
+        return flat
+    kept = {name: value for name, value in flat.items() if name != "wind.gust_tau_s"}
+    tau_s = flat["wind.gust_tau_s"]
+    if isinstance(tau_s, bool) or not isinstance(tau_s, int | float):
+        raise SettingsError("'wind.gust_tau_s' must be a number; today it is 'wind.gust_distance_m', the way flown in that time.")
+    gust_m = min(max(tau_s * THESIS_SPEED_MPS, 1.0), 1e5)
+    return {"wind.distance_km": 0.0, "wind.gust_distance_m": gust_m, "learn_s": 0.0, "heading.bank_deg": 0.0} | kept
