@@ -303,8 +303,6 @@ class InertialCore:
     def advance(self, block: ImuBlock, start: int, output_ns: int) -> int:
         """Run samples of an ImuBlock from index ``start``; return the next index (an output is due when short of the end)."""
         layout, self._motion = self.layout, None
-        if layout.is_paced:
-            layout.pace(self.speed_mps)
         track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
         following, t_ns = run_block(
             *(self.t_ns, self.nav, self._last, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd, track),
@@ -346,10 +344,10 @@ class InertialCore:
     def settle(self) -> None:
         """Bring the covariance to the time of the mean (before an aid)."""
         layout = self.layout
-        if layout.is_paced:
-            layout.pace(self.speed_mps)
         track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
         covariance_step(self.nav, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd, track)
+        if layout.is_paced:  # here, not in advance: aids and outputs fall at stamps, blocks of samples are cut anywhere
+            layout.pace(self.speed_mps)
         if self.history is not None:
             self.history.end(self.P)
 
