@@ -14,8 +14,8 @@ from lowcostnav_ros.aids.baro import BARO
 from lowcostnav_ros.aids.gps import GPS, PositionAid, VelocityAid
 from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude, GpsPosition, GpsVelocity, Measurement, NavSolution
-from lowcostnav_ros.base.modes import Level, Mode
-from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
+from lowcostnav_ros.base.modes import Mode
+from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.air_corrections import AirCorrectionsCore, correction_blocks
 from lowcostnav_ros.cores.air_corrections_model import WIND
 from lowcostnav_ros.cores.reckoning_model import POS
@@ -24,12 +24,11 @@ from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.navigators.airdata_gps.checks import OTHER_NORTH, SIGN, SignWatch, StraightWatch, VaneWatch, other_north
 from lowcostnav_ros.navigators.airdata_gps.high_rate import HighRateFilter
 from lowcostnav_ros.navigators.airdata_gps.settings import AirDataGpsOwnSettings
-from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.navigators.reckoning import AIR, ReckoningNavigator
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.physics.geomagnetism import declination, year_of_stamp
 from lowcostnav_ros.physics.rotation import quat_from_rotvec, quat_multiply, quat_to_dcm, quat_to_euler
 
-AIR = "air/velocity"
 REPEAT, REPEAT_NS = "repeats the last fix", 1_200_000_000
 """A receiver that fixes once a second puts each fix out for so long; one that repeats for longer is frozen."""
 FROM_MODEL, VARIATION_NS = 999.0, 60_000_000_000
@@ -41,7 +40,7 @@ LEARNING = ("core", "wind", "wind_mean", "gust", "airflow", "baro_bias")
 
 
 @navigator
-class AirDataGps(Navigator):
+class AirDataGps(ReckoningNavigator):
     """GPS and air data without an inertial unit.
 
     Modes: initialising (an input is missing), aligning (no position yet), calibrating (GPS good), coasting, suspect (GPS contradicts itself
@@ -57,13 +56,11 @@ class AirDataGps(Navigator):
     """
 
     name = "airdata_gps"
-    smooths = True
     colour = "#0072b2"
     dash = "2 3"
     aiding = "gps/velocity_aiding"
     standby = True
     OwnSettings = AirDataGpsOwnSettings
-    needs = ("gps",)
     sensors = (
         GPS.but(position_floor_m=0.5, velocity_floor_mps=0.1, correlation_s=1.0, timeout_s=3.0, latency_s=0.0),
         BARO.but(sigma_m=1.5, period_s=0.5),
@@ -89,16 +86,6 @@ class AirDataGps(Navigator):
     def required_sources(self) -> tuple[str, str]:
         """Both of them."""
         return self.own_inputs()
-
-    def gps_good(self, stamp_ns: int) -> bool:
-        """Whether a fix was accepted within the time-out."""
-        return any(aid.is_fresh(stamp_ns) for aid in self._fixes)
-
-    def start_at(self, stamp_ns: int, lat: float, lon: float, height: float, sigma_m: float = 10.0) -> None:
-        """Begin at a given position (rad, rad, m above the ellipsoid) known to ``sigma_m`` per axis, instead of at the first fix."""
-        self.core.start(stamp_ns, np.array([lat, lon, height]), sigma_m**2 * np.eye(3))
-        self.set_origin(lat, lon, height)
-        self._judge()
 
     def _restart(self) -> None:
         self.core, self.movable = AirCorrectionsCore(self.settings, self.layout), None
@@ -145,12 +132,12 @@ class AirDataGps(Navigator):
         elif self.high is not None and isinstance(item, Attitude):
             self.high.step(item.stamp_ns, self.core.velocity()[0])
 
-    def _hold(self, item: Measurement, core: AirCorrectionsCore, watches: bool = True) -> bool:
-        """Let the core hold what carries it; return whether this does."""
+    def _hold(self, item: Measurement, core: AirCorrectionsCore) -> bool:
+        """Let a core hold what carries it; return whether this does.  Vanes are watched once, by the navigator's own."""
         if item.source == self.settings.attitude_topic and isinstance(item, Attitude):
             core.held.take_attitude(self._to_true_north(item))
         elif item.source == AIR and isinstance(item, AirVelocity):
-            core.held.take_air(self._without_stuck_vanes(item) if watches else item, self.settings.airspeed)
+            core.held.take_air(self._without_stuck_vanes(item) if core is self.core else item, self.settings.airspeed)
         else:
             return False
         return True
@@ -245,11 +232,6 @@ class AirDataGps(Navigator):
         if before is not None and not before / STEP < stated < before * STEP:
             self.core.P[POS, POS] += self.settings.bump_m**2 * np.eye(3)
 
-    def _stands(self, stamp_ns: int) -> bool:
-        """Whether airspeed and GPS both say so: airspeed alone may be a blocked pitot tube."""
-        ground = self.trust.checks.ground_speed(stamp_ns)
-        return not self.core.held.airborne and (ground is None or ground < self.settings.airspeed.minimum_mps)
-
     def _look(self, stamp_ns: int) -> None:
         """Look at the residual of a velocity that was used."""
         core, aid = self.core, self.aids_of(VelocityAid)[0]
@@ -278,22 +260,6 @@ class AirDataGps(Navigator):
         elif sigma <= 1.1 * self._before_m:
             self.recovered_in_s, self._back_ns = 1e-9 * (stamp_ns - self._back_ns), None
 
-    def _advance(self, stamp_ns: int) -> None:
-        """Move to ``stamp_ns``; the solution at a multiple of the output period goes out once all that bears its stamp is fused."""
-        period, core = self.output_period_ns, self.core
-        due = -(-core.t_ns // period) * period
-        while due < stamp_ns:
-            core.move(due)
-            if due != self._last_out_ns:
-                core.settle()
-                for channel in self.clocked:
-                    self.use_channel(channel, Measurement(due, self.name))
-                self._judge()
-                self.publish(self._solution(core))
-                self._last_out_ns = due
-            due += period
-        core.move(stamp_ns)
-
     # mode and reason ---------------------------------------------------------------------------------------------------------
 
     def _judge(self) -> None:
@@ -309,45 +275,24 @@ class AirDataGps(Navigator):
             elif self._is_straight:
                 self.reason += f", {HELD_WORDS}"
         else:
-            ages = [age for aid in self._fixes if (age := aid.status.age_s(core.t_ns)) is not None]
-            gps = f"no GPS for {min(ages):.0f} s" if ages else "no GPS yet"
+            gps = self._without_gps(core.t_ns)
             slow = f"airspeed below {self.settings.airspeed.minimum_mps:g} m/s: landed, or airspeed failed; position held"
             self.mode, self.reason = Mode.COASTING, f"{gps}; {'last corrections held' if core.held.airborne else slow}"
             if found:
                 self.mode, self.reason = Mode.SUSPECT, f"{found}; {self.reason}"
         self.reason += "".join(f"; {words}" for words in self._found.values())
-        if self._alert():
-            sigma, limit = core.horizontal_sigma() / NAUTICAL_MILE, self.settings.alert_nm
-            self.reason += f"; ALERT: estimated error {sigma:.2f} NM is above {limit:g} NM"
+        self.reason += self._alert_words()
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """Those of every navigator, and what the residuals say of the sensors."""
         own = (Contradiction(words, (AIR, self.settings.attitude_topic), 0.0, "", self._since[words]) for words in self._found)
         return (*super().contradictions(), *own)
 
-    def _alert(self) -> bool:
-        return self.core.started and self.core.horizontal_sigma() > self.settings.alert_nm * NAUTICAL_MILE
-
-    def _level(self) -> Level:
-        return Level.ERROR if self._alert() else super()._level()
-
     def _details(self) -> dict[str, str]:
         recovered: dict[str, str] = {} if self.recovered_in_s is None else {"recovered_in_s": f"{self.recovered_in_s:.1f}"}
         return {**super()._details(), **recovered, "filter": self.settings.filter}
 
     # outputs -----------------------------------------------------------------------------------------------------------------
-
-    def _predict(self) -> NavSolution | None:
-        if not self.core.started:
-            return None
-        core = self.core.branch()
-        for item in self.horizon.ahead()[1]:
-            if isinstance(item, Attitude | AirVelocity):
-                core.move(item.stamp_ns)
-                self._hold(item, core, watches=False)
-        core.move(self.horizon.newest_ns or core.t_ns)
-        core.settle()
-        return self._solution(core)
 
     def _solution(self, core: AirCorrectionsCore) -> NavSolution:
         velocity, G, noise = core.velocity()
@@ -377,12 +322,12 @@ class AirDataGps(Navigator):
         core = self.core
         if not core.started:
             return {}
-        north, east, down = np.sqrt(core.P.diagonal()[POS] + self.trust.doubt(core.t_ns).diagonal()[POS]).tolist()
-        wind, (heading, scale, bias) = core.wind_covariance(), core.sigmas().tolist()
+        north, east, down = self._position_sigmas()
+        heading, scale, bias = core.sigmas().tolist()
         return {
             "position_horizontal_m": math.hypot(north, east),
             "position_down_m": down,
-            "wind_mps": math.sqrt(wind[0, 0] + wind[1, 1]),
+            "wind_mps": self._wind_sigma(),
             "heading_deg": math.degrees(heading),
             "airspeed_scale": scale,
             "airspeed_bias_mps": bias,

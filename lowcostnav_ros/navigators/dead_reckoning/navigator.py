@@ -17,18 +17,17 @@ from lowcostnav_ros.aids.radar import RADAR
 from lowcostnav_ros.aids.vor import VOR, VorAid
 from lowcostnav_ros.aids.wind_uplink import WIND_UPLINK
 from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsPosition, GpsVelocity, Health, Measurement, NavSolution, SlantRange
-from lowcostnav_ros.base.modes import Level, Mode
-from lowcostnav_ros.base.units import NAUTICAL_MILE
+from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.cores.reckoning import ReckoningCore, core_blocks
 from lowcostnav_ros.cores.reckoning_model import POS
 from lowcostnav_ros.estimation.aiding import unique
 from lowcostnav_ros.estimation.error_state import Block, Layout
-from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.dead_reckoning.geometry import ReceivedStations
 from lowcostnav_ros.navigators.dead_reckoning.settings import DeadReckoningOwnSettings, baro_walk
+from lowcostnav_ros.navigators.reckoning import AIR, ReckoningNavigator
 from lowcostnav_ros.navigators.registry import navigator
 
-AIR, AHRS_HEALTH = "air/velocity", "ahrs/health"
+AHRS_HEALTH = "ahrs/health"
 STATES = ("heading_bias_rad", "airspeed_scale", "airspeed_bias_mps")
 """Estimates beside position, velocity and wind that a solution carries, each the sum of its states."""
 RECEIVED_S = 120.0
@@ -36,7 +35,7 @@ RECEIVED_S = 120.0
 
 
 @navigator
-class DeadReckoning(Navigator):
+class DeadReckoning(ReckoningNavigator):
     """DME-aided dead reckoning with full attitude and air data.
 
     Modes: initialising (an input is missing), aligning (no position yet), calibrating (GPS good), dme_aided, vor_aided (radials
@@ -51,11 +50,9 @@ class DeadReckoning(Navigator):
     """
 
     name = "dead_reckoning"
-    smooths = True
     colour = "#d55e00"
     modes = {"dme_aided": ("#7570b3", ""), "vor_aided": ("#a17fa6", "")}
     OwnSettings = DeadReckoningOwnSettings
-    needs = ("gps",)
     sensors = (
         GPS.but(position_floor_m=1.5, velocity_floor_mps=0.1, correlation_s=1.0, timeout_s=3.0, latency_s=0.0),
         DME,
@@ -88,19 +85,7 @@ class DeadReckoning(Navigator):
         aids = (aid for aid in self.aids if full or not isinstance(aid, StationAid))
         return unique([*core_blocks(self.settings), *(block for aid in aids for block in aid.blocks())])
 
-    # what aids ask of their host ---------------------------------------------------------------------------------------------
-
-    def gps_good(self, stamp_ns: int) -> bool:
-        """Whether a fix was accepted within the time-out."""
-        return any(aid.is_fresh(stamp_ns) for aid in self._fixes)
-
     # measurements ------------------------------------------------------------------------------------------------------------
-
-    def start_at(self, stamp_ns: int, lat: float, lon: float, height: float, sigma_m: float = 10.0) -> None:
-        """Begin at a given position (rad, rad, m above the ellipsoid) known to ``sigma_m`` per axis, instead of at the first fix."""
-        self.core.start(stamp_ns, np.array([lat, lon, height]), sigma_m**2 * np.eye(3))
-        self.set_origin(lat, lon, height)
-        self._judge()
 
     def _restart(self) -> None:
         self.core, self.geometry = ReckoningCore(self.settings, self.layout), ""
@@ -158,27 +143,8 @@ class DeadReckoning(Navigator):
         if used and isinstance(item, SlantRange):
             self._received.received(item.station, item.stamp_ns)
 
-    def _stands(self, stamp_ns: int) -> bool:
-        """Whether airspeed and GPS both say so: airspeed alone may be a blocked pitot tube."""
-        ground = self.trust.checks.ground_speed(stamp_ns)
-        return not self.core.held.airborne and (ground is None or ground < self.settings.airspeed.minimum_mps)
-
-    def _advance(self, stamp_ns: int) -> None:
-        """Move to ``stamp_ns``; the solution at a multiple of the output period goes out once all that bears its stamp is fused."""
-        period, core = self.output_period_ns, self.core
-        due = -(-core.t_ns // period) * period
-        while due < stamp_ns:
-            core.move(due)
-            core.settle()
-            if due != self._last_out_ns:
-                for channel in self.clocked:
-                    self.use_channel(channel, Measurement(due, self.name))
-                self.trust.look(due)
-                self._judge()
-                self.publish(self._solution(core))
-                self._last_out_ns = due
-            due += period
-        core.move(stamp_ns)
+    def _before_output(self, due_ns: int) -> None:
+        self.trust.look(due_ns)
 
     # mode and reason ---------------------------------------------------------------------------------------------------------
 
@@ -201,13 +167,10 @@ class DeadReckoning(Navigator):
                 self.mode, self.reason = Mode.SUSPECT, f"{found}; {self.reason}"
             words = (aid.words(core.t_ns) for aid in self._others)
             self.reason += "".join(f"; {each}" for each in words if each)
-        if self._alert():
-            sigma, limit = core.horizontal_sigma() / NAUTICAL_MILE, self.settings.alert_nm
-            self.reason += f"; ALERT: estimated error {sigma:.2f} NM is above {limit:g} NM"
+        self.reason += self._alert_words()
 
     def _judge_outage(self, now_ns: int) -> None:
-        ages = [age for aid in self._fixes if (age := aid.status.age_s(now_ns)) is not None]
-        gps = f"no GPS for {min(ages):.0f} s" if ages else "no GPS yet"
+        gps = self._without_gps(now_ns)
         if not self.core.held.airborne:
             slow = f"airspeed below {self.settings.airspeed.minimum_mps:g} m/s: landed, or airspeed failed"
             self.mode, self.reason = Mode.COASTING, f"{gps}; {slow}; position held"
@@ -236,25 +199,7 @@ class DeadReckoning(Navigator):
         course = math.atan2(velocity[1], velocity[0])
         self.geometry = self._received.judge(now_ns, core.nav, course, lambda u: math.sqrt(u @ core.P[0:2, 0:2] @ u))
 
-    def _alert(self) -> bool:
-        return self.core.started and self.core.horizontal_sigma() > self.settings.alert_nm * NAUTICAL_MILE
-
-    def _level(self) -> Level:
-        return Level.ERROR if self._alert() else super()._level()
-
     # outputs -----------------------------------------------------------------------------------------------------------------
-
-    def _predict(self) -> NavSolution | None:
-        if not self.core.started:
-            return None
-        core = self.core.branch()
-        for item in self.horizon.ahead()[1]:
-            if isinstance(item, Attitude | AirVelocity):
-                core.move(item.stamp_ns)
-                self._hold(item, core)
-        core.move(self.horizon.newest_ns or core.t_ns)
-        core.settle()
-        return self._solution(core)
 
     def _solution(self, core: ReckoningCore) -> NavSolution:
         velocity, G, noise = core.velocity()
@@ -279,14 +224,13 @@ class DeadReckoning(Navigator):
         core = self.core
         if not core.started:
             return {}
-        north, east, down = np.sqrt(core.P.diagonal()[POS] + self.trust.doubt(core.t_ns).diagonal()[POS]).tolist()
-        wind = core.wind_covariance()
+        north, east, down = self._position_sigmas()
         return {
             "position_horizontal_m": math.hypot(north, east),
             "position_north_m": north,
             "position_east_m": east,
             "position_down_m": down,
-            "wind_mps": math.sqrt(wind[0, 0] + wind[1, 1]),
+            "wind_mps": self._wind_sigma(),
             "heading_bias_deg": math.degrees(core.sigmas()[0]),
         }
 
