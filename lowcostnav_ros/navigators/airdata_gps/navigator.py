@@ -89,6 +89,7 @@ class AirDataGps(ReckoningNavigator):
 
     def _restart(self) -> None:
         self.core, self.movable = AirCorrectionsCore(self.settings, self.layout), None
+        self._report_to_history()
         self.high = None if self._is_joint else HighRateFilter(self.settings.cascade, self.settings.filter == "fixed_gain")
         self._last_out_ns: int | None = None
         self._repeats: dict[str, tuple[tuple[float, ...], int]] = {}
