@@ -1,6 +1,5 @@
 """A driver: bytes of a port through a parser onto the standard topics, at times of this computer's clock."""
 
-import threading
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,8 +12,9 @@ from lowcostnav_ros.formats.clock_fit import ClockFit
 from lowcostnav_ros.formats.parser import Parser, shifted
 from lowcostnav_ros.formats.records import CheckedRecords
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, WARN, Status
-from lowcostnav_ros.ros.node_base import NodeBase, Output
+from lowcostnav_ros.ros.node_base import Output
 from lowcostnav_ros.ros.port import BAUDS, Port, PortError, open_port, parse_source
+from lowcostnav_ros.ros.threaded_node import ThreadedNode
 
 READ_S = 0.2
 REOPEN_S = 0.5
@@ -50,7 +50,7 @@ class PortSettings:
         parse_source(self.source)
 
 
-class DriverNode(NodeBase):
+class DriverNode(ThreadedNode):
     """Base of the drivers; a subclass gives ``name``, ``Settings`` and :meth:`make_parser`, and may choose what is published."""
 
     name: ClassVar[str]
@@ -63,9 +63,7 @@ class DriverNode(NodeBase):
         self._checked, self._fit = CheckedRecords(), ClockFit()
         self._state, self._trouble, self._bytes, self._opened, self._baud = "starting", "", 0, 0, self.settings.baud
         self._began: tuple[int, float] | None = None
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="port", daemon=True)
-        self._thread.start()
+        self._begin("port")
 
     def make_parser(self) -> Parser:
         """Return the parser of the protocol."""
@@ -74,10 +72,6 @@ class DriverNode(NodeBase):
     def published(self, measurement: Measurement) -> Iterable[Measurement]:
         """Return what is published of a measurement, with the topics' names."""
         yield measurement
-
-    def running(self) -> bool:
-        """False once the node is to stop."""
-        return not self._stopping.is_set() and self.context.ok()
 
     def rows(self) -> Iterable[Status]:
         """Add the state of the port and of the protocol to the rows of every node."""
@@ -89,13 +83,6 @@ class DriverNode(NodeBase):
         values |= {"refused": counted({**account.refused, **self._checked.refused()}), "remarks": " ".join(account.remarks[-3:])}
         values |= {"drift_ppm": f"{self._fit.drift_ppm:.1f}", "clock_steps": str(self._fit.steps)}
         yield Status(f"{self.get_name()}: port", level, self._trouble or self._state, values)
-
-    def destroy_node(self) -> None:
-        """End the thread, then the node."""
-        if hasattr(self, "_stopping"):
-            self._stopping.set()
-            self._thread.join(5.0)
-        super().destroy_node()
 
     def _run(self) -> None:
         bauds = [self.settings.baud] if self.settings.baud else list(BAUDS)

@@ -1,7 +1,6 @@
 """A node that publishes from its own thread, while the main thread answers services and reports."""
 
 import struct
-import threading
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,8 +9,9 @@ from typing import Any
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.ros.flow import FlowGate, FlowSettings
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, Status
-from lowcostnav_ros.ros.node_base import Bases, NodeBase, Output
+from lowcostnav_ros.ros.node_base import Bases, Output
 from lowcostnav_ros.ros.pacing import Pacer, StartSettings, wait_for_subscribers
+from lowcostnav_ros.ros.threaded_node import ThreadedNode
 
 CLOCK_PERIOD_NS = 50_000_000
 
@@ -25,7 +25,7 @@ class SourceSettings:
     flow: FlowSettings = group(FlowSettings)
 
 
-class SourceNode(NodeBase):
+class SourceNode(ThreadedNode):
     """Base of the truth source and the player.
 
     A subclass gives ``make_outputs()`` (publishers must exist before listeners are counted) and ``publish_all()``, which publishes all
@@ -36,14 +36,12 @@ class SourceNode(NodeBase):
         super().__init__(name, lambda given: [*(settings(given) if callable(settings) else settings), SourceSettings()], **kwargs)
         self.source_settings: SourceSettings = self.parameters.settings[-2]
         self.state, self.trouble = "starting", ""
-        self._stopping = threading.Event()
         self._pacer = Pacer(self.source_settings.real_time_factor)
         self._gate = FlowGate(self, self.source_settings.flow)
         self._clock_output: Output = self.output("clock", "/clock")
         self._next_clock_ns = self._stamp_ns = self._first_ns = 0
         self.make_outputs()
-        self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
-        self._thread.start()
+        self._begin("publish")
 
     def make_outputs(self) -> None:
         """Make the publishers."""
@@ -63,10 +61,6 @@ class SourceNode(NodeBase):
             self._next_clock_ns = stamp_ns + CLOCK_PERIOD_NS
         return self.running()
 
-    def running(self) -> bool:
-        """False once the node is to stop."""
-        return not self._stopping.is_set() and self.context.ok()
-
     def rows(self) -> Iterable[Status]:
         """Add the state of the flight to the rows of every node."""
         yield from super().rows()
@@ -80,13 +74,6 @@ class SourceNode(NodeBase):
     def reset(self, reason: str) -> str:
         """A source cannot be reset."""
         return f"{self.get_name()} cannot be reset; start the node again."
-
-    def destroy_node(self) -> None:
-        """End the thread, then the node."""
-        if hasattr(self, "_stopping"):
-            self._stopping.set()
-            self._thread.join(5.0)
-        super().destroy_node()
 
     def _run(self) -> None:
         try:
