@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from lowcostnav_ros.reproduce.eggers import estimator
+from lowcostnav_ros.reproduce.eggers.realisations import path
 from lowcostnav_ros.reproduce.registry import BY_DEFINITION, DIFFERS, REPRODUCED, Context, all_results
 from lowcostnav_ros.studies import air_corrections as study
 from lowcostnav_ros.trajectory.load_factor import AirSeen, fly
@@ -32,7 +32,7 @@ def test_verdicts_hold_and_figures_draw(name):
 
 
 def test_a_flight_of_load_factor_and_roll_against_the_listing():
-    seen = estimator.path("listing", 180)
+    seen = path("listing", 180)
     rows = {
         1: (319.56098, 1.43678, 0.07783, -0.24376),
         30: (172.92645, 3.78529, -0.35748, 1.5216),
@@ -71,7 +71,7 @@ def test_four_winds(kind, step):
 def test_straight_flight_observes_little():
     """What turns observe and straight flight does not: scale and bias of the airspeed apart from the wind."""
     n, tuning = 300, study.final_tuning()
-    turning = study.Truth.of(estimator.path("slow sines", n), study.true_corrections(n, np.zeros((n, 3))), 0.1)
-    level = study.Truth.of(estimator.path("straight", n), study.true_corrections(n, np.zeros((n, 3))), 0.1)
+    turning = study.Truth.of(path("slow sines", n), study.true_corrections(n, np.zeros((n, 3))), 0.1)
+    level = study.Truth.of(path("straight", n), study.true_corrections(n, np.zeros((n, 3))), 0.1)
     assert study.observability(turning, tuning, (5,))[0] < 0.3
     assert study.observability(level, tuning, (5,))[0] > 0.9
