@@ -154,7 +154,6 @@ def test_simulate_records_what_the_nodes_would_publish(capsys, tmp_path):
     assert "exists already" in refused(capsys, "simulate", "ld", "-o", str(path), "--duration", "2")
 
 
-@pytest.mark.timeout(120)
 def test_a_recording_with_radials_replays_through_the_vor_aid(capsys, tmp_path):
     (tmp_path / "config").mkdir()
     (tmp_path / "config" / "ins_gps.yaml").write_text(

@@ -18,7 +18,6 @@ def heard():
     return [item for item in simulated(Simulation(scenario("turns", 3, **changes)).blocks()) if hasattr(item, "source")]
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize("profile", imu_profile_names())
 def test_a_profile_flies_in_every_inertial_navigator(heard, profile):
     for variant in INERTIAL:

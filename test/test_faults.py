@@ -230,7 +230,6 @@ def test_who_is_reached_by_what():
     assert concerned(("imu/data_raw",)) == [name for name in CHAIN if name != "gnss_only"]
 
 
-@pytest.mark.timeout(300)
 def test_a_fault_flown_from_a_copy_is_the_fault_flown_from_the_start():
     fault = FAULTS["gnss_range_jump"]
     copied = flown(1, fault, False, ["gnss_only"]).records["gnss_only"]
@@ -240,7 +239,6 @@ def test_a_fault_flown_from_a_copy_is_the_fault_flown_from_the_start():
     assert np.array_equal(copied.track().horizontal_m, whole.track().horizontal_m)
 
 
-@pytest.mark.timeout(300)
 def test_the_study_judges_names_and_writes(tmp_path, capsys):
     rows = study(["nothing", "gnss_dropped", "gnss_satellite_jump", "gnss_clock_plus_1_h"], ["gnss_only"], workers=1)
     sound, silent, excluded, refused = rows
@@ -265,7 +263,6 @@ def test_a_file_of_something_else_is_refused_in_a_sentence(tmp_path, capsys):
     assert "holds no results" in capsys.readouterr().err
 
 
-@pytest.mark.timeout(300)
 def test_a_fault_flies_over_the_middleware_and_its_recording_replays_to_the_bit(tmp_path):
     pytest.importorskip("rclpy")
     from lowcostnav_ros.graph.faults import NAVIGATORS, fly_live

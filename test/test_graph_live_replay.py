@@ -22,7 +22,6 @@ RANGE = load_graph("pseudolite_range").with_parameters("truth_source", duration_
 CANYON = load_graph("gnss_canyon").with_parameters("truth_source", duration_s=16.0)
 
 
-@pytest.mark.timeout(120)
 @pytest.mark.parametrize(
     ("graph", "navigators"),
     [(LIVERMORE, ["ins_gps"]), (CANYON, ["gnss_only", "ins_gnss"]), (RANGE, ["pseudolite_ins"])],

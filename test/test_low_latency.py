@@ -18,7 +18,6 @@ truth:
 """
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize(("flight", "drop"), [("turns", 0.3), ("aerobatics", 0.0)])
 def test_outputs_are_inside_their_sigmas(flight, drop, monkeypatch):
     monkeypatch.setitem(low_latency.FLIGHTS, "turns", TURNS)

@@ -6,7 +6,6 @@ import mutated_messages as campaign
 import pytest
 
 
-@pytest.mark.timeout(300)
 def test_one_bad_message_is_refused_or_limited_alone():
     kinds = [kind for kind in campaign.MUTATIONS if kind != "stamps"]
     outcomes = campaign.campaign(204, 7, list(campaign.VARIANTS), kinds)
@@ -18,7 +17,6 @@ def test_one_bad_message_is_refused_or_limited_alone():
     assert counts["shaken"] < 8
 
 
-@pytest.mark.timeout(300)
 def test_the_campaign_sees_a_navigator_that_is_thrown(monkeypatch):
     """Without the screen of inertial samples spikes throw the solution, or the test above would show nothing."""
     screen = "lowcostnav_ros.estimation.inertial_spikes.InertialSpikes.screen"

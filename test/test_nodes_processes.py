@@ -49,7 +49,6 @@ def small_bag(tmp_path):
     return tmp_path / "small"
 
 
-@pytest.mark.timeout(120)
 @pytest.mark.parametrize("executable", EXECUTABLES.own())
 def test_two_interrupts_end_a_node_cleanly(ros, start, tmp_path, executable):
     process = start(executable, *arguments_of(executable, tmp_path))

@@ -40,7 +40,6 @@ def bits(value):
     return value.hex() if isinstance(value, float) else tuple(map(bits, value)) if isinstance(value, tuple) else value
 
 
-@pytest.mark.timeout(180)
 def test_a_copy_flies_through_its_window_as_a_replay_from_the_start_does_to_the_bit(monkeypatch):
     start_s, length_s = 14.0, 12.0  # before the recording itself loses GPS at 20 s
     replayed = {}
@@ -153,7 +152,6 @@ def test_a_bad_stamp_costs_a_start_or_two():
     assert set(losses_over(items)[0]) - set(losses_over(bad)[0]) <= {40, 50}
 
 
-@pytest.mark.timeout(300)
 def test_the_number_of_processes_changes_no_number_and_the_study_is_read_back():
     case = Case(REFERENCE, Plan((5.0, 10.0), 4.0, 15.0), ("ahrs", "dead_reckoning"))
     one, two = (study_outages(case, workers=workers) for workers in (1, 2))
@@ -167,7 +165,6 @@ def test_the_number_of_processes_changes_no_number_and_the_study_is_read_back():
         study_outages(Case(REFERENCE, Plan((60.0,)), ("ahrs",)), workers=1)
 
 
-@pytest.mark.timeout(300)
 def test_the_command_writes_table_page_and_numbers_and_refuses_in_a_sentence(tmp_path, capsys):
     arguments = ["outages", str(REFERENCE), "--navigators", "ins_gps", "--length", "5,10", "--every", "8", "--after", "15"]
     assert main([*arguments, "--out", str(tmp_path / "o")]) == 0
