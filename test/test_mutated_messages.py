@@ -3,7 +3,6 @@
 from collections import Counter
 
 import mutated_messages as campaign
-import pytest
 
 
 def test_one_bad_message_is_refused_or_limited_alone():
