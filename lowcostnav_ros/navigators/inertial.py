@@ -89,12 +89,16 @@ class InertialNavigator(Navigator):
         self._compass = next(iter(self.aids_of(MagneticAid)), None)
         self.start = GpsStart(settings.alignment, settings.imu, layout, self._compass)
         self.slope = SlopeVelocity()
-        self.axes, self.recovery = AxesCheck(IMU), Recovery(settings.imu, layout)
-        self.turned = OwnHeadingCheck(IMU)
-        self.one_way = OneWay(layout, IMU, next((aid.source for aid in self.aids_of(VelocityAid)), self.fix_word))
-        self._moved = np.zeros(layout.size)
+        self.axes, self.turned = AxesCheck(IMU), OwnHeadingCheck(IMU)
+        self._remember(settings.imu, layout)
         self._wind_aids = [aid for aid in self.aids if "wind" in aid.teaches]
         self._restart()
+
+    def _remember(self, imu: ImuSettings, layout: Layout) -> None:
+        """Begin to remember recoveries and corrections of an IMU with these settings."""
+        self.recovery = Recovery(imu, layout)
+        self.one_way = OneWay(layout, IMU, next((aid.source for aid in self.aids_of(VelocityAid)), self.fix_word))
+        self._moved = np.zeros(layout.size)
 
     def own_inputs(self) -> list[str]:
         """The IMU, and the master of a transfer alignment."""
@@ -429,7 +433,8 @@ class InertialNavigator(Navigator):
         self.settings = replace(self.settings, imu=imu)
         layout = Layout(self.blocks())
         self._attach(layout, InertialCore(layout))
-        self.core.history, self.recovery = self.history, Recovery(imu, layout)
+        self.core.history = self.history
+        self._remember(imu, layout)
 
     def _transfer(self, item: NavSolution) -> None:
         """Start at the state of the master; once aligned, its solutions are ignored."""

@@ -35,6 +35,8 @@ class HeadingCheck(Latch):
 class OwnHeadingCheck(Latch):
     """A navigator's own heading and the track, deg: what the gyros have turned it by."""
 
+    _taken_ns: int
+
     def __init__(self, imu: str) -> None:
         super().__init__("heading and track disagree", (imu, "the GPS track"), "deg", begin_s=1.0, end_s=20.0)
 
