@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from lowcostnav_ros.base.measurements import Measurement
-from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.formats.clock_fit import ClockFit
-from lowcostnav_ros.formats.parser import Parser, shifted
+from lowcostnav_ros.formats.parser import ARRIVAL, Parser, shifted
 from lowcostnav_ros.formats.records import CheckedRecords
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, WARN, Status
 from lowcostnav_ros.ros.node_base import Output
@@ -60,6 +60,10 @@ class DriverNode(ThreadedNode):
         super().__init__(self.name, [self.Settings()], **kwargs)
         self.settings: Any = self.parameters.settings[0]
         self.parser = self.make_parser()
+        self._is_file = self.settings.source.startswith("file:")
+        if self._is_file and self.parser.clock == ARRIVAL:
+            self.destroy_node()
+            raise SettingsError(f"{self.name}: its protocol carries no time, so a file cannot be timed; give a port or a socket.")
         self._checked, self._fit = CheckedRecords(), ClockFit()
         self._state, self._trouble, self._bytes, self._opened, self._baud = "starting", "", 0, 0, self.settings.baud
         self._began: tuple[int, float] | None = None
@@ -97,6 +101,7 @@ class DriverNode(ThreadedNode):
                 continue
             self._opened += 1
             try:
+                port.write(self.parser.greeting)
                 turn += not self._listen(port, len(bauds) > 1 and self.settings.source.startswith(("/", "serial:")))
             except PortError as error:
                 self._say(str(error))
@@ -124,6 +129,7 @@ class DriverNode(ThreadedNode):
             now = time.monotonic()
             heard = now if data else heard
             self._bytes += len(data)
+            self.parser.arrived_ns = 0 if self._is_file else received_ns
             self._publish(self.parser.feed(data), received_ns)
             found = sum(self.parser.framer.frames.values()) > before
             if is_searching and not found and now - opened > TRY_S:
@@ -146,9 +152,12 @@ class DriverNode(ThreadedNode):
 
     def _timed(self, measurement: Measurement, received_ns: int) -> Measurement | None:
         """Return the measurement at its time by the clock that is asked for, None where that is not known yet."""
-        if self.settings.source.startswith("file:"):
+        if self._is_file:
             received_ns = self._paced(measurement.stamp_ns)
-        if self.settings.clock.source == "device":
+        offset_ns: int | None = 0
+        if self.parser.clock == ARRIVAL:
+            pass
+        elif self.settings.clock.source == "device":
             offset_ns = self.parser.utc_offset_ns
             if offset_ns is None:
                 self.parser.account.refused["message before the device knows UTC"] += 1
