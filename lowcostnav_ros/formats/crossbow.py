@@ -1,10 +1,9 @@
 """Crossbow DMU and AHRS400 packets: rates, specific force, magnetic field, and the unit's own attitude.
 
 A packet is the byte FF, 16-bit words, big endian, and the sum of the words' bytes; which packet a unit sends is a matter of its mode, and
-nothing in it says which, nor with what ranges it was made: both are settings.  Eight bits of sum let one false packet in 256 through, so a
-packet counts only where two have come before it without a byte between.  The accelerometers read +1 g on the axis that points down: minus the
-specific force.  Time is a 16-bit counter that falls by one each 0.79 us and comes round after 52 ms; which turn it is in, the time of arrival
-tells.
+nothing in it says which, nor with what ranges it was made: both are settings.  Eight bits of sum let one false packet in 256 through, so
+a packet counts only where two have come before it without a byte between.  The accelerometers read +1 g on the axis that points down: minus
+the specific force.  Time is a 16-bit counter that falls by one each 0.79 us and comes round after 52 ms; units send faster than that.
 
 References
 ----------
@@ -21,13 +20,15 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import Attitude, ImuBlock, MagneticField, Measurement
 from lowcostnav_ros.base.units import DEGREE, GAUSS, STANDARD_GRAVITY
-from lowcostnav_ros.formats.framing import MORE, Protocol
+from lowcostnav_ros.formats.framing import MORE, Framer, Protocol
 from lowcostnav_ros.formats.parser import BOOT, Parser
 from lowcostnav_ros.physics.rotation import euler_to_quat
 
 HEADER = b"\xff"
 TICK_NS, TURN = 790, 1 << 16
 """Length of a count of the timer, ns, and counts after which it comes round."""
+TURN_NS, STAYS = TURN * TICK_NS, 20
+"""Time of a turn, and packets that must be late by one before it is counted."""
 WORD = 2**15
 MARGIN = 1.5
 """A full word is one and a half times the range."""
@@ -63,13 +64,15 @@ class CrossbowParser(Parser):
     def __init__(self, unit: CrossbowUnit, declination: float = 0.0, is_started: bool = True) -> None:
         words = LAYOUTS[unit.packet]
         size = len(HEADER) + 2 * len(words) + 1
-        self.protocols = (Protocol("Crossbow", HEADER, lambda buffer, start: size if len(buffer) - start >= size else MORE, _is_sound),)
         super().__init__()
+        length = lambda buffer, start: size if len(buffer) - start >= size else MORE  # noqa: E731
+        self.framer: Framer = Framer((Protocol("Crossbow", HEADER, length, _is_sound),))
         self.greeting = COMMANDS[unit.packet] if is_started else b""
         self._unit, self._words, self._declination = unit, words, declination
         self._row, self._skipped = 0, 0
-        self._timer: tuple[int, int] | None = None
-        self._now_ns = self._arrived_ns = 0
+        self._timer: int | None = None
+        self._least_ns: int | None = None
+        self._now_ns, self._behind = TURN_NS, 0
 
     def take(self, protocol: str, frame: bytes) -> Iterator[Measurement]:
         """Turn a packet into measurements, once the two before it were packets too."""
@@ -83,13 +86,18 @@ class CrossbowParser(Parser):
             yield from self._measured(counts, stamp_ns)
 
     def _stamp_ns(self, timer: int) -> int:
-        """Time since the first packet: the counts since the last one, and as many turns as bring it nearest to its arrival."""
-        elapsed = ((self._timer[0] - timer) % TURN) * TICK_NS if self._timer is not None else 0
-        if self._timer is not None and self.arrived_ns:
-            late = self.arrived_ns - self._arrived_ns - elapsed
-            elapsed += max(round(late / (TURN * TICK_NS)), 0) * TURN * TICK_NS
-        self._now_ns += elapsed if self._timer is not None else TURN * TICK_NS
-        self._timer, self._arrived_ns = (timer, self._now_ns), self.arrived_ns
+        """Time since before the first packet: the counts since the last one; where arrivals stay a turn later, packets were lost for it."""
+        counts = 0 if self._timer is None else (self._timer - timer) % TURN
+        self._timer = timer
+        self._now_ns += counts * TICK_NS
+        if self.arrived_ns:
+            late_ns = self.arrived_ns - self._now_ns
+            leak = counts * TICK_NS // 1000  # no two clocks drift apart by more than a thousandth
+            self._least_ns = late_ns if self._least_ns is None else min(late_ns, self._least_ns + leak)
+            turns = round((late_ns - self._least_ns) / TURN_NS)
+            self._behind = self._behind + 1 if turns else 0
+            if self._behind >= STAYS:  # a packet that was held up does not stay late
+                self._now_ns, self._behind = self._now_ns + turns * TURN_NS, 0
         return self._now_ns
 
     def _measured(self, counts: dict[str, int], stamp_ns: int) -> Iterator[Measurement]:

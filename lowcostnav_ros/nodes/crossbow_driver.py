@@ -22,7 +22,7 @@ class CrossbowSettings(PortSettings):
     accel_range_g: float = setting(2.0, "Range of the accelerometers, of the unit's label.", unit="g", minimum=0.5, maximum=50.0)
     started: bool = setting(True, "Tell the unit to take this mode and to send; off where it does so by itself.")
     attitude: bool = setting(False, "Publish the unit's own attitude as imu/data and imu/data_fused: not beside the node ahrs.")
-    declination_deg: float = setting(0.0, "Magnetic declination, east positive, added to its heading.", unit="deg", minimum=-180.0, maximum=180.0)
+    declination_deg: float = setting(0.0, "Declination, east positive, added to its heading.", unit="deg", minimum=-180.0, maximum=180.0)
 
 
 @executable("crossbow_driver", kind="driver", Settings=CrossbowSettings, compiled=False)
