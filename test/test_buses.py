@@ -9,13 +9,16 @@ from fuzz_formats import arinc_frames, crossbow_frame, crossbow_frames, dme_fram
 from test_drivers import Terminal, heard_on, state
 from test_formats import by_source, parsed
 
-from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.base.settings import SettingsError, from_mapping
 from lowcostnav_ros.base.units import DEGREE, FOOT, KNOT, NAUTICAL_MILE, STANDARD_GRAVITY
+from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.convert.convert import convert
 from lowcostnav_ros.convert.profile import load_profile
 from lowcostnav_ros.convert.stream import TableParser
 from lowcostnav_ros.formats import arinc429 as arinc
 from lowcostnav_ros.formats import crossbow, dme, netfix
+from lowcostnav_ros.graph.description import load_graph
+from lowcostnav_ros.graph.executables import DRIVER, NODES, kind_of, settings_of
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.physics.rotation import quat_to_euler
 
@@ -267,3 +270,20 @@ def _parameter(name, value):
     from rclpy.parameter import Parameter
 
     return Parameter(name, value=value)
+
+
+@pytest.mark.parametrize("path", sorted((config_dir() / "graphs").glob("real_*.yaml")), ids=lambda path: path.stem)
+def test_the_graphs_of_real_aircraft_say_what_their_nodes_know(path):
+    pytest.importorskip("rclpy")
+    graph = load_graph(path.stem)
+    for node in graph.nodes:
+        if node.executable in NODES and settings_of(node.executable) is not None:
+            from_mapping(settings_of(node.executable), dict(node.parameters), path.stem)
+    assert {node.executable for node in graph.nodes} & {name for name in NODES if kind_of(name) == DRIVER}
+
+
+def test_the_udev_rules_are_installed_and_name_the_ports():
+    rules = (config_dir() / "udev" / "99-lowcostnav.rules").read_text()
+    lines = [line for line in rules.splitlines() if line and not line.startswith("#")]
+    assert all(line.count('"') % 2 == 0 for line in lines) and rules.count("SYMLINK") == 9
+    assert '"*.rules"' in (config_dir().parent / "setup.py").read_text()
