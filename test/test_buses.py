@@ -266,6 +266,24 @@ def test_two_of_a_kind_and_a_port_that_is_taken(ros, tmp_path):
         NetfixDriver(context=ros.context, parameter_overrides=[_parameter("source", "file:/tmp/x")])
 
 
+def test_a_wrong_rate_is_said_and_a_network_port_needs_none(ros, terminal):
+    from lowcostnav_ros.nodes.dme_driver import DmeDriver
+
+    node = ros.make(DmeDriver, source=str(terminal.path), baud=4800, instance=1)
+    rubbish = bytes(np.random.default_rng(1).integers(128, 256, 40, np.uint8))
+    said = "gives no known message at 4800 baud (0 finds the rate)"
+    assert ros.spin_until(lambda: terminal.write(rubbish) or said in state(node).message)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        number = free.getsockname()[1]
+    heard = heard_on(ros, "dme3/range")
+    ros.make(DmeDriver, source=f"udp:{number}", instance=3)
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sent = lambda: sender.sendto(b"".join(dme_frames()), ("127.0.0.1", number))  # noqa: E731
+    assert ros.spin_until(lambda: sent() and ros.spin_once() or heard["dme3/range"], 20.0)
+    sender.close()
+
+
 def _parameter(name, value):
     from rclpy.parameter import Parameter
 

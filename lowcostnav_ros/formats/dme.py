@@ -1,6 +1,6 @@
 """DME distances from a small microcontroller beside the receiver: a sentence of the form of NMEA 0183, or ARINC 429 words.
 
-    $PLDME,IDENT,NM,STATUS*hh        $PLDME,OAK,23.45,A*21
+    $PLDME,IDENT,NM,STATUS*hh        $PLDME,OAK,23.45,A*56
 
 IDENT is that of the station table, NM the slant range in nautical miles, STATUS ``A`` for a range that is valid and ``V`` for none (the
 receiver searches, or remembers).  A fifth cell, if any, is the 1-sigma in NM.  A range is stamped when its sentence came.

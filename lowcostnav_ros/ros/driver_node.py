@@ -101,7 +101,8 @@ class DriverNode(ThreadedNode):
                 continue
             self._opened += 1
             try:
-                port.write(self.parser.greeting)
+                if self.parser.greeting:
+                    port.write(self.parser.greeting)
                 turn += not self._listen(port, len(bauds) > 1 and self.settings.source.startswith(("/", "serial:")))
             except PortError as error:
                 self._say(str(error))
@@ -139,6 +140,9 @@ class DriverNode(ThreadedNode):
                 self._say(f"{self.settings.source} is open, but no bytes have come for {now - heard:.0f} s; check the wiring")
             elif found:
                 self._say("", f"{self.settings.source} open{f' at {self._baud} baud' if self._baud else ''}, messages come")
+            elif self._bytes and now - opened > TRY_S:
+                rate = f" at {self._baud} baud (0 finds the rate)" if self.settings.baud else ""
+                self._say(f"{self.settings.source} gives no known message{rate}; check what the device sends")
         return True
 
     def _publish(self, measurements: Iterable[Measurement], received_ns: int) -> None:

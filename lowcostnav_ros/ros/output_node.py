@@ -111,6 +111,10 @@ class OutputNode(ThreadedNode):
             except PortError as error:
                 self._say(str(error))
                 self._stopping.wait(REOPEN_S)
+            except Exception as error:  # a solution that no format can hold never ends an output
+                if self.running():
+                    self._say(f"error in handling: {type(error).__name__}: {error}")
+                    self._stopping.wait(REOPEN_S)
             finally:
                 port.close()
 
