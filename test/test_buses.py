@@ -78,6 +78,13 @@ def test_lost_crossbow_packets_cost_turns_that_arrivals_bring_back_and_a_stall_d
     assert not error[sent.index(period_ns * 140) :].any() and abs(error).max() < 4 * crossbow.TURN_NS
 
 
+@pytest.mark.parametrize(("range_g", "is_said"), [(2.0, False), (4.0, True)])
+def test_a_range_that_is_not_that_of_the_unit_is_said(range_g, is_said):
+    parser = crossbow.CrossbowParser(crossbow.CrossbowUnit("angle", 100.0, range_g))
+    parsed(parser, b"".join(crossbow_frames() * 43))
+    assert any("range on the label" in remark for remark in parser.account.remarks) == is_said
+
+
 def parsed_now(parser, data):
     return [one for one in parser.feed(data) if one.source == "imu/data_raw"]
 

@@ -34,6 +34,8 @@ MARGIN = 1.5
 """A full word is one and a half times the range."""
 MAGNETIC_RANGE_GAUSS = 1.25
 SIGMA_T, TILT_SIGMA, HEADING_SIGMA = 0.5e-6, 2.0 * DEGREE, 4.0 * DEGREE
+LOOK = 500
+"""Packets over which gravity must show."""
 CONFIRMED = 2
 """Packets in a row before the one that is used."""
 LAYOUTS = {
@@ -72,7 +74,7 @@ class CrossbowParser(Parser):
         self._row, self._skipped = 0, 0
         self._timer: int | None = None
         self._least_ns: int | None = None
-        self._now_ns, self._behind = TURN_NS, 0
+        self._now_ns, self._behind, self._looked, self._sum = TURN_NS, 0, 0, 0.0
 
     def take(self, protocol: str, frame: bytes) -> Iterator[Measurement]:
         """Turn a packet into measurements, once the two before it were packets too."""
@@ -100,12 +102,20 @@ class CrossbowParser(Parser):
                 self._now_ns, self._behind = self._now_ns + turns * TURN_NS, 0
         return self._now_ns
 
+    def _look(self, force: float) -> None:
+        """Say once where the first packets do not show gravity: then the range is that of another unit."""
+        self._looked, self._sum = self._looked + 1, self._sum + force
+        mean_g = self._sum / self._looked / STANDARD_GRAVITY
+        if self._looked == LOOK and not abs(mean_g - 1.0) < 0.2:
+            self.account.remark(f"The accelerometers show {mean_g:.2f} g: is {self._unit.accel_range_g:g} g the range on the label?")
+
     def _measured(self, counts: dict[str, int], stamp_ns: int) -> Iterator[Measurement]:
         unit = self._unit
         rate = np.array([counts[axis] for axis in "pqr"]) * (MARGIN * unit.rate_range_dps * DEGREE / WORD)
         force = np.array([counts[axis] for axis in "xyz"]) * (-MARGIN * unit.accel_range_g * STANDARD_GRAVITY / WORD)
         label = f"Crossbow counts at {unit.rate_range_dps:g} deg/s and {unit.accel_range_g:g} g, +1 g down"
         self.account.origins.setdefault("imu/data_raw", label)
+        self._look(float(np.linalg.norm(force)))
         yield ImuBlock.of("imu/data_raw", np.array([stamp_ns]), force[np.newaxis], rate[np.newaxis])
         if "mx" in counts:
             field = np.array([counts[f"m{axis}"] for axis in "xyz"]) * (MARGIN * MAGNETIC_RANGE_GAUSS * GAUSS / WORD)
