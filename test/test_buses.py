@@ -156,6 +156,19 @@ def test_words_of_two_epochs_are_not_mixed():
     assert not arriving(parser, [arinc.frame_of(arinc.encoded(label, 10.0)) for label in (0o166, 0o174)], every_ns=300_000_000)
 
 
+def test_cycles_of_words_are_not_mixed_wherever_the_first_begins():
+    labels = (0o327, 0o326, 0o330, 0o331, 0o332, 0o333)
+    steps = [arinc.LABELS[label].scale / 128.0 * arinc.LABELS[label].unit for label in labels]
+    for first in range(6):
+        parser, found = arinc.ArincParser(), []
+        for k in range(first, 60):  # 50 cycles a second, a word each millisecond; every word says in which cycle it was sent
+            cycle, place = divmod(k, 6)
+            parser.arrived_ns = NOW_NS + 20_000_000 * cycle + 1_000_000 * place
+            found += parser.feed(arinc.frame_of(arinc.encoded(labels[place], cycle * steps[place])))
+        cycles = [{round(x / s) for x, s in zip((*one.angular_rate_b[0], *one.specific_force_b[0]), steps, strict=True)} for one in found]
+        assert len(cycles) >= 8 and all(len(numbers) == 1 for numbers in cycles[1:])
+
+
 def test_dme_sentences():
     parser = dme.DmeParser({11_680: "OAK"})
     wrong = [sentence("PLDME,OAK,xx,A"), sentence("PLDME,OAK,-1,A"), sentence("PLDME,OAK,1e9,A"), sentence("PLDME,TOOLONG,1,A")]

@@ -90,8 +90,9 @@ LABELS: Mapping[int, Binary | Decimal] = {
 the fine words 120 and 121 matter."""
 POSITION, VELOCITY = ("latitude", "longitude"), ("north", "east")
 RATES, FORCES = ("roll_rate", "pitch_rate", "yaw_rate"), ("along", "across", "normal")
-TOGETHER_NS, GOOD_NS = 100_000_000, 2 * 10**9
-"""Words of one measurement come within this time; one that another needs is not older than that."""
+TOGETHER_NS, GOOD_NS = 40_000_000, 2 * 10**9
+"""Words of one measurement come within this time, and within half the time after which they are repeated, or the words of two cycles would
+be taken for those of one; a word that another needs is not older than the second time."""
 RAYLEIGH_95, WITHIN_95 = 2.448, 1.960
 FIX_SIGMA_M, HEIGHT_SIGMA_M, SPEED_SIGMA_MPS, CLIMB_SIGMA_MPS, DME_SIGMA_M = 33.0 * FOOT, 33.0 * FOOT, 0.5, 1.0, 0.17 * NAUTICAL_MILE
 TILT_SIGMA, HEADING_SIGMA = 1.0 * DEGREE, 3.0 * DEGREE
@@ -161,6 +162,8 @@ class ArincParser(Parser):
         self.framer: Framer = Framer((ARINC,))
         self._stations, self._declination, self._sign = stations or {}, declination, -1.0 if gravity_positive else 1.0
         self._values: dict[str, tuple[int, float]] = {}
+        self._came: dict[str, int] = {}
+        self._window_ns = TOGETHER_NS
         self._motion = 0, np.zeros(3), np.zeros(3)
         makers: tuple[tuple[Callable[[], Iterable[Measurement]], tuple[str, ...]], ...] = (
             (self._fix, (*POSITION, "latitude_fine", "longitude_fine")), (self._velocity, VELOCITY),
@@ -184,6 +187,8 @@ class ArincParser(Parser):
             self.account.refused[f"ARINC 429 label {word & 0xFF:03o} with a digit that is none"] += 1
         else:
             self._values[kind.name] = self.arrived_ns, value
+            self._window_ns = min(TOGETHER_NS, (self.arrived_ns - self._came.get(kind.name, 0)) // 2)
+            self._came[kind.name] = self.arrived_ns
             if kind.name in self._makers:
                 yield from self._makers[kind.name]()
 
@@ -193,9 +198,10 @@ class ArincParser(Parser):
 
     def _group(self, *names: str) -> list[float] | None:
         """Values that came together; used once."""
-        values = [self._get(name, TOGETHER_NS) for name in names]
-        found = [value for value in values if value is not None]
+        found = [value for value in (self._get(name, self._window_ns) for name in names) if value is not None]
         if len(found) < len(names):
+            if all(name in self._values for name in names):
+                self.account.refused[f"words of one measurement too far apart in time: {names[0]}"] += 1
             return None
         for name in names:
             del self._values[name]
@@ -235,7 +241,7 @@ class ArincParser(Parser):
             yield ImuBlock.of("imu/data_raw", np.array([self.arrived_ns]), force[np.newaxis], rate[np.newaxis])
 
     def _attitude(self) -> Iterator[Measurement]:
-        true = self._get("true_heading", TOGETHER_NS) is not None
+        true = self._get("true_heading") is not None
         parts = self._group("roll", "pitch", "true_heading" if true else "magnetic_heading")
         at_ns, rate, force = self._motion
         if parts is None or self.arrived_ns - at_ns > TOGETHER_NS or not self.is_new("imu/data_fused", self.arrived_ns):

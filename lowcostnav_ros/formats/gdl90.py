@@ -121,10 +121,10 @@ class Gdl90:
 
 
 def heartbeat(picture: Picture) -> bytes:
-    """Message 0: whether the position is valid, and the second of the day."""
+    """Message 0: whether the position is valid, and the second of the day, which is that of the solution."""
     seconds = int(picture.stamp_ns // 10**9 % 86_400)
     valid = picture.lat is not None
-    return bytes([0, valid << 7 | 1, (seconds >> 16) << 7 | 1]) + (seconds & 0xFFFF).to_bytes(2, "little") + bytes(2)
+    return bytes([0, valid << 7 | 1, (seconds >> 16) << 7 | (picture.stamp_ns > 0)]) + (seconds & 0xFFFF).to_bytes(2, "little") + bytes(2)
 
 
 def geometric_altitude(picture: Picture) -> bytes:

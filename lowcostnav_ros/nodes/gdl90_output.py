@@ -30,6 +30,7 @@ class Gdl90Output(OutputNode):
 
     name = "gdl90_output"
     Settings = Gdl90Settings
+    further = ("air/velocity", "air/static_pressure")
 
     def make_encoder(self) -> Encoder:
         """Messages of this aircraft."""

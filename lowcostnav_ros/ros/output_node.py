@@ -47,6 +47,8 @@ class OutputNode(ThreadedNode):
 
     name: ClassVar[str]
     Settings: ClassVar[type[OutputSettings]] = OutputSettings
+    further: ClassVar[tuple[str, ...]] = ()
+    """What it shows beside the navigator's solution; with these, the protection level."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(self.name, [self.Settings()], **kwargs)
@@ -56,9 +58,10 @@ class OutputNode(ThreadedNode):
         self._sent = self._opened = 0
         self._trouble, self._shown = "", self.cockpit.picture(time.monotonic())
         room = self.settings.navigator
-        for source in (f"{room}/odometry", f"{room}/health", "air/velocity", "air/static_pressure"):
-            self.listen(source, self._take, required=source.startswith(room))
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._protection, qos.sensor_subscription())
+        for source in (f"{room}/odometry", f"{room}/health", *self.further):
+            self.listen(source, self._take, required=source not in self.further)
+        if self.further:
+            self.create_subscription(DiagnosticArray, "/diagnostics", self._protection, qos.sensor_subscription())
         self._begin("output")
 
     def make_encoder(self) -> Encoder:
