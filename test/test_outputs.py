@@ -248,3 +248,19 @@ def test_a_navigator_reaches_a_tablet(ros):
     assert row().message == "position shown" and int(row().values["sent"]) >= len(heard)
     assert ros.spin_until(lambda: row().message == "position not shown: the solution is stale", 10.0)
     tablet.close()
+
+
+def test_a_destination_that_is_not_there_is_said_and_taken_up_once_it_is(ros):
+    from lowcostnav_ros.nodes.netfix_output import NetfixOutput
+
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        number = free.getsockname()[1]
+    node = ros.make(NetfixOutput, destination=f"tcp:127.0.0.1:{number}", rate_hz=20.0)
+    row = lambda: next(row for row in node.rows() if row.name.endswith(": output"))  # noqa: E731
+    assert ros.spin_until(lambda: row().level == 2 and "cannot be opened" in row().message)
+    with socket.create_server(("127.0.0.1", number)) as gateway:
+        link = gateway.accept()[0]
+        assert link.recv(20) == b"LAT;0.0;0010\nLONG;0."  # nothing is known, and so it says
+        assert ros.spin_until(lambda: row().message == "position not shown: no solution has come")
+        link.close()
+    assert ros.spin_until(lambda: row().level == 2)
