@@ -12,11 +12,8 @@ from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.formats.cockpit import Cockpit, CockpitLimits, Picture
 from lowcostnav_ros.ros import qos
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, WARN, Status
-from lowcostnav_ros.ros.port import Port, PortError, open_destination, parse_destination
-from lowcostnav_ros.ros.threaded_node import ThreadedNode
-
-REOPEN_S = 0.5
-"""A destination that is gone is tried again this often."""
+from lowcostnav_ros.ros.port import Port, open_destination, parse_destination
+from lowcostnav_ros.ros.port_node import PortNode
 
 
 class Encoder(Protocol):
@@ -42,7 +39,7 @@ class OutputSettings:
             raise SettingsError(f"navigator: '{self.navigator}' must be the name of a navigator, such as ins_gps.")
 
 
-class OutputNode(ThreadedNode):
+class OutputNode(PortNode):
     """Base of the outputs; a subclass gives ``name``, ``Settings`` and :meth:`make_encoder`."""
 
     name: ClassVar[str]
@@ -55,8 +52,7 @@ class OutputNode(ThreadedNode):
         self.settings: Any = self.parameters.settings[0]
         self.encoder = self.make_encoder()
         self.cockpit = Cockpit(self.settings.limits)
-        self._sent = self._opened = 0
-        self._trouble, self._shown = "", self.cockpit.picture(time.monotonic())
+        self._sent, self._shown = 0, self.cockpit.picture(time.monotonic())
         room = self.settings.navigator
         for source in (f"{room}/odometry", f"{room}/health", *self.further):
             self.listen(source, self._take, required=source not in self.further)
@@ -100,29 +96,10 @@ class OutputNode(ThreadedNode):
                     hpl_m = None
                 self.cockpit.protect(hpl_m, time.monotonic())
 
-    def _run(self) -> None:
-        while self.running():
-            try:
-                port = open_destination(self.settings.destination, self.settings.baud)
-            except PortError as error:
-                self._say(str(error))
-                self._stopping.wait(REOPEN_S)
-                continue
-            self._opened += 1
-            try:
-                self._send_to(port)
-            except PortError as error:
-                self._say(str(error))
-                self._stopping.wait(REOPEN_S)
-            except Exception as error:  # a solution that no format can hold never ends an output
-                if self.running():
-                    self._say(f"error in handling: {type(error).__name__}: {error}")
-                    self._stopping.wait(REOPEN_S)
-            finally:
-                port.close()
+    def _open(self) -> Port:
+        return open_destination(self.settings.destination, self.settings.baud)
 
-    def _send_to(self, port: Port) -> None:
-        """Send until the node is to stop or the destination is gone."""
+    def _use(self, port: Port) -> None:
         period_s, due_s, second = 1.0 / self.settings.rate_hz, time.monotonic(), -1
         while self.running():
             now_s = time.monotonic()
@@ -131,12 +108,6 @@ class OutputNode(ThreadedNode):
                 port.write(frame)
                 self._sent += 1
             second = int(now_s)
-            self._say("")
+            self._say("", f"{self.settings.destination} takes what is sent")
             due_s = max(due_s + period_s, now_s)
             self._stopping.wait(due_s - time.monotonic())
-
-    def _say(self, trouble: str) -> None:
-        """Take over a trouble; a new one is logged once."""
-        if trouble and trouble != self._trouble:
-            self.get_logger().warning(trouble)
-        self._trouble = trouble
