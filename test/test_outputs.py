@@ -62,7 +62,8 @@ def test_the_frame_of_the_specifications_example():
 def test_the_report_of_the_specifications_example():
     # section 3.5.4: N825V at 44.90708 N, 122.99488 W, 5000 ft, NIC 10, NACp 9, 123 kt, 64 ft/min, track 45
     shown = Picture(
-        NOW_NS, lat=math.radians(44.90708), lon=math.radians(-122.99488), radius_95_m=20.0, hpl_m=20.0, speed_mps=123 * KNOT,
+        NOW_NS, lat=math.radians(44.90708), lon=math.radians(-122.99488), radius_95_m=20.0, height_95_m=30.0, hpl_m=20.0, vpl_m=30.0,
+        speed_mps=123 * KNOT,
         track=math.radians(45.0), vel_n=np.array([1.0, 1.0, -64 * FOOT / 60.0]), pressure_height_m=5000 * FOOT,
     )  # fmt: skip
     ours, theirs = Gdl90(0xAB4549, "N825V").ownship(shown), bytes.fromhex("0A00AB45491FEF15A889780F09A907B00120014E3832355620202000")
@@ -73,7 +74,8 @@ def test_the_report_of_the_specifications_example():
 
 @pytest.mark.parametrize(("size_m", "nacp", "nic"), [(2.9, 11, 11), (10.0, 9, 10), (185.0, 7, 8), (3e3, 3, 4), (4e4, 0, 0), (None, 0, 0)])
 def test_categories(size_m, nacp, nic):
-    assert (category(size_m, NACP_M), category(size_m, NIC_M)) == (nacp, nic)
+    assert (category(size_m, 1.0, NACP_M), category(size_m, 1.0, NIC_M)) == (nacp, nic)
+    assert category(size_m, 20.0, NACP_M) == min(nacp, 9) and category(size_m, None, NIC_M) == min(nic, 8)
 
 
 def test_gdl90_of_a_healthy_navigator():
@@ -128,12 +130,12 @@ def test_a_stamp_that_stands_still_is_stale_and_a_clock_that_starts_anew_is_take
 
 def test_a_protection_level_makes_nic_until_it_is_withdrawn_or_old():
     cockpit = Cockpit(CockpitLimits())
-    for at_s, hpl, nic in ((0.0, 60.0, 9), (0.1, None, 0), (0.2, 60.0, 9)):
+    for at_s, hpl, vpl, nic in ((0.0, 60.0, 80.0, 9), (0.1, None, None, 0), (0.2, 60.0, 120.0, 8)):
         cockpit.take(solution(NOW_NS + round(1e9 * at_s)), at_s)
         cockpit.take(health(), at_s)
-        cockpit.protect(hpl, at_s)
+        cockpit.protect(hpl, vpl, at_s)
         assert Gdl90().ownship(cockpit.picture(at_s))[13] >> 4 == nic
-    cockpit.protect(2000.0, 0.3)
+    cockpit.protect(2000.0, 80.0, 0.3)
     assert "protection level" in cockpit.picture(0.3).reason
 
 
@@ -260,7 +262,7 @@ def test_a_destination_that_is_not_there_is_said_and_taken_up_once_it_is(ros):
     assert ros.spin_until(lambda: row().level == 2 and "cannot be opened" in row().message)
     with socket.create_server(("127.0.0.1", number)) as gateway:
         link = gateway.accept()[0]
-        assert link.recv(20) == b"LAT;0.0;0010\nLONG;0."  # nothing is known, and so it says
+        assert link.makefile("rb").readline() == b"LAT;0.0;0010\n"  # nothing is known, and so it says
         assert ros.spin_until(lambda: row().message == "position not shown: no solution has come")
         link.close()
     assert ros.spin_until(lambda: row().level == 2)

@@ -58,8 +58,8 @@ class Picture:
     cov_pos : ndarray (3, 3) or None
         NED, m^2.
     radius_95_m, height_95_m : float or None
-    hpl_m : float or None
-        Horizontal protection level, of a navigator that has one.
+    hpl_m, vpl_m : float or None
+        Protection levels, of a navigator that has them.
     vel_n : ndarray (3,) or None
     speed_mps, track : float or None
         Over ground; the track, rad in [0, 2 pi), is None below :data:`SLOW_MPS`.
@@ -80,6 +80,7 @@ class Picture:
     radius_95_m: float | None = None
     height_95_m: float | None = None
     hpl_m: float | None = None
+    vpl_m: float | None = None
     vel_n: np.ndarray | None = None
     speed_mps: float | None = None
     track: float | None = None
@@ -97,7 +98,7 @@ class Cockpit:
     def __init__(self, limits: CockpitLimits) -> None:
         self._limits = limits
         self._latest: dict[type, tuple[float, Measurement]] = {}
-        self._hpl: tuple[float, float | None] | None = None
+        self._protection: tuple[float, float | None, float | None] | None = None
 
     def take(self, measurement: Measurement, now_s: float) -> None:
         """Take over what came; a solution that is no newer than the last does not count as one."""
@@ -106,9 +107,9 @@ class Cockpit:
         if moved_on or isinstance(measurement, Health):
             self._latest[type(measurement)] = now_s, measurement
 
-    def protect(self, hpl_m: float | None, now_s: float) -> None:
-        """Take over a horizontal protection level; None where the navigator's tests give none, or an alarm lasts."""
-        self._hpl = now_s, hpl_m
+    def protect(self, hpl_m: float | None, vpl_m: float | None, now_s: float) -> None:
+        """Take over the protection levels; None where the navigator's tests give none, or an alarm lasts."""
+        self._protection = now_s, hpl_m, vpl_m
 
     def picture(self, now_s: float) -> Picture:
         """Return what may be shown at a time."""
@@ -118,8 +119,8 @@ class Cockpit:
         if reason or not isinstance(solution, NavSolution) or not isinstance(health, Health):
             at = self._latest.get(NavSolution)
             return Picture(at[1].stamp_ns if at else 0, True, reason, **air)
-        hpl_m = self._hpl[1] if self._hpl is not None and now_s - self._hpl[0] < HEALTH_S else None
-        place = _placed(solution, limits, hpl_m)
+        protection = self._protection if self._protection is not None and now_s - self._protection[0] < HEALTH_S else (0.0, None, None)
+        place = _placed(solution, limits, *protection[1:])
         motion = _moving(solution, limits) | _turned(solution, limits)
         return Picture(solution.stamp_ns, health.level != Level.OK, **place, **motion, **air)
 
@@ -146,7 +147,7 @@ class Cockpit:
         return {"tas_mps": tas, "cas_mps": cas, "pressure_height_m": height}
 
 
-def _placed(solution: NavSolution, limits: CockpitLimits, hpl_m: float | None) -> dict:
+def _placed(solution: NavSolution, limits: CockpitLimits, hpl_m: float | None, vpl_m: float | None) -> dict:
     """The position, or why there is none."""
     if not solution.has_position:
         return {"reason": "the navigator has no position"}
@@ -156,7 +157,8 @@ def _placed(solution: NavSolution, limits: CockpitLimits, hpl_m: float | None) -
         if not size_m <= limits.position_m:
             return {"reason": f"the {what} of the position, {size_m:.0f} m, is beyond the limit"}
     vertical = WITHIN_95 * math.sqrt(max(float(cov[2, 2]), 0.0))
-    shown = {"lat": lat, "lon": lon, "cov_pos": cov, "radius_95_m": radius, "hpl_m": hpl_m, "sea_level": float(undulation(lat, lon))}
+    shown = {"lat": lat, "lon": lon, "cov_pos": cov, "radius_95_m": radius, "hpl_m": hpl_m, "vpl_m": vpl_m}
+    shown["sea_level"] = float(undulation(lat, lon))
     return shown | ({"height": height, "height_95_m": vertical} if vertical <= limits.height_m else {})
 
 

@@ -1,8 +1,9 @@
 """GDL 90: heartbeat, ownship, ownship geometric altitude, and the ID and AHRS messages that tablets added.
 
 Where there is no position, the heartbeat's validity bit is 0 and the ownship report holds zeros with NIC and NACp 0, as section 3.4 asks.
-NACp comes of the filter's 95 % radius.  NIC comes of a protection level alone: where a navigator has none it is 0, unknown, since no sigma
-says how large an error is that nothing has noticed.  The report's altitude is pressure altitude; without static pressure it is invalid.
+NACp comes of the filter's 95 % radius, its best three categories of the height's half band, too.  NIC comes of protection levels alone:
+where a navigator has none it is 0, unknown, since no sigma says how large an error is that nothing has noticed.  The report's altitude is
+pressure altitude; without static pressure it is invalid.
 
 References
 ----------
@@ -20,23 +21,17 @@ from lowcostnav_ros.base.units import DEGREE, FOOT, FOOT_PER_MINUTE, KNOT
 from lowcostnav_ros.formats.cockpit import Picture
 
 FLAG, ESCAPE, TOGGLE = 0x7E, 0x7D, 0x20
+_ANY = math.inf
 NACP_M = (
-    (3.0, 11),
-    (10.0, 10),
-    (30.0, 9),
-    (92.6, 8),
-    (185.2, 7),
-    (555.6, 6),
-    (926.0, 5),
-    (1852.0, 4),
-    (3704.0, 3),
-    (7408.0, 2),
-    (18_520.0, 1),
-)
-"""Largest 95 % radius, m, of each category (table 12)."""
-NIC_M = ((7.5, 11), (25.0, 10), (75.0, 9), (185.2, 8), (370.4, 7), (1111.2, 6), (1852.0, 5), (3704.0, 4), (7408.0, 3), (14_816.0, 2),
-         (37_040.0, 1))  # fmt: skip
-"""Largest containment radius, m, of each category (table 12)."""
+    (3.0, 4.0, 11), (10.0, 15.0, 10), (30.0, 45.0, 9), (92.6, _ANY, 8), (185.2, _ANY, 7), (555.6, _ANY, 6), (926.0, _ANY, 5),
+    (1852.0, _ANY, 4), (3704.0, _ANY, 3), (7408.0, _ANY, 2), (18_520.0, _ANY, 1),
+)  # fmt: skip
+"""95 % radius and half band of the height, m, below which each category begins (table 12)."""
+NIC_M = (
+    (7.5, 11.0, 11), (25.0, 37.5, 10), (75.0, 112.0, 9), (185.2, _ANY, 8), (370.4, _ANY, 7), (1111.2, _ANY, 6), (1852.0, _ANY, 5),
+    (3704.0, _ANY, 4), (7408.0, _ANY, 3), (14_816.0, _ANY, 2), (37_040.0, _ANY, 1),
+)  # fmt: skip
+"""The same of the horizontal and vertical protection levels."""
 NO_ALTITUDE, NO_SPEED, NO_CLIMB, NO_ANGLE, NO_WORD, NO_VFOM = 0xFFF, 0xFFF, 0x800, 0x7FFF, 0xFFFF, 0x7FFF
 AIRBORNE_MPS = 15.0
 LIGHT, ICAO, SELF_ASSIGNED = 1, 0, 1
@@ -72,9 +67,11 @@ def framed(message: bytes) -> bytes:
     return bytes(out) + bytes([FLAG])
 
 
-def category(size_m: float | None, table: tuple[tuple[float, int], ...]) -> int:
-    """Category of a radius, m; 0 where there is none or it is beyond the table."""
-    return 0 if size_m is None else next((number for most, number in table if size_m < most), 0)
+def category(radius_m: float | None, height_m: float | None, table: tuple[tuple[float, float, int], ...]) -> int:
+    """Category of a radius and of a height's half band, m; without the height none of the best three, without the radius 0, unknown."""
+    if radius_m is None:
+        return 0
+    return next((number for level, up, number in table if radius_m < level and (up == _ANY or (height_m is not None and height_m < up))), 0)
 
 
 class Gdl90:
@@ -103,7 +100,8 @@ class Gdl90:
             where, quality = bytes(6), 0
         else:
             where = _signed(lat / math.pi * 2**23, 24) + _signed(lon / math.pi * 2**23, 24)
-            quality = category(picture.hpl_m, NIC_M) << 4 | category(picture.radius_95_m, NACP_M)
+            nic = category(picture.hpl_m, picture.vpl_m, NIC_M)
+            quality = nic << 4 | category(picture.radius_95_m, picture.height_95_m, NACP_M)
         flown = picture.speed_mps
         airborne = flown is not None and flown > AIRBORNE_MPS
         misc = airborne << 3 | picture.is_degraded << 2 | (picture.track is not None)

@@ -85,16 +85,13 @@ class OutputNode(PortNode):
         self.cockpit.take(measurement, time.monotonic())
 
     def _protection(self, message: DiagnosticArray) -> None:
-        """Take the protection level from the row of the navigator's satellite tests."""
+        """Take the protection levels from the row of the navigator's satellite tests."""
         for status in message.status:
             if status.name == f"{self.settings.navigator}: integrity":
                 values = {entry.key: entry.value for entry in status.values}
                 is_sound = values.get("verdict") in ("healthy", "excluded") and not values.get("alarm")
-                try:
-                    hpl_m = float(values["hpl_m"]) if is_sound else None
-                except (KeyError, ValueError):
-                    hpl_m = None
-                self.cockpit.protect(hpl_m, time.monotonic())
+                hpl_m, vpl_m = (_number(values.get(name)) if is_sound else None for name in ("hpl_m", "vpl_m"))
+                self.cockpit.protect(hpl_m, vpl_m, time.monotonic())
 
     def _open(self) -> Port:
         return open_destination(self.settings.destination, self.settings.baud)
@@ -111,3 +108,11 @@ class OutputNode(PortNode):
             self._say("", f"{self.settings.destination} takes what is sent")
             due_s = max(due_s + period_s, now_s)
             self._stopping.wait(due_s - time.monotonic())
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        value = float(text or "")
+    except ValueError:
+        return None
+    return value if value >= 0.0 else None
