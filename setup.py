@@ -63,6 +63,7 @@ setup(
     license="Apache-2.0",
     maintainer="lowcostnav_ros maintainers",
     maintainer_email="maintainers@lowcostnav-ros.example",
+    package_data={f"{NAME}.graph.page": ["assets/*"]},
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     python_requires=">=3.11",
     zip_safe=False,

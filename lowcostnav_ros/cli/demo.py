@@ -19,6 +19,8 @@ from lowcostnav_ros.graph.description import Graph, GraphError, graph_names, loa
 from lowcostnav_ros.graph.monitor import number
 from lowcostnav_ros.graph.process import Event
 from lowcostnav_ros.graph.runner import GraphRunner
+from lowcostnav_ros.graph.up import once_shown
+from lowcostnav_ros.graph.wiring import with_page
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
 from lowcostnav_ros.replay.result import ReplayResult
@@ -84,6 +86,7 @@ def _demonstrate(graph: Graph, out: Path, console: Console) -> int:
 def _fly(graph: Graph, out: Path, console: Console) -> tuple[dict[str, dict[str, int]], list[Event]]:
     """Fly the graph to its end; return messages per topic and what happened to nodes on the way."""
     began = time.monotonic()
+    graph = with_page(graph)
     with GraphRunner(graph, out=out, log_dir=out / "logs", on_event=lambda event: console.print(f"[yellow]{event}[/]")) as runner:
         finished = runner.wait_until_finished(LONGEST_S, each=_Narrator(runner, console))
     counts, events = runner.counts(), list(runner.events)  # after the end: every node publishes its last counts when it shuts down
@@ -99,11 +102,13 @@ class _Narrator:
     def __init__(self, runner: GraphRunner, console: Console) -> None:
         self._runner, self._console = runner, console
         self._printed, self._next = ("", ""), 0.0
+        self._show = once_shown(runner, lambda words: console.print(f"  {words}", highlight=False))
 
     def __call__(self) -> None:
         if time.monotonic() < self._next:
             return
         self._next = time.monotonic() + DRAW_S
+        self._show()
         source = self._runner.rows.get("truth_source: source", {})
         flown = number(source, "flown_s") or 0.0
         row = self._runner.navigator("supervisor")

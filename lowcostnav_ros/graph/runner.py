@@ -16,9 +16,10 @@ from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode
 from lowcostnav_ros.graph.domain import LOCALHOST, RANGE, free_domain, node_environment, require_ros, users_domain
 from lowcostnav_ros.graph.executables import KINDS, RECORDER, SOURCE, kind_of
 from lowcostnav_ros.graph.monitor import MonitorProcess, Reports
+from lowcostnav_ros.graph.page.server import TOKEN, with_token
 from lowcostnav_ros.graph.process import Event, NodeProcess, What, write_parameters
 from lowcostnav_ros.graph.watchdog import Watchdog
-from lowcostnav_ros.graph.wiring import flown_settings, shared_parameters
+from lowcostnav_ros.graph.wiring import PAGE, flown_settings, shared_parameters
 
 STOP_S = 5.0
 WATCH_S = 0.1
@@ -185,6 +186,13 @@ class GraphRunner:
         recorders = [node.name for node in self.graph.nodes if kind_of(node.executable) == RECORDER]
         paths = (self.rows.get(f"{name}: recording", {}).get("values", {}).get("path") for name in recorders)
         return next((Path(path) for path in paths if path and Path(path).exists()), None)
+
+    @property
+    def page(self) -> str:
+        """Address of the page that shows the flight, empty before there is one."""
+        pages = (self.rows.get(f"{node.name}: page", {}) for node in self.graph.nodes if node.executable == PAGE)
+        address: str = next((row["values"].get("address", "") for row in pages if row), "")
+        return with_token(address, os.environ.get(TOKEN, ""))
 
     def _running(self) -> list[NodeProcess]:
         return [*self.processes.values(), *([self._monitor] if self._monitor else [])]

@@ -30,7 +30,8 @@ def table(runner: GraphRunner) -> "Table":
         level, state = state_of(runner, name)
         figures = f"{cpu:.1f}", f"{process.rss_mb():.0f}", str(process.restarts)
         view.add_row(name, Text(state, COLOURS[level]), Text(inputs_of(runner, name)), *figures)
-    view.caption = f"processor together {total:.0f} % of one core; logs in {runner.log_dir}"
+    page = f"; the flight is shown at {runner.page}" if runner.page else ""
+    view.caption = f"processor together {total:.0f} % of one core; logs in {runner.log_dir}{page}"
     return view
 
 
