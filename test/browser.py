@@ -73,8 +73,9 @@ class Browser:
         return message
 
     def open(self, address: str) -> None:
-        """Go to an address."""
+        """Go to an address and wait until it is there."""
         self.ask("Page.navigate", url=address)
+        self.wait_for("location.href != 'about:blank' && document.readyState == 'complete'")
 
     def value(self, expression: str):
         """What an expression is, promises waited for."""

@@ -85,7 +85,8 @@ class Page(NodeBase):
             yield Status(f"{self.get_name()}: page", ERROR, f"cannot be shown: {getattr(self, '_trouble', '')}", {"address": ""})
         else:
             values = {"address": server.address, "viewers": str(server.viewers), "viewers_dropped": str(server.dropped)}
-            yield Status(f"{self.get_name()}: page", OK, f"{server.address}, {server.viewers} viewers", values)
+            looking = f"{server.viewers} viewer{'' if server.viewers == 1 else 's'}"
+            yield Status(f"{self.get_name()}: page", OK, f"{server.address}, {looking}", values)
 
     def poll(self) -> int:
         """Take what has come; show what is due; call what was asked for."""

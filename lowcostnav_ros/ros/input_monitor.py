@@ -79,6 +79,8 @@ class InputMonitor:
             gap = now - self._last_arrival
             self._interval_s = gap if not self._interval_s else self._interval_s + 0.05 * (gap - self._interval_s)
             self._room = min(BURST, self._room + gap * MOST_HZ)
+        else:
+            self._started, self._looked = now, (now, 0)  # what is usual shows from the first message on
         self._last_arrival = now
         self.count += 1
         if self._sheds and self._room < 1.0:

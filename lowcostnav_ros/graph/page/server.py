@@ -126,7 +126,7 @@ class PageServer(socketserver.ThreadingMixIn, socketserver.TCPServer):
                     raise
         own = socket.gethostname().lower()
         self.names = {"localhost", own, own.partition(".")[0], f"{own}.local"}
-        self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.5}, name="page", daemon=True)
+        self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.1}, name="page", daemon=True)
         self._thread.start()
 
     @property
