@@ -46,7 +46,7 @@ class Seen(Picture):
         self.report("toy: navigator", 1, "coasting: no GPS for 3 s", {"mode": "coasting", "flying_on": ""}, "/toy 7")
         for part in ("odometry", "origin", "wind"):
             self.report(f"toy: output toy/{part}", 0, "", {"count": "1"}, "/toy 7")
-        self.tables()
+        self.follow()
         self.hear("toy/origin", encode.origin_fix(10**9, ORIGIN))
 
     def hear(self, source, message):

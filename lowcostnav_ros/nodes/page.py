@@ -8,24 +8,15 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.client import Client
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from lowcostnav_ros.base.settings import SettingsError, setting
-from lowcostnav_ros.catalogue.equipment import load_stations
+from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.graph.executables import executable
-from lowcostnav_ros.graph.page.picture import Picture
 from lowcostnav_ros.graph.page.server import USUAL_PORT, PageServer, parse_listen, token_for, with_token
-from lowcostnav_ros.messages.kind import Kind
-from lowcostnav_ros.radionav.station_cells import StationError
-from lowcostnav_ros.radionav.stations import Station
-from lowcostnav_ros.ros import qos
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, Status
-from lowcostnav_ros.ros.node_base import NodeBase, message_class
 
-FRAME_S, TABLES_S = 0.1, 1.0
+FRAME_S = 0.1
 ANSWER_S = 5.0  # within which a service must answer
 AGAIN_S = 2.0  # until an address that could not be listened on is tried again
 MOST_ASKED, MOST_CLIENTS = 8, 64
@@ -41,6 +32,9 @@ class PageSettings:
     )
     stations: list[str] = setting([], "Station tables to draw; a graph gives those of its navigators.")
 
+    def __post_init__(self) -> None:
+        parse_listen(self.listen)
+
 
 @dataclass
 class _Asked:
@@ -53,29 +47,20 @@ class _Asked:
 
 
 @executable("page", kind="monitor", Settings=PageSettings, compiled=False)
-class Page(NodeBase):
-    """Listen to what the nodes report and to what can be drawn, best effort, and serve it; a graph flies the same with it or without."""
-
-    poll_period_s = 0.04
+class Page(WatchingNode):
+    """Serve what there is to see; viewers get a frame ten times a second."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("page", [PageSettings()], **kwargs)
         self._server: PageServer | None = None
-        self._trouble, self._try_at, self._said = "", 0.0, ""
+        self._trouble, self._try_at = "", 0.0
         self._lock = threading.Lock()
         self._asked: queue.Queue[_Asked] = queue.Queue(MOST_ASKED)
         self._service_clients: dict[str, Client] = {}
-        self._heard_topics: set[str] = set()
-        self._frame_at = self._tables_at = 0.0
+        self._frame_at = 0.0
         settings: PageSettings = self.parameters.settings[0]
-        try:
-            self._listen = parse_listen(settings.listen)
-            self.picture = Picture(_stations(settings.stations))
-        except (SettingsError, StationError, OSError) as error:
-            self.destroy_node()
-            raise SettingsError(f"page: {error}") from error
+        self._listen = parse_listen(settings.listen)
         self._token = token_for(self._listen[0])
-        self.subscribe(DiagnosticArray, "/diagnostics", self._report, qos.sensor_subscription())
         self._open()
 
     def rows(self) -> Iterable[Status]:
@@ -90,15 +75,11 @@ class Page(NodeBase):
 
     def poll(self) -> int:
         """Take what has come; show what is due; call what was asked for."""
-        with self._lock:
-            count = super().poll()
+        count = super().poll()
         now = time.monotonic()
-        if now >= self._tables_at:
-            self._tables_at = now + TABLES_S
-            self._guarded(self._look_around)
         if now >= self._frame_at:
             self._frame_at = max(self._frame_at + FRAME_S, now)
-            self._guarded(self._show_flight)
+            self.guarded(self._show_flight)
         self._call()
         return count
 
@@ -119,44 +100,14 @@ class Page(NodeBase):
             return
         print(f"The flight is shown at {with_token(self._server.address, self._token)}", flush=True)
 
-    def _guarded(self, work: Any) -> None:
-        """Do what shows something; what cannot be shown is no reason to stop showing the rest."""
-        try:
-            with self._lock:
-                work()
-        except Exception as error:
-            if not self.context.ok():
-                raise
-            if (said := type(error).__name__) != self._said:
-                self._said = said
-                self.get_logger().error(f"part of the page cannot be drawn: {said}: {error}")
-
-    def _report(self, raw: bytes) -> None:
-        from lowcostnav_ros.messages.store import from_cdr
-
-        try:
-            message = from_cdr(raw, "diagnostic_msgs/msg/DiagnosticArray")
-        except Exception:  # not a message of ours
-            return
-        for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
-            self.picture.report(status.name, int(status.level), status.message, values, status.hardware_id)
-
-    def _look_around(self) -> None:
-        """Once a second: listen to what is new, draw the tracks on, show the tables."""
-        for topic, kind in self.picture.wanted():
-            if topic not in self._heard_topics:
-                self._heard_topics.add(topic)
-                self._listen_to(topic, kind)
-        self.picture.follow()
+    def look_around(self) -> None:
+        """Once a second: what is new, the tables, and another try to listen where that failed."""
+        with self._lock:
+            super().look_around()
         if self._server is None and time.monotonic() >= self._try_at:
             self._open()
-        if self._server is not None:
+        if self._server is not None and self._server.viewers:
             self._server.show("tables", self.picture.tables())
-
-    def _listen_to(self, topic: str, kind: Kind) -> None:
-        profile = qos.latched() if kind.latched else QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self.subscribe(message_class(kind.msgtype), topic, partial(self.picture.take, topic.lstrip("/"), kind), profile)
 
     def _show_flight(self) -> None:
         if self._server is not None and self._server.viewers:
@@ -201,7 +152,3 @@ def _answer(asked: _Asked, future: Any) -> None:
     response = future.result()
     asked.answer = response.success, response.message
     asked.answered.set()
-
-
-def _stations(tables: Iterable[str]) -> list[Station]:
-    return list({station.ident: station for table in tables for station in load_stations(table)}.values())

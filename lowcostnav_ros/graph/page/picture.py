@@ -151,7 +151,7 @@ class Picture:
 
     def tables(self) -> dict[str, Any]:
         """What the nodes report: their state, inputs, aids, the stations heard and the last changes of mode."""
-        self._rooms, nodes = self._find_rooms(), dict[str, dict[str, Any]]()
+        nodes: dict[str, dict[str, Any]] = {}
         for name, row in sorted(self._rows.items()):
             node, _, what = name.partition(": ")
             silent = self._clock() - row.arrived
@@ -169,7 +169,7 @@ class Picture:
             if what == "navigator":
                 entry["flying_on"] = row.values.get("flying_on", "")
         for node, room in self._rooms.items():
-            nodes[node]["colour"] = _colour(node, room)
+            nodes.get(node, {})["colour"] = _colour(node, room)
         for entry in nodes.values():
             if entry["silent"] > LOST_S:
                 entry["level"], entry["message"] = int(Level.ERROR), f"no report for {entry['silent']:.0f} s"
@@ -198,7 +198,8 @@ class Picture:
         return ["reset", *(("calibrate_start", "calibrate_stop") if calibrates else ())]
 
     def follow(self) -> None:
-        """Draw the tracks on: to be called about once a second."""
+        """See which navigators there are and draw the tracks on: to be called about once a second."""
+        self._rooms = self._find_rooms()
         for name, room in {**self._rooms, TRUTH: TRUTH}.items():
             solution = self._newest(f"{room}/{ODOMETRY}")[0]
             if isinstance(solution, NavSolution) and solution.lat is not None:
