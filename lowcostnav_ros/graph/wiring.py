@@ -4,6 +4,7 @@ A flight starts when all its subscribers are there; the graph runner counts them
 """
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -84,7 +85,7 @@ def shared_parameters(graph: Graph, node: GraphNode) -> dict[str, Any]:
         values["start.expected_subscribers"] = expected_subscribers(graph)
         if graph.lossless:
             values["flow.listeners"] = sum(bool(set(PACED) & set(inputs_of(other))) for other in graph.nodes)
-    if node.executable == PAGE:
+    if node.executable in (PAGE, "display"):
         values["stations"] = station_tables(graph)
     if kind_of(node.executable) == NAVIGATOR and graph.real_time_factor > 1.0:
         # transport takes wall time, the horizon counts stamps: flying faster needs a longer lag (it delays, it changes no solution)
@@ -124,6 +125,14 @@ def with_page(graph: Graph, listen: str = "") -> Graph:
     if any(other.executable == PAGE or other.name == PAGE for other in graph.nodes):
         return graph
     return replace(graph, nodes=(*graph.nodes, replace(node, parameters={"listen": listen} if listen else {})))
+
+
+def with_nodes(graph: Graph, names: Sequence[str]) -> Graph:
+    """Return a graph with further executables as they are shipped, those that it has already left out."""
+    there = {node.executable for node in graph.nodes} | {node.name for node in graph.nodes}
+    for name in names:
+        EXECUTABLES[name]  # refuses one that does not exist
+    return replace(graph, nodes=(*graph.nodes, *(made_node(name, graph) for name in dict.fromkeys(names) if name not in there)))
 
 
 def completed(graph: Graph) -> Graph:

@@ -15,6 +15,7 @@ from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.graph.page.server import USUAL_PORT, PageServer, parse_listen, token_for, with_token
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, Status
+from lowcostnav_ros.ros.watching_node import WatchingNode
 
 FRAME_S = 0.1
 ANSWER_S = 5.0  # within which a service must answer

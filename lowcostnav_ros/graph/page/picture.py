@@ -21,6 +21,7 @@ from lowcostnav_ros.catalogue.geoid import undulation
 from lowcostnav_ros.messages.decode import Decoder
 from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.navigators.registry import NAVIGATORS, label_of
+from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.physics.rotation import quat_to_euler
 from lowcostnav_ros.radionav.ellipse import ellipse_of
 from lowcostnav_ros.radionav.stations import Station
@@ -184,6 +185,10 @@ class Picture:
         ]
         return {"stations": places, "tracks": {name: list(track.points) for name, track in self._tracks.items()}}
 
+    def frame_of(self, node: str) -> LocalFrame | None:
+        """Map frame in which a navigator's solution is published, None before its origin is known."""
+        return self._decoder.rules.origins.get(self._rooms.get(node, ""))
+
     def service_of(self, node: str, verb: str) -> str:
         """Absolute name of a service of a node that the page offers; empty for any other."""
         does = self._does(node)
@@ -304,6 +309,7 @@ def _position(solution: NavSolution) -> dict[str, Any]:
         return {}
     lat, lon, height = solution.place
     shown: dict[str, Any] = {"lat": round(math.degrees(lat), 7), "lon": round(math.degrees(lon), 7)}
+    shown["height"] = round(height, 2)
     shown["msl"] = round(height - float(undulation(lat, lon)), 1)
     if solution.cov_pos is not None:
         ellipse = ellipse_of(solution.cov_pos[:2, :2])
