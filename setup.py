@@ -52,7 +52,7 @@ data_files = [("share/ament_index/resource_index/packages", [f"resource/{NAME}"]
 if "editable_wheel" not in sys.argv:  # an editable installation reads these where they are edited
     data_files += [
         (f"share/{NAME}", ["package.xml"]),
-        *shared_files("config", ("*.yaml", "*.csv", "*.xml", "*.npz", "*.json")),
+        *shared_files("config", ("*.yaml", "*.csv", "*.xml", "*.npz", "*.json", "*.service")),
         *shared_files("launch", ("*.launch.py",)),
     ]
 

@@ -82,14 +82,14 @@ class GraphRunner:
         self.stop()
 
     def _environment(self) -> dict[str, str]:
-        """That of the node processes: a graph without sensors of its own hears what this environment hears."""
+        """That of the node processes: a graph without sensors of its own flies on the domain of this environment."""
         graph = self.graph
         try:
             wanted = graph.domain if graph.domain is not None or graph.has_source else users_domain()
         except ValueError as error:
             raise GraphError(str(error)) from error
         self.domain = self._domain.enter_context(free_domain(wanted))
-        environment = node_environment(self.domain, self.log_dir, usual=LOCALHOST if graph.has_source else "")
+        environment = node_environment(self.domain, self.log_dir)
         heard = environment.get(RANGE, "").upper()
         self.title = f"{graph.name} on ROS domain {self.domain}, {'this machine' if heard == LOCALHOST else heard.lower() or 'subnet'}"
         return environment
