@@ -142,3 +142,15 @@ def test_a_further_instance_keeps_the_conventions_of_its_kind():
 
 def is_covariance(matrix):
     return np.allclose(matrix, matrix.T) and np.linalg.eigvalsh(matrix).min() > -1e-9 * max(np.abs(matrix).max(), 1.0)
+
+
+def test_sensors_are_published_reliably_and_taken_best_effort():
+    pytest.importorskip("rclpy")
+    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
+    from lowcostnav_ros.ros import qos
+
+    sensor, fixed = topics.spec("imu/data_raw"), topics.spec("nav/origin")
+    sent, taken = qos.for_publisher(sensor, False), qos.for_subscription(sensor, False)
+    assert (sent.reliability, taken.reliability) == (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT)  # REP-2003: anybody matches
+    assert qos.for_publisher(fixed, False).durability == DurabilityPolicy.TRANSIENT_LOCAL

@@ -27,6 +27,7 @@ from lowcostnav_ros.radionav.ellipse import ellipse_of
 from lowcostnav_ros.radionav.stations import Station
 
 MOST_ROWS, MOST_TOPICS, MOST_STATIONS = 2000, 200, 500
+MOST_VALUES, LONGEST = 200, 300  # of one row; characters of a text
 LOST_S = 3.0  # nodes report once a second
 TRUTH = "truth"
 OWN = ("navigator", "source", "recording", "page", "magnetometer calibration")
@@ -105,8 +106,9 @@ class Picture:
     def report(self, name: str, level: int, message: str, values: Mapping[str, str], hardware_id: str) -> None:
         """Take a row of the diagnostics."""
         node = hardware_id.rpartition(" ")[0]
-        if not NODE.fullmatch(node) or (name not in self._rows and len(self._rows) >= MOST_ROWS):
+        if not NODE.fullmatch(node) or len(name) > LONGEST or (name not in self._rows and len(self._rows) >= MOST_ROWS):
             return
+        message, values = message[:LONGEST], {key[:LONGEST]: values[key][:LONGEST] for key in list(values)[:MOST_VALUES]}
         before = self._rows.get(name)
         self._rows[name] = _Row(min(int(level), Level.ERROR), message, values, node, self._clock())
         if name.endswith(": navigator") and (before is None or before.values.get("mode") != values.get("mode")):

@@ -8,7 +8,7 @@ class MovingMap {
   constructor(canvas, onMoved) {
     this.canvas = canvas;
     this.onMoved = onMoved;
-    this.metresPerPixel = 120;
+    this.metresPerPixel = 75;
     this.isCentred = true;
     this.middle = null; // lat, lon in degrees
     this.chart = { stations: [], tracks: {} };
