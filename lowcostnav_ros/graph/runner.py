@@ -14,7 +14,7 @@ from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode
 from lowcostnav_ros.graph.domain import LOCALHOST, RANGE, free_domain, node_environment, require_ros, users_domain
-from lowcostnav_ros.graph.executables import KINDS, RECORDER, SOURCE, kind_of
+from lowcostnav_ros.graph.executables import KINDS, MONITOR, RECORDER, SOURCE, kind_of
 from lowcostnav_ros.graph.monitor import MonitorProcess, Reports
 from lowcostnav_ros.graph.page.server import TOKEN, with_token
 from lowcostnav_ros.graph.process import Event, NodeProcess, What, write_parameters
@@ -106,7 +106,8 @@ class GraphRunner:
         for event in happened:
             self._note(event)
         for process in self._running():
-            if process.given_up and process.exit_code == Exit.CANNOT_RUN:
+            only_watched = kind_of(process.executable) == MONITOR and process.restarts > 0  # that no longer can is no reason to land
+            if process.given_up and process.exit_code == Exit.CANNOT_RUN and not only_watched:
                 raise GraphError(f"{process.name} cannot run: {process.last_line() or f'see {process.log}.'}")
         return happened
 
