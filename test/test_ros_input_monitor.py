@@ -117,6 +117,19 @@ def test_a_flood_is_named_and_what_is_beyond_a_processes_means_is_shed():
     assert all(lossless.arrived() for _ in range(5000))
 
 
+def test_an_input_that_starts_a_minute_after_its_node_is_no_flood():
+    clock = Clock()
+    monitor = InputMonitor("imu/data_raw", clock=clock)
+    for _ in range(120):  # the diagnostics look twice a second
+        clock.now += 0.5
+        monitor.status("n")
+    for _ in range(20):
+        for _ in range(50):
+            clock.now += 0.01
+            monitor.arrived()
+        assert monitor.status("n").level == OK, monitor.status("n").message
+
+
 def test_a_flood_of_nearly_equal_stamps_does_not_make_gaps_of_what_follows():
     monitor, _ = fed(100.0, 10)
     for k in range(500):
