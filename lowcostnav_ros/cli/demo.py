@@ -51,7 +51,7 @@ def demo(arguments: argparse.Namespace) -> int:
     check_folder(arguments.out)
     if arguments.real_time_factor:
         graph = dataclasses.replace(graph, real_time_factor=arguments.real_time_factor)
-    return _demonstrate(graph, _emptied(Path(arguments.out)), result_console())
+    return _demonstrate(with_page(graph), _emptied(Path(arguments.out)), result_console())
 
 
 def _emptied(out: Path) -> Path:
@@ -86,7 +86,6 @@ def _demonstrate(graph: Graph, out: Path, console: Console) -> int:
 def _fly(graph: Graph, out: Path, console: Console) -> tuple[dict[str, dict[str, int]], list[Event]]:
     """Fly the graph to its end; return messages per topic and what happened to nodes on the way."""
     began = time.monotonic()
-    graph = with_page(graph)
     with GraphRunner(graph, out=out, log_dir=out / "logs", on_event=lambda event: console.print(f"[yellow]{event}[/]")) as runner:
         finished = runner.wait_until_finished(LONGEST_S, each=_Narrator(runner, console))
     counts, events = runner.counts(), list(runner.events)  # after the end: every node publishes its last counts when it shuts down
