@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint unit config docs docs-check venv clean
+.PHONY: demo test lint unit config docs docs-check site venv clean
 
 demo: venv ## fly a whole mission and write the page
 	$(BIN)/lowcostnav demo
@@ -25,6 +25,11 @@ config: venv ## write the parameter files from the settings that the code declar
 docs: venv ## write docs/interfaces.md
 	$(BIN)/python docs/make_interfaces.py
 	$(BIN)/python docs/make_convert.py
+
+site: venv ## the documentation as a site in out/site, to be read without a network; a link that leads nowhere fails it
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "mkdocs-material>=9.5,<10"
+	mkdir -p out/site_source && cp -r README.md CONTRIBUTING.md QUALITY_DECLARATION.md CHANGELOG.rst LICENSE docs config package.xml out/site_source/
+	$(BIN)/mkdocs build --strict --quiet
 
 docs-check: venv ## run every command of README and docs in its printed order (ten minutes)
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python docs/commands.py

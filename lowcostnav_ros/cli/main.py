@@ -1,6 +1,7 @@
 """The ``lowcostnav`` command: one word per job, exit status 0 pass, 1 worse or failed, 2 cannot run."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -61,6 +62,9 @@ def main(argv: Sequence[str] | None = None, registry: Any = None) -> int:
         if not type(error).__module__.startswith("lowcostnav_ros"):
             raise  # one of ours is a sentence for the user; any other is a defect and must show its traceback
         print(error, file=sys.stderr)
+    except BrokenPipeError:  # what it was piped into has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return Exit.OK
     except OSError as error:
         print(f"{error.filename or arguments.job}: {error.strerror or error}; check the path and its permissions.", file=sys.stderr)
     return Exit.CANNOT_RUN
