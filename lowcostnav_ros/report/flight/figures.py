@@ -6,13 +6,12 @@ import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.navigators.registry import label_of
-from lowcostnav_ros.report.chart import Band, Curve, Dots, Item, TimeAxis, time_chart
-from lowcostnav_ros.report.flight.map_chart import Ellipse, Track, map_chart
+from lowcostnav_ros.report.chart import HALF, Band, Curve, Dots, Item, TimeAxis, time_chart
+from lowcostnav_ros.report.flight.map_chart import Ellipse, Ground, Track, map_chart
 from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
 
-TRUTH_COLOUR, SMOOTHED_COLOUR = "#222222", "#00856a"
+TRUTH_COLOUR, SMOOTHED_COLOUR = "var(--ink)", "#00856a"
 _SPARE = ("#7a5195", "#8c6d31", "#56b4e9", "#5f7f3a")
-HALF = 474
 ELLIPSE_EVERY_S = 60.0
 ATTITUDE = {"roll_deg": "Roll [deg]", "pitch_deg": "Pitch [deg]", "heading_deg": "True heading [deg]"}
 MOTION = {"height_m": "Height above the ellipsoid [m]", "speed_mps": "Ground speed [m/s]"}
@@ -41,8 +40,8 @@ def colour_of(name: str, names: list[str]) -> str:
     return label_of(name).colour or _SPARE[others.index(name) % len(_SPARE)]
 
 
-def ground_map(result: Result) -> str:
-    """Map with truth, fixes, recorded and replayed solutions, stations, and two-sigma ellipses without GPS."""
+def ground_map(result: Result) -> tuple[str, Ground | None]:
+    """Map with truth, fixes, recorded and replayed solutions, stations, and two-sigma ellipses without GPS; and its ground."""
     names = list(result.navigators)
     tracks = []
     if len(result.truth.get("t_s", ())):
@@ -63,7 +62,7 @@ def ground_map(result: Result) -> str:
                 place = navigator.smoothed["lat_deg"], navigator.smoothed["lon_deg"]
                 tracks.append(Track(*place, colour_of(name, names), f"{name} smoothed", 1.3, dash="7 3"))
             ellipses += _ellipses(navigator, colour_of(name, names), result.summary.without_gps.intervals_s)
-    return map_chart(tracks, result.summary.stations, ellipses)
+    return map_chart(tracks, result.summary.stations, ellipses), Ground.under(tracks)
 
 
 def _ellipses(navigator: NavigatorResult, colour: str, outages: Sequence[tuple[float, float]]) -> list[Ellipse]:
@@ -75,7 +74,8 @@ def _ellipses(navigator: NavigatorResult, colour: str, outages: Sequence[tuple[f
             values = [float(columns[n][row]) for n in names] if row < len(columns["t_s"]) else []
             if values and np.isfinite(values).all():
                 lat_deg, lon_deg, *sigmas = values
-                out.append(Ellipse(lat_deg, lon_deg, sigmas[0], sigmas[1], colour))
+                said = f"{navigator.name}, 2 sigma {t - start:.0f} s after the loss of GPS"
+                out.append(Ellipse(lat_deg, lon_deg, sigmas[0], sigmas[1], colour, said))
     return out
 
 
@@ -143,10 +143,10 @@ def state_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> li
     for name in dict.fromkeys(states["state"].tolist()) if states else ():
         rows = states["state"] == name
         t, value, sigma = states["t_s"][rows], states["value"][rows], states["sigma"][rows]
-        edges = [Curve(t, value + k * s * sigma, colour, width=0.7, dash="3 3" if k == 2 else "1 2") for k in (1, 2) for s in (-1.0, 1.0)]
+        items: list[Item] = [Band(t, sigma, colour, value), Curve(t, value, colour, "estimate")]
         low, high = np.nanquantile(value - 2.0 * sigma, 0.04), np.nanquantile(value + 2.0 * sigma, 0.96)
         limits = (float(low), float(high)) if high > low else None  # the first seconds' sigmas would flatten all the rest
-        charts.append(time_chart(str(name), axis, [*edges, Curve(t, value, colour)], width=HALF, height=120, limits=limits))
+        charts.append(time_chart(str(name), axis, items, width=HALF, height=120, limits=limits))
     return charts
 
 
@@ -178,7 +178,7 @@ def integrity_figure(navigator: NavigatorResult, axis: TimeAxis, colour: str) ->
     for column, label, dash in (("hpl_m", "protection level", None), ("lasting_hpl_m", "against a lasting fault", "4 3")):
         if _known(integrity, column):
             t, level, _ = _broken(integrity["t_s"], integrity[column], integrity[column])
-            items.append(Curve(t, level, "#444444", label, 1.2, dash))
+            items.append(Curve(t, level, "var(--ink)", label, 1.2, dash))
     if _known(errors, "north_m"):
         horizontal = np.hypot(errors["north_m"], errors["east_m"])
         t, error, _ = _broken(errors["t_s"], horizontal, horizontal)

@@ -2,6 +2,7 @@
 
 import datetime
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from lowcostnav_ros.base.documents import write_text
@@ -11,6 +12,9 @@ from lowcostnav_ros.replay.words import sentence
 from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.document import details, document, html_table, section
 from lowcostnav_ros.report.flight import figures
+from lowcostnav_ros.report.flight.events import events
+from lowcostnav_ros.report.flight.findings import clock, findings
+from lowcostnav_ros.report.flight.playback import playback
 from lowcostnav_ros.report.flight.result_folder import Result, read_result
 from lowcostnav_ros.report.flight.timeline import timeline
 from lowcostnav_ros.report.svg import escape
@@ -52,17 +56,29 @@ def write_page(folder: Path, output: Path, title: str | None = None) -> int:
     return len(page.encode())
 
 
-def page_of(result: Result, title: str | None = None) -> str:
-    """The page as text."""
+def page_of(result: Result, title: str | None = None, before: Sequence[str] = (), after: Sequence[str] = ()) -> str:
+    """The page as text.
+
+    Parameters
+    ----------
+    result : Result
+    title : str, optional
+        Heading; the name of the bag where None.
+    before, after : sequence of str
+        Further sections, behind the first sentences and at the end.
+    """
     summary = result.summary
     axis = TimeAxis(summary.first_stamp_s, summary.last_stamp_s, list(summary.without_gps.intervals_s))
     name = title or (summary.recording.bag.name if summary.recording else "simulated flight")
     last = (tables.input_table, tables.aid_table, tables.stamp_table, tables.contradiction_table, tables.integrity_table, tables.run_table)
+    drawn, ground = figures.ground_map(result)
+    navigators = list(result.navigators.values())
     sections = [
         _header(summary, name),
-        section("In a sentence", _sentences(summary)),
-        section("Map", figures.ground_map(result)),
-        section("Modes and refused measurements", timeline(list(result.navigators.values()), axis), _NOTE),
+        *before,
+        section("In a sentence each", _sentences(summary)),
+        section("Map", drawn),
+        section("Modes and refused measurements", timeline(navigators, axis), _NOTE, _events(result, axis)),
         section("Errors", *_error_tables(summary)),
         section("Accuracy and requirements", *_requirements(result, axis)),
         *_per_navigator(result, axis),
@@ -70,9 +86,10 @@ def page_of(result: Result, title: str | None = None) -> str:
         section("Height and speed", *figures.compared_figures(result, axis, figures.MOTION)),
         section("Wind (velocity of the air mass)", *figures.compared_figures(result, axis, figures.WIND)),
         section("Inputs, aids, speed", *(html_table(make(summary)) for make in last)),
+        *after,
         details("Settings", f"<pre>{escape(json.dumps(summary.settings, indent=1))}</pre>"),
     ]
-    return document(name, sections)
+    return document(name, sections, playback(result, ground, axis))
 
 
 def _header(summary: ReplayResult, name: str) -> str:
@@ -91,7 +108,19 @@ def _header(summary: ReplayResult, name: str) -> str:
     withheld = "".join(f'<p class="note">{escape(text)}</p>' for text in summary.withheld)
     missing = recording.left_out.items() if recording else ()
     left_out = "".join(f'<p class="note">{escape(n)} not run: {escape(r)}</p>' for n, r in missing)
-    return f"<header><h1>{escape(name)}</h1><dl>{cells}</dl>{withheld}{left_out}</header>"
+    first = "".join(f"<p>{escape(text)}</p>" for text in findings(summary))
+    return f'<header><h1>{escape(name)}</h1><div class="findings">{first}</div><dl>{cells}</dl>{withheld}{left_out}</header>'
+
+
+def _events(result: Result, axis: TimeAxis) -> str:
+    """What happened, in order; each time is a link that moves the cursor there."""
+    rows = "".join(
+        f'<tr><td class="r"><a href="#" data-go="{e.at_s:.2f}">{clock(e.at_s - axis.start_s)}</a></td>'
+        f'<td class="l">{escape(e.who)}</td><td>{escape(e.what)}</td></tr>'
+        for e in events(result)
+    )
+    head = '<tr><th class="r">time</th><th class="l">of</th><th class="l">what</th></tr>'
+    return details("Events, in order", f'<div class="wide"><table><thead>{head}</thead>{rows}</table></div>') if rows else ""
 
 
 def _reference(summary: ReplayResult) -> str:

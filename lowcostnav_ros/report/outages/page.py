@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from lowcostnav_ros.report import svg
-from lowcostnav_ros.report.chart import Curve, Dots, Item, TimeAxis, time_chart
+from lowcostnav_ros.report.chart import HALF, Curve, Dots, Item, TimeAxis, time_chart
 from lowcostnav_ros.report.document import details, document, html_table, section
-from lowcostnav_ros.report.flight.figures import HALF, colour_of
+from lowcostnav_ros.report.flight.figures import colour_of
 from lowcostnav_ros.report.flight.map_chart import Track, map_chart
 from lowcostnav_ros.studies.outages.result import End, Flown, Outage, OutageStudy
 from lowcostnav_ros.studies.outages.tables import outage_table, window_table
@@ -95,7 +95,7 @@ def error_chart(study: OutageStudy, flown: Flown, colour: str) -> str:
     items: list[Item] = [Curve(t_s, row, "#cfd6dc", "each outage", 0.8) for row in few]
     for share, label, dash in ((50, "median", None), (95, "95 %", "5 3")):
         items.append(Curve(t_s, np.nanpercentile(errors, share, axis=0), colour, label, 2.2, dash))
-    items.append(Curve(t_s, np.nanmedian(sigmas, axis=0), "#222222", "sigma, median", 1.4, "2 3"))
+    items.append(Curve(t_s, np.nanmedian(sigmas, axis=0), "var(--ink)", "sigma, median", 1.4, "2 3"))
     top = 1.05 * float(np.nanmax(errors))
     axis = TimeAxis(0.0, float(t_s[-1]))
     return time_chart("Horizontal error [m] against the time since GPS was lost", axis, items, height=240, limits=(0.0, top))
