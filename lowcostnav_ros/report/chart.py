@@ -196,24 +196,25 @@ def _limits(items: Sequence[Item]) -> tuple[float, float]:
 
 def _grid(frame: Frame) -> str:
     assert frame.low is not None and frame.high is not None
-    parts = []
+    parts, lines = [], []
     ticks, base = svg.nice_ticks(frame.low, frame.high, 4), frame.height - BOTTOM
     for value in ticks:
         y = TOP + float(frame.y(value)) / LEVELS * (base - TOP)
-        kind = "zero" if value == 0.0 else "grid"
-        parts.append(svg.element("line", x1=frame.left, x2=frame.width - RIGHT, y1=f"{y:.1f}", y2=f"{y:.1f}", class_=kind))
-        parts.append(svg.text(frame.left - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick", text_anchor="end"))
-    return "".join(parts) + time_grid(frame)
+        line = f"M{frame.left} {y:.1f}H{frame.width - RIGHT}"
+        lines += [line] if value else []
+        parts += [] if value else [svg.element("path", d=line, class_="zero")]
+        parts.append(svg.text(frame.left - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick end"))
+    return svg.element("path", d="".join(lines), class_="grid") + "".join(parts) + time_grid(frame)
 
 
 def time_grid(frame: Frame) -> str:
     """Lines and labels of the time."""
-    parts, base = [], frame.height - BOTTOM
+    parts, lines, base = [], [], frame.height - BOTTOM
     for t_s, label in frame.axis.ticks(10 if frame.width > 600 else 5):
         x = float(frame.pixel_x(t_s))
-        parts.append(svg.element("line", x1=f"{x:.1f}", x2=f"{x:.1f}", y1=TOP, y2=base, class_="grid"))
-        parts.append(svg.text(x, base + 13, label, class_="tick", text_anchor="middle"))
-    return "".join(parts)
+        lines.append(f"M{x:.1f} {TOP}V{base}")
+        parts.append(svg.text(x, base + 13, label, class_="tick mid"))
+    return svg.element("path", d="".join(lines), class_="grid") + "".join(parts)
 
 
 def _curve(frame: Frame, curve: Curve) -> str:

@@ -24,12 +24,12 @@
     return v.toFixed(size >= 1000 ? 0 : size >= 100 ? 1 : size >= 1 ? 2 : size >= 0.01 ? 4 : 6).replace('-', '\u2212');
   };
 
-  // A path of whole numbers in relative steps, as the page's writer makes it, to stretches of absolute points.
-  function points(data) {
+  // A path of whole numbers in relative steps, as the page's writer makes it, to stretches of absolute points; of dots, to one stretch.
+  function points(data, areDots) {
     const out = [];
-    for (const part of data.split('M').slice(1)) {
+    for (const part of areDots ? [data.replace(/h0/g, '')] : data.split('M').slice(1)) {
       const numbers = part.match(/-?\d+/g).map(Number), xs = [numbers[0]], ys = [numbers[1]];
-      if (!/h/.test(part)) for (let k = 2; k + 1 < numbers.length; k += 2) {
+      for (let k = 2; k + 1 < numbers.length; k += 2) {
         xs.push(xs[xs.length - 1] + numbers[k]);
         ys.push(ys[ys.length - 1] + numbers[k + 1]);
       }
@@ -68,9 +68,8 @@
       const t = x => this.t0 + x / UNITS * (this.t1 - this.t0), v = y => this.high0 - y / LEVELS * (this.high0 - this.low0);
       return this.parsed = this.parsed || all('[data-kind]', this.plot).map(p => {
         const kind = p.dataset.kind;
-        let parts = points(p.getAttribute('d'));
+        let parts = points(p.getAttribute('d'), kind === 'dots');
         if (kind === 'band') parts = parts.map(([x, y]) => [x.slice(0, -2), y.slice(0, -2)]);
-        if (kind === 'dots') parts = parts.length ? [[parts.map(q => q[0][0]), parts.map(q => q[1][0])]] : [];
         return {kind, label: p.dataset.label || '', colour: p.getAttribute('stroke'), parts: parts.map(([x, y]) => [x.map(t), y.map(v)])};
       });
     }
@@ -139,21 +138,22 @@
         const values = ticks(this.low, this.high, 4);
         for (const v of values) {
           const y = TOP + (this.high - v) / (this.high - this.low) * (base - TOP);
-          make('line', {x1: this.left, x2: this.left + this.inner, y1: y, y2: y, class: Math.abs(v) < 1e-9 * values.step ? 'zero' : 'grid'}, this.axes);
-          make('text', {x: this.left - 6, y: y + 3.5, class: 'tick', 'text-anchor': 'end'}, this.axes, shown(v, values.step));
+          make('path', {d: `M${this.left} ${y}h${this.inner}`, class: Math.abs(v) < 1e-9 * values.step ? 'zero' : 'grid'}, this.axes);
+          make('text', {x: this.left - 6, y: y + 3.5, class: 'tick end'}, this.axes, shown(v, values.step));
         }
       }
       const [unit, name] = b - a > 600 ? [60, 'min'] : [1, 's'], marks = ticks((a - t0) / unit, (b - t0) / unit, clamp(this.inner / 80, 2, 12));
       marks.forEach((v, k) => {
         const x = this.x(t0 + v * unit);
-        make('line', {x1: x, x2: x, y1: TOP, y2: base, class: 'grid'}, this.axes);
-        make('text', {x, y: base + 13, class: 'tick', 'text-anchor': 'middle'}, this.axes, shown(v, marks.step) + (k === marks.length - 1 ? ' ' + name : ''));
+        make('path', {d: `M${x} ${TOP}V${base}`, class: 'grid'}, this.axes);
+        make('text', {x, y: base + 13, class: 'tick mid'}, this.axes, shown(v, marks.step) + (k === marks.length - 1 ? ' ' + name : ''));
       });
       for (const e of this.modes) {
         const from = this.x(Math.max(+e.dataset.from, a)), to = this.x(Math.min(+e.dataset.to, b));
         e.setAttribute('x', from + 6);
         e.setAttribute('visibility', to - from > 7 * e.textContent.length + 8 ? 'visible' : 'hidden');
       }
+      this.point(this.pointed);
     }
     toggle(key) {
       const off = !this.hidden.has(key.label);
@@ -163,6 +163,8 @@
       this.draw();
     }
     point(time) {
+      this.pointed = time;
+      if (!this.inner) return;
       const on = time != null && time >= this.view.a && time <= this.view.b;
       this.line.setAttribute('visibility', on ? 'visible' : 'hidden');
       if (on) for (const k of ['x1', 'x2']) this.line.setAttribute(k, this.x(time));
@@ -456,7 +458,8 @@
     colour.onchange = paint;
     bar.hidden = false;
     document.body.classList.add('playing');
-    go(main.t0);
+    const known = (way().roll_deg || way().x || []).findIndex(v => v != null);
+    go(flight.start + Math.max(known, 0) * flight.step);
   }
   document.addEventListener('keydown', e => { if (e.key === 'Escape') for (const v of Object.values(views)) show(v, v.t0, v.t1); });
   for (const a of all('[data-go]')) a.onclick = e => { e.preventDefault(); window.goTo?.(+a.dataset.go); };

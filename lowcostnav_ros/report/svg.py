@@ -63,10 +63,11 @@ def _joined(parts: list[str]) -> str:
 
 
 def dots_data(x: np.ndarray, y: np.ndarray) -> str:
-    """Path of separate dots (round caps of zero-length strokes)."""
+    """Path of separate dots (round caps of zero-length strokes), in relative steps."""
     finite = np.isfinite(x) & np.isfinite(y)
-    pairs = zip(np.round(x[finite]).astype(int).tolist(), np.round(y[finite]).astype(int).tolist(), strict=True)
-    return "".join(f"M{a} {b}h0" for a, b in pairs)
+    px, py = (np.round(v[finite]).astype(int) for v in (x, y))
+    steps = zip(np.diff(px, prepend=0).tolist(), np.diff(py, prepend=0).tolist(), strict=True)
+    return "".join(f"m{_pair(dx, dy)}h0" for dx, dy in steps)
 
 
 def path(data: str, **attributes: Any) -> str:
