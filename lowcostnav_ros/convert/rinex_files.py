@@ -39,6 +39,11 @@ def is_rinex(path: str | Path) -> bool:
         return False
 
 
+def header_type(path: str | Path) -> str:
+    """What a RINEX file holds by its header: ``O`` observations, ``N`` ephemerides, or another letter."""
+    return _text(Path(path)).partition("\n")[0][20:21].upper()
+
+
 def _parsed(path: str | Path, parse: Callable[[str], T]) -> T:
     text = _text(Path(path))
     try:

@@ -371,7 +371,7 @@
     const indicator = attitudeIndicator(find('horizon'));
     slide.max = main.t1 - main.t0;
     for (const w of flight.ways) who.add(new Option(w.name, w.name));
-    const flown = flight.ways.filter(w => w.name !== 'truth').sort((p, q) => !!q.roll_deg - !!p.roll_deg || !!q.x - !!p.x)[0] || flight.ways[0];
+    const flown = flight.ways.filter(w => !w.given).sort((p, q) => !!q.roll_deg - !!p.roll_deg || !!q.x - !!p.x)[0] || flight.ways[0];
     who.value = (flight.ways.find(w => w.name === 'supervisor' && w.roll_deg) || flown).name;
     const way = () => flight.ways.find(w => w.name === who.value);
     const value = (w, key, t) => {

@@ -6,6 +6,7 @@ import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.navigators.registry import label_of
+from lowcostnav_ros.replay.words import compared_with
 from lowcostnav_ros.report.chart import HALF, Band, Curve, Dots, Item, TimeAxis, time_chart
 from lowcostnav_ros.report.flight.map_chart import Ellipse, Ground, Track, map_chart
 from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
@@ -40,12 +41,17 @@ def colour_of(name: str, names: list[str]) -> str:
     return label_of(name).colour or _SPARE[others.index(name) % len(_SPARE)]
 
 
+def reference_of(result: Result) -> str:
+    """What the errors are formed against, in a word: truth, or the filter that stands in for it."""
+    return compared_with(result.summary.recording) or "truth"
+
+
 def ground_map(result: Result) -> tuple[str, Ground | None]:
     """Map with truth, fixes, recorded and replayed solutions, stations, and two-sigma ellipses without GPS; and its ground."""
     names = list(result.navigators)
     tracks = []
     if len(result.truth.get("t_s", ())):
-        tracks.append(Track(result.truth["lat_deg"], result.truth["lon_deg"], TRUTH_COLOUR, "truth", 2.4))
+        tracks.append(Track(result.truth["lat_deg"], result.truth["lon_deg"], TRUTH_COLOUR, reference_of(result), 2.4))
     if len(result.gps.get("t_s", ())):
         for kind, colour, label in (("no", "#9aa5ad", "GPS fixes"), ("yes", "#e0a030", "withheld fixes")):
             rows = result.gps["withheld"] == kind
@@ -79,22 +85,22 @@ def _ellipses(navigator: NavigatorResult, colour: str, outages: Sequence[tuple[f
     return out
 
 
-def error_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list[str]:
-    """Errors inside their one- and two-sigma bands, one chart per component that has any."""
+def error_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str, word: str = "error") -> list[str]:
+    """Errors inside their one- and two-sigma bands, one chart per component that has any; ``word``: what the reference makes of them."""
     errors = navigator.errors
     charts = []
     for name, title in ERROR_TITLES.items():
         if _known(errors, name):
             rows = np.isfinite(errors[name])  # withheld fixes give position and velocity in turns
             t, values, sigma = _broken(errors["t_s"][rows], errors[name][rows], errors[f"sigma_{name}"][rows])
-            items: list[Item] = [Band(t, sigma, colour), Curve(t, values, colour, "error in 1 and 2 sigma")]
+            items: list[Item] = [Band(t, sigma, colour), Curve(t, values, colour, f"{word} in 1 and 2 sigma")]
             if _known(navigator.smoothed_errors, name):
                 after = navigator.smoothed_errors
                 rows = np.isfinite(after[name])
                 t, values, sigma = _broken(after["t_s"][rows], after[name][rows], after[f"sigma_{name}"][rows])
                 items += [Band(t, sigma, SMOOTHED_COLOUR), Curve(t, values, SMOOTHED_COLOUR, "smoothed", 1.2)]
             width = 960 if name in ("north_m", "east_m", "heading_deg") else HALF
-            charts.append(time_chart(title, axis, items, width=width))
+            charts.append(time_chart(title.replace("error", word), axis, items, width=width))
     return charts
 
 
@@ -129,7 +135,7 @@ def compared_figures(result: Result, axis: TimeAxis, titles: Mapping[str, str]) 
     for column, title in titles.items():
         is_wind = column.startswith("wind")
         truth, colour, width = (result.truth_wind, "#8a8f94", 1.0) if is_wind else (_with_speed(result.truth), TRUTH_COLOUR, 2.2)
-        items = [Curve(*_track_of(truth, column), colour, "truth", width)] if _known(truth, column) else []
+        items = [Curve(*_track_of(truth, column), colour, reference_of(result), width)] if _known(truth, column) else []
         estimates = _solution_curves(result, column)
         limits = (0.0, 360.0) if column == "heading_deg" else None
         charts.append(time_chart(title, axis, [*items, *estimates], limits=limits) if estimates or not is_wind else "")

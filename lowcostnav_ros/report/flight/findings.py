@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from lowcostnav_ros.replay.result import NavigatorResult, ReplayResult
-from lowcostnav_ros.replay.words import HONEST, distance, error_over_sigma
+from lowcostnav_ros.replay.words import HONEST, compared_with, distance, error_over_sigma
 
 SHOWN = 3
 """Items named in one sentence; the rest is counted."""
@@ -30,7 +30,8 @@ def _located(summary: ReplayResult) -> dict[str, NavigatorResult]:
 def _position(summary: ReplayResult) -> str:
     lost, start = summary.without_gps, summary.first_stamp_s
     located = _located(summary)
-    reference = next(iter({one.errors.reference for one in located.values() if one.errors.reference}), None)
+    other = compared_with(summary.recording)
+    reference = other or next((one.errors.reference for one in located.values() if one.errors.reference), None)
     spans = [f"{clock(a - start)} to {clock(b - start)}" for a, b in lost.intervals_s]
     said = f"GPS lost {_listed(spans)}" if spans else "GPS all flight"
     during = {n: one.errors.without_gps for n, one in located.items() if one.errors.without_gps and one.errors.without_gps.horizontal_m}
@@ -48,6 +49,8 @@ def _position(summary: ReplayResult) -> str:
 
 
 def _sigmas(summary: ReplayResult) -> str:
+    if other := compared_with(summary.recording):
+        return f"{other.capitalize()} is another filter on the same sensors, no truth: what differs may be either's error."
     found: dict[str, list[str]] = {"too small": [], "honest": [], "cautious": []}
     for name, one in summary.navigators.items():
         part = one.errors.without_gps or one.errors.whole

@@ -8,7 +8,7 @@ from pathlib import Path
 from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.replay import tables
 from lowcostnav_ros.replay.result import ReplayResult
-from lowcostnav_ros.replay.words import sentence
+from lowcostnav_ros.replay.words import compared_with, sentence
 from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.document import details, document, html_table, section
 from lowcostnav_ros.report.flight import figures
@@ -72,21 +72,22 @@ def page_of(result: Result, title: str | None = None, before: Sequence[str] = ()
     name = title or (summary.recording.bag.name if summary.recording else "simulated flight")
     last = (tables.input_table, tables.aid_table, tables.stamp_table, tables.contradiction_table, tables.integrity_table, tables.run_table)
     drawn, ground = figures.ground_map(result)
-    navigators = list(result.navigators.values())
+    navigators, other = list(result.navigators.values()), compared_with(summary.recording)
     sections = [
         _header(summary, name),
         *before,
         section("In a sentence each", _sentences(summary)),
         section("Map", drawn),
         section("Modes and refused measurements", timeline(navigators, axis), _NOTE, _events(result, axis)),
-        section("Errors", *_error_tables(summary)),
-        section("Accuracy and requirements", *_requirements(result, axis)),
+        section(f"Differences from {other}" if other else "Errors", *_error_tables(summary)),
+        section("Accuracy and requirements", *_requirements(result, axis)) if not other else "",
         *_per_navigator(result, axis),
         section("Attitude", *figures.compared_figures(result, axis, figures.ATTITUDE)),
         section("Height and speed", *figures.compared_figures(result, axis, figures.MOTION)),
         section("Wind (velocity of the air mass)", *figures.compared_figures(result, axis, figures.WIND)),
         section("Inputs, aids, speed", *(html_table(make(summary)) for make in last)),
         *after,
+        section("What is missing for more", _missing(summary)),
         details("Settings", f"<pre>{escape(json.dumps(summary.settings, indent=1))}</pre>"),
     ]
     return document(name, sections, playback(result, ground, axis))
@@ -106,10 +107,17 @@ def _header(summary: ReplayResult, name: str) -> str:
     }
     cells = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts.items())
     withheld = "".join(f'<p class="note">{escape(text)}</p>' for text in summary.withheld)
-    missing = recording.left_out.items() if recording else ()
-    left_out = "".join(f'<p class="note">{escape(n)} not run: {escape(r)}</p>' for n, r in missing)
     first = "".join(f"<p>{escape(text)}</p>" for text in findings(summary))
-    return f'<header><h1>{escape(name)}</h1><div class="findings">{first}</div><dl>{cells}</dl>{withheld}{left_out}</header>'
+    return f'<header><h1>{escape(name)}</h1><div class="findings">{first}</div><dl>{cells}</dl>{withheld}</header>'
+
+
+def _missing(summary: ReplayResult) -> str:
+    """Navigators that did not run and what they would need, and what was assumed for want of better."""
+    recording = summary.recording
+    if recording is None:
+        return ""
+    said = [f"{name} did not run: {reason}." for name, reason in recording.left_out.items()] + [f"{text}." for text in recording.assumed]
+    return "".join(f'<p class="note">{escape(text)}</p>' for text in said)
 
 
 def _events(result: Result, axis: TimeAxis) -> str:
@@ -124,6 +132,8 @@ def _events(result: Result, axis: TimeAxis) -> str:
 
 
 def _reference(summary: ReplayResult) -> str:
+    if other := compared_with(summary.recording):
+        return f"{other}, no truth"
     kinds = {n.errors.reference for n in summary.navigators.values() if n.errors.reference}
     return " and ".join(sorted(kinds)) or "none"
 
@@ -138,7 +148,7 @@ def _sentences(summary: ReplayResult) -> str:
     names = list(summary.navigators)
     items = []
     for name, navigator in summary.navigators.items():
-        text = sentence(name, navigator, summary.without_gps.total_s)
+        text = sentence(name, navigator, summary.without_gps.total_s, compared_with(summary.recording))
         rest = escape(text.removeprefix(name))
         items.append(f'<li style="border-color:{figures.colour_of(name, names)}"><b>{escape(name)}</b>{rest}</li>')
     return f'<ul class="sentences">{"".join(items)}</ul>'
@@ -165,8 +175,9 @@ def _per_navigator(result: Result, axis: TimeAxis) -> list[str]:
         states = details("Biases and other states, with 1 and 2 sigma", "".join(figures.state_figures(navigator, axis, colour)))
         innovations = "".join(figures.aid_figures(navigator, axis, colour))
         aids = details("Innovations per aid, in their own 1 and 2 sigma", innovations)
-        errors = figures.error_figures(navigator, axis, colour)
+        other = compared_with(result.summary.recording)
+        errors = figures.error_figures(navigator, axis, colour, f"difference from {other}" if other else "error")
         integrity = figures.integrity_figure(navigator, axis, colour)
         content = [*errors, integrity, figures.ratio_figure(navigator, axis), aids, states]
-        sections.append(section(f"{name}: errors in their sigmas" if errors else name, *content))
+        sections.append(section(f"{name}: {'differences' if other else 'errors'} in sigmas" if errors else name, *content))
     return sections

@@ -7,7 +7,7 @@ import numpy as np
 
 from lowcostnav_ros.navigators.registry import known_modes
 from lowcostnav_ros.report.chart import TimeAxis
-from lowcostnav_ros.report.flight.figures import GAP_S, TRUTH_COLOUR, colour_of
+from lowcostnav_ros.report.flight.figures import GAP_S, TRUTH_COLOUR, colour_of, reference_of
 from lowcostnav_ros.report.flight.map_chart import Ground
 from lowcostnav_ros.report.flight.result_folder import Columns, Result
 
@@ -34,9 +34,9 @@ def playback(result: Result, ground: Ground | None, axis: TimeAxis) -> str:
     at_s = np.arange(axis.start_s, axis.end_s + 0.5 * step_s, step_s)
     names, ways = list(result.navigators), list[dict[str, Any]]()
     own = {name: (_with_errors(one.solutions, one.errors), colour_of(name, names)) for name, one in result.navigators.items()}
-    for name, (columns, colour) in {"truth": (result.truth, TRUTH_COLOUR), **own}.items():
+    for name, (columns, colour) in {reference_of(result): (result.truth, TRUTH_COLOUR), **own}.items():
         if len(columns.get("t_s", ())) > 1:
-            ways.append({"name": name, "colour": colour, **_way(columns, at_s, ground)})
+            ways.append({"name": name, "given": name == reference_of(result), "colour": colour, **_way(columns, at_s, ground)})
     if not ways:
         return ""
     modes = {mode: look for mode, (look, _) in known_modes().items()}

@@ -41,6 +41,17 @@ def page_of(study: OutageStudy) -> str:
     return document(f"{study.recording}: outages", sections)
 
 
+def outage_section(study: OutageStudy) -> str:
+    """The study as one section of another page: table, the worst, and for each navigator its errors and a map."""
+    names = list(dict.fromkeys(flown.navigator for flown in study.flown))
+    each = []
+    for flown in study.flown:
+        longest_s = max(s.length_s for s in flown.statistics)
+        parts = [error_chart(study, flown, colour_of(flown.navigator, names)), *maps_of(study, flown, longest_s)[:1]]
+        each.append(details(f"{flown.label}: errors and where", "".join(parts)))
+    return section("Had GPS been lost", html_table(outage_table(study)), _sentences(study, names), *each)
+
+
 def _sentences(study: OutageStudy, names: list[str]) -> str:
     lines = [(colour_of(flown.navigator, names), line) for flown in study.flown for line in flown.worst]
     items = "".join(f'<li style="border-color:{colour}">{svg.escape(line)}</li>' for colour, line in lines)
