@@ -25,7 +25,7 @@ from lowcostnav_ros.report.flight.findings import findings
 from lowcostnav_ros.report.flight.page import page_of
 from lowcostnav_ros.report.flight.result_folder import read_result
 from lowcostnav_ros.report.flight.track_files import write_track
-from lowcostnav_ros.report.outages.page import outage_section
+from lowcostnav_ros.report.outages.page import outage_finding, outage_section
 from lowcostnav_ros.report.svg import escape
 from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, study_outages
 
@@ -73,12 +73,13 @@ def open(arguments: argparse.Namespace) -> int:
             summary = replay_bag(opened.bag, options)
         (folder / "summary.json").write_text(json.dumps(summary.to_mapping(), allow_nan=False), encoding="utf-8")
         result = read_result(folder)
-    outages = "" if arguments.no_outages or arguments.registry is not None else _outages(opened, summary.duration_s)
-    page = page_of(result, log.name, before=[_sensors(opened)], after=[outages])
+    is_wanted = not arguments.no_outages and arguments.registry is None and any(one.solutions for one in summary.navigators.values())
+    found, outages = _outages(opened, summary.duration_s) if is_wanted else ("", "")
+    page = page_of(result, log.name, before=[_sensors(opened)], after=[outages], outages=found)
     output.write_text(page, encoding="utf-8")
     for path in filter(None, (arguments.kml, arguments.gpx)):
         write_track(result, Path(path))
-    for line in findings(summary):
+    for line in findings(summary, found):
         print(line)
     print(f"{output} ({len(page.encode()) / 1e6:.1f} MB)")
     if not arguments.no_browser:
@@ -97,16 +98,17 @@ def _reference(opened: Opened) -> str | None:
         return own if DEFAULT_TRUTH not in bag.types and own in bag.types and f"{AUTOPILOT}/origin" in bag.types else None
 
 
-def _outages(opened: Opened, duration_s: float) -> str:
-    """The study of GPS outages, not more than :data:`OUTAGES` of them; a sentence where there can be none."""
+def _outages(opened: Opened, duration_s: float) -> tuple[str, str]:
+    """The study of GPS outages, not more than :data:`OUTAGES` of them, in a sentence and a section; why not where there can be none."""
     if duration_s < NO_STUDY_S:
-        return _note(f"A study of GPS outages needs {NO_STUDY_S:.0f} s of flight, here are {duration_s:.0f} s.")
+        return "", _note(f"A study of GPS outages needs {NO_STUDY_S:.0f} s of flight, here are {duration_s:.0f} s.")
     every_s = max(LEAST_EVERY_S, (duration_s - FIRST_S) / OUTAGES)
     _say("losing GPS at every start")
     try:
-        return outage_section(study_outages(Case(Path(opened.bag), Plan(LENGTHS_S, every_s, FIRST_S))))
+        study = study_outages(Case(Path(opened.bag), Plan(LENGTHS_S, every_s, FIRST_S)))
     except OutageError as error:
-        return _note(str(error))
+        return "", _note(str(error))
+    return outage_finding(study), outage_section(study)
 
 
 def _note(text: str) -> str:

@@ -93,7 +93,7 @@ def error_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str, word:
         if _known(errors, name):
             rows = np.isfinite(errors[name])  # withheld fixes give position and velocity in turns
             t, values, sigma = _broken(errors["t_s"][rows], errors[name][rows], errors[f"sigma_{name}"][rows])
-            items: list[Item] = [Band(t, sigma, colour), Curve(t, values, colour, f"{word} in 1 and 2 sigma")]
+            items: list[Item] = [Band(t, sigma, colour), Curve(t, values, colour, "in 1 and 2 sigma")]
             if _known(navigator.smoothed_errors, name):
                 after = navigator.smoothed_errors
                 rows = np.isfinite(after[name])
@@ -135,8 +135,10 @@ def compared_figures(result: Result, axis: TimeAxis, titles: Mapping[str, str]) 
     for column, title in titles.items():
         is_wind = column.startswith("wind")
         truth, colour, width = (result.truth_wind, "#8a8f94", 1.0) if is_wind else (_with_speed(result.truth), TRUTH_COLOUR, 2.2)
-        items = [Curve(*_track_of(truth, column), colour, reference_of(result), width)] if _known(truth, column) else []
-        estimates = _solution_curves(result, column)
+        items: list[Item] = [Curve(*_track_of(truth, column), colour, reference_of(result), width)] if _known(truth, column) else []
+        estimates: list[Item] = list(_solution_curves(result, column))
+        if column == "height_m" and _known(result.gps, column):
+            estimates.insert(0, Dots(result.gps["t_s"], result.gps[column], "#9aa5ad", "GPS fixes"))
         limits = (0.0, 360.0) if column == "heading_deg" else None
         charts.append(time_chart(title, axis, [*items, *estimates], limits=limits) if estimates or not is_wind else "")
     return charts

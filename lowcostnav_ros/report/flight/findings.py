@@ -18,9 +18,11 @@ def clock(since_s: float) -> str:
     return f"{int(since_s // 60)}:{int(since_s % 60):02d}"
 
 
-def findings(summary: ReplayResult) -> list[str]:
-    """The sentences."""
-    return [_position(summary), _sigmas(summary), _trouble(summary)]
+def findings(summary: ReplayResult, outages: str = "") -> list[str]:
+    """The sentences; ``outages`` is what a study of outages adds."""
+    if not any(one.solutions for one in summary.navigators.values()):
+        return ["No navigator could fly on what was recorded; what is there is drawn, and what is missing is said at the end of the page."]
+    return [text for text in (_position(summary), outages, _sigmas(summary), _trouble(summary)) if text]
 
 
 def _located(summary: ReplayResult) -> dict[str, NavigatorResult]:
@@ -42,7 +44,7 @@ def _position(summary: ReplayResult) -> str:
         return f"{said}; {', '.join(text)}{f'; without a position then: {_listed(silent)}' if silent else ''}."
     whole = {name: one.errors.whole.horizontal_m for name, one in located.items() if one.errors.whole and one.errors.whole.horizontal_m}
     if not whole:
-        return f"{said}; there is nothing in the recording to judge the position by."
+        return f"{said}; there is no truth in the recording to judge the position by."
     best = sorted(whole.items(), key=lambda pair: pair[1].p95)[:2]
     within = ", ".join(f"{name} within {distance(size.p95)} for 95 % of the time" for name, size in best)
     return f"{said}; against {reference or 'the reference'}: {within}."
@@ -60,7 +62,7 @@ def _sigmas(summary: ReplayResult) -> str:
             found[word].append(f"{name} ({ratio:.1f})" if word == "too small" else name)
     text = [f"{word} for {_listed(names)}" for word, names in found.items() if names]
     if not text:
-        return "No sigma could be judged."
+        return ""
     wrong = " What is too small must not be trusted as it stands." if found["too small"] else ""
     return f"Sigmas {', '.join(text)}.{wrong}"
 

@@ -56,7 +56,9 @@ def write_page(folder: Path, output: Path, title: str | None = None) -> int:
     return len(page.encode())
 
 
-def page_of(result: Result, title: str | None = None, before: Sequence[str] = (), after: Sequence[str] = ()) -> str:
+def page_of(
+    result: Result, title: str | None = None, before: Sequence[str] = (), after: Sequence[str] = (), outages: str = ""
+) -> str:
     """The page as text.
 
     Parameters
@@ -66,6 +68,8 @@ def page_of(result: Result, title: str | None = None, before: Sequence[str] = ()
         Heading; the name of the bag where None.
     before, after : sequence of str
         Further sections, behind the first sentences and at the end.
+    outages : str
+        What a study of outages found, in a sentence.
     """
     summary = result.summary
     axis = TimeAxis(summary.first_stamp_s, summary.last_stamp_s, list(summary.without_gps.intervals_s))
@@ -74,7 +78,7 @@ def page_of(result: Result, title: str | None = None, before: Sequence[str] = ()
     drawn, ground = figures.ground_map(result)
     navigators, other = list(result.navigators.values()), compared_with(summary.recording)
     sections = [
-        _header(summary, name),
+        _header(summary, name, outages),
         *before,
         section("In a sentence each", _sentences(summary)),
         section("Map", drawn),
@@ -93,7 +97,7 @@ def page_of(result: Result, title: str | None = None, before: Sequence[str] = ()
     return document(name, sections, playback(result, ground, axis))
 
 
-def _header(summary: ReplayResult, name: str) -> str:
+def _header(summary: ReplayResult, name: str, outages: str) -> str:
     recording, lost = summary.recording, summary.without_gps
     facts = {
         "bag": f"sha256 {recording.bag.sha256[:16]}" if recording else "simulated stream, no bag",
@@ -107,7 +111,7 @@ def _header(summary: ReplayResult, name: str) -> str:
     }
     cells = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts.items())
     withheld = "".join(f'<p class="note">{escape(text)}</p>' for text in summary.withheld)
-    first = "".join(f"<p>{escape(text)}</p>" for text in findings(summary))
+    first = "".join(f"<p>{escape(text)}</p>" for text in findings(summary, outages))
     return f'<header><h1>{escape(name)}</h1><div class="findings">{first}</div><dl>{cells}</dl>{withheld}</header>'
 
 
@@ -179,5 +183,5 @@ def _per_navigator(result: Result, axis: TimeAxis) -> list[str]:
         errors = figures.error_figures(navigator, axis, colour, f"difference from {other}" if other else "error")
         integrity = figures.integrity_figure(navigator, axis, colour)
         content = [*errors, integrity, figures.ratio_figure(navigator, axis), aids, states]
-        sections.append(section(f"{name}: {'differences' if other else 'errors'} in sigmas" if errors else name, *content))
+        sections.append(section(f"{name}: {'differences' if other else 'errors'} in their sigmas" if errors else name, *content))
     return sections

@@ -34,9 +34,10 @@ def playback(result: Result, ground: Ground | None, axis: TimeAxis) -> str:
     at_s = np.arange(axis.start_s, axis.end_s + 0.5 * step_s, step_s)
     names, ways = list(result.navigators), list[dict[str, Any]]()
     own = {name: (_with_errors(one.solutions, one.errors), colour_of(name, names)) for name, one in result.navigators.items()}
-    for name, (columns, colour) in {reference_of(result): (result.truth, TRUTH_COLOUR), **own}.items():
+    given = {reference_of(result): (result.truth, TRUTH_COLOUR), "GPS fixes": (result.gps, "#9aa5ad")}
+    for name, (columns, colour) in {**given, **own}.items():
         if len(columns.get("t_s", ())) > 1:
-            ways.append({"name": name, "given": name == reference_of(result), "colour": colour, **_way(columns, at_s, ground)})
+            ways.append({"name": name, "given": name in given, "colour": colour, **_way(columns, at_s, ground)})
     if not ways:
         return ""
     modes = {mode: look for mode, (look, _) in known_modes().items()}

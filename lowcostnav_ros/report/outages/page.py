@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lowcostnav_ros.replay.words import distance
 from lowcostnav_ros.report import svg
 from lowcostnav_ros.report.chart import HALF, Curve, Dots, Item, TimeAxis, time_chart
 from lowcostnav_ros.report.document import details, document, html_table, section
@@ -39,6 +40,15 @@ def page_of(study: OutageStudy) -> str:
         *(section(flown.label, *_one(study, flown, colour_of(flown.navigator, names))) for flown in study.flown),
     ]
     return document(f"{study.recording}: outages", sections)
+
+
+def outage_finding(study: OutageStudy) -> str:
+    """The study in one sentence: the longest outages, the navigator that came through them best."""
+    best = min(study.flown, key=lambda flown: flown.statistics[-1].p95_m)
+    found = best.statistics[-1]
+    within, worst = (distance(metres) for metres in (found.p95_m, found.max_m))
+    lost = f"Had GPS been lost for {found.length_s:g} s, at any of {found.windows} moments"
+    return f"{lost}, {best.navigator} had been within {within} in 95 % of them, {worst} at worst."
 
 
 def outage_section(study: OutageStudy) -> str:
