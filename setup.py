@@ -64,6 +64,7 @@ setup(
     maintainer="lowcostnav_ros maintainers",
     maintainer_email="maintainers@lowcostnav-ros.example",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={f"{NAME}.report": ["*.css", "*.js"]},
     python_requires=">=3.11",
     zip_safe=False,
     data_files=data_files,

@@ -21,12 +21,13 @@ from lowcostnav_ros.report.flight.result_folder import read_result
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no chromium here to look at the page with")
 
+ANSWER = "document.body.dataset.answer=JSON.stringify({wrong,answer})"
 LISTEN = "<script>window.wrong=[];addEventListener('error',e=>wrong.push(e.message))</script>"
 
 
 def asked(tmp_path, text, question, width=1200):
     """What a question, a JavaScript function body, answers in the page."""
-    tell = f"<script>let answer;try{{answer=(()=>{{{question}}})()}}catch(e){{wrong.push(e.stack)}};document.body.dataset.answer=JSON.stringify({{wrong,answer}})</script>"
+    tell = f"<script>let answer;try{{answer=(()=>{{{question}}})()}}catch(e){{wrong.push(e.stack)}};{ANSWER}</script>"
     file = tmp_path / "page.html"
     file.write_text(text.replace("<head>", f"<head>{LISTEN}").replace("</body>", f"{tell}</body>"), encoding="utf-8")
     flags = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900"]
@@ -101,7 +102,8 @@ def test_a_page_without_a_flight_works_on_a_telephone(tmp_path):
         const [band, curve, dots] = ['band', 'curve', 'dots'].map(kind => sine.items().find(i => i.kind === kind));
         return {width: sine.width, wide: document.documentElement.scrollWidth <= innerWidth,
           other: line.view.b, at: sine.at(45.0).map(v => v[1]),
-          range: [sine.low, sine.high], points: dots.parts[0][0].length, tick: sine.axes.querySelector('.tick').getBoundingClientRect().height}
+          range: [sine.low, sine.high], points: dots.parts[0][0].length,
+          tick: sine.axes.querySelector('.tick').getBoundingClientRect().height}
         """, width=400)  # fmt: skip
     assert answer["width"] < 500 and answer["wide"] and answer["tick"] > 8.0  # text as large as on a desk
     assert answer["other"] == 7.0  # another axis is not moved

@@ -12,7 +12,7 @@ from pathlib import Path
 from lowcostnav_ros.base.tables import Column, Table
 from lowcostnav_ros.cli.convert import angles
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import check_files
+from lowcostnav_ros.cli.options import add_tracks, check_files
 from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.convert.opened import Opened, open_log
 from lowcostnav_ros.convert.recognise import Options
@@ -43,8 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-browser", action="store_true", help="write the page and do not show it")
     parser.add_argument("--no-outages", action="store_true", help="leave the study of GPS outages out")
     parser.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-[B]]", help="keep sources back, as in 'replay'")
-    parser.add_argument("--kml", metavar="FILE", help="write the tracks for Google Earth too")
-    parser.add_argument("--gpx", metavar="FILE", help="write the tracks as GPX too")
+    add_tracks(parser)
     parser.add_argument("--profile", metavar="NAME|FILE", help="column profile of a table, as in 'convert'")
     parser.add_argument("--date", type=date.fromisoformat, metavar="YYYY-MM-DD", help="day of a log that holds times of day alone")
     text = "rotation from the axes of the inertial sensor to those of the aircraft, deg"

@@ -13,7 +13,7 @@ from lowcostnav_ros.convert.convert import convert
 from lowcostnav_ros.convert.profile import ConvertError, shipped_profile_for
 from lowcostnav_ros.convert.recognise import Options
 from lowcostnav_ros.convert.rinex import convert_rinex
-from lowcostnav_ros.convert.rinex_files import header_type, is_rinex
+from lowcostnav_ros.convert.rinex_files import holds, is_rinex
 from lowcostnav_ros.convert.ros_bags import is_ros_1
 from lowcostnav_ros.messages.bag import BagReader
 
@@ -106,9 +106,9 @@ def _converted(path: Path, bag: Path, options: Options, profile: str | None) -> 
 
 def _of_rinex(path: Path, bag: Path) -> Opened:
     """Observations with all ephemerides that lie beside them."""
-    if header_type(path) != "O":
+    if holds(path) != "O":
         raise ConvertError(f"{path} holds ephemerides; open the observation file that they belong to.")
-    beside = sorted(p for p in list(path.resolve().parent.iterdir())[:MOST_FILES] if is_rinex(p) and header_type(p) in ("N", "G"))
+    beside = sorted(p for p in list(path.resolve().parent.iterdir())[:MOST_FILES] if is_rinex(p) and holds(p) == "N")
     if not beside:
         raise ConvertError(f"{path} is a RINEX observation file, and no file of ephemerides lies beside it; put one there.")
     report = convert_rinex(path, beside, bag)
