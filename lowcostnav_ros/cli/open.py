@@ -21,10 +21,12 @@ from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.replay.bag_replay import DEFAULT_TRUTH, ReplayOptions, replay_bag
 from lowcostnav_ros.replay.withhold import parse_withhold
 from lowcostnav_ros.report.document import html_table, section
+from lowcostnav_ros.report.flight.figures import axis_of
 from lowcostnav_ros.report.flight.findings import findings
 from lowcostnav_ros.report.flight.page import page_of
 from lowcostnav_ros.report.flight.result_folder import read_result
 from lowcostnav_ros.report.flight.track_files import write_track
+from lowcostnav_ros.report.flight.vibration import vibration_section
 from lowcostnav_ros.report.outages.page import outage_finding, outage_section
 from lowcostnav_ros.report.svg import escape
 from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, study_outages
@@ -74,7 +76,8 @@ def open(arguments: argparse.Namespace) -> int:
         result = read_result(folder)
     is_wanted = not arguments.no_outages and arguments.registry is None and any(one.solutions for one in summary.navigators.values())
     found, outages = _outages(opened, summary.duration_s) if is_wanted else ("", "")
-    page = page_of(result, log.name, before=[_sensors(opened)], after=[outages], outages=found)
+    after = [outages, vibration_section(Path(opened.bag), axis_of(summary))]
+    page = page_of(result, log.name, before=[_sensors(opened)], after=after, outages=found)
     output.write_text(page, encoding="utf-8")
     for path in filter(None, (arguments.kml, arguments.gpx)):
         write_track(result, Path(path))

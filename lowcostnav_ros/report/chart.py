@@ -165,7 +165,7 @@ def time_chart(
     inside = "".join(_drawn(frame, i) for i in ordered)
     over = svg.text(2, 13, title, class_="title") + _legend(items, width)
     unit = title.rpartition("[")[2].partition("]")[0].partition(",")[0] if "[" in title else ""
-    return frame.drawing(title, svg.element("g", _grid(frame), class_="axes"), inside, over, unit)
+    return frame.drawing(title, svg.element("g", grid(frame), class_="axes"), inside, over, unit)
 
 
 def _drawn(frame: Frame, item: Item) -> str:
@@ -194,7 +194,8 @@ def _limits(items: Sequence[Item]) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _grid(frame: Frame) -> str:
+def grid(frame: Frame) -> str:
+    """Lines and labels of values and time."""
     assert frame.low is not None and frame.high is not None
     parts, lines = [], []
     ticks, base = svg.nice_ticks(frame.low, frame.high, 4), frame.height - BOTTOM

@@ -6,6 +6,7 @@ import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.navigators.registry import label_of
+from lowcostnav_ros.replay.result import ReplayResult
 from lowcostnav_ros.replay.words import compared_with
 from lowcostnav_ros.report.chart import HALF, Band, Curve, Dots, Item, TimeAxis, time_chart
 from lowcostnav_ros.report.flight.map_chart import Ellipse, Ground, Track, map_chart
@@ -39,6 +40,11 @@ def colour_of(name: str, names: list[str]) -> str:
     """Colour of a navigator, the same in all figures: its own, or a spare one."""
     others = [n for n in names if not label_of(n).colour]
     return label_of(name).colour or _SPARE[others.index(name) % len(_SPARE)]
+
+
+def axis_of(summary: ReplayResult) -> TimeAxis:
+    """The axis of time of a flight, with its outages."""
+    return TimeAxis(summary.first_stamp_s, summary.last_stamp_s, list(summary.without_gps.intervals_s))
 
 
 def reference_of(result: Result) -> str:

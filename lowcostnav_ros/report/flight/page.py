@@ -72,7 +72,7 @@ def page_of(
         What a study of outages found, in a sentence.
     """
     summary = result.summary
-    axis = TimeAxis(summary.first_stamp_s, summary.last_stamp_s, list(summary.without_gps.intervals_s))
+    axis = figures.axis_of(summary)
     name = title or (summary.recording.bag.name if summary.recording else "simulated flight")
     last = (tables.input_table, tables.aid_table, tables.stamp_table, tables.contradiction_table, tables.integrity_table, tables.run_table)
     drawn, ground = figures.ground_map(result)
