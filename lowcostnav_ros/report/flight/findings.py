@@ -18,6 +18,12 @@ def clock(since_s: float) -> str:
     return f"{int(since_s // 60)}:{int(since_s % 60):02d}"
 
 
+def has_gps(summary: ReplayResult) -> bool:
+    """Whether a recording holds positions or raw observations of GPS; of a stream it is taken that it does."""
+    topics = summary.recording.bag.topics if summary.recording else {"gps/fix": 1}
+    return any(count and (name.startswith("gps") or name == "gnss/raw") for name, count in topics.items())
+
+
 def findings(summary: ReplayResult, outages: str = "") -> list[str]:
     """The sentences; ``outages`` is what a study of outages adds."""
     if not any(one.solutions for one in summary.navigators.values()):
@@ -35,7 +41,7 @@ def _position(summary: ReplayResult) -> str:
     other = compared_with(summary.recording)
     reference = other or next((one.errors.reference for one in located.values() if one.errors.reference), None)
     spans = [f"{clock(a - start)} to {clock(b - start)}" for a, b in lost.intervals_s]
-    said = f"GPS lost {_listed(spans)}" if spans else "GPS all flight"
+    said = f"GPS lost {_listed(spans)}" if spans else "GPS all flight" if has_gps(summary) else "No GPS was recorded"
     during = {n: one.errors.without_gps for n, one in located.items() if one.errors.without_gps and one.errors.without_gps.horizontal_m}
     if spans and during:
         ranked = sorted((part.horizontal_m.max, part.horizontal_m.p95, name) for name, part in during.items() if part.horizontal_m)

@@ -13,7 +13,7 @@ from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.document import details, document, html_table, section
 from lowcostnav_ros.report.flight import figures
 from lowcostnav_ros.report.flight.events import events
-from lowcostnav_ros.report.flight.findings import clock, findings
+from lowcostnav_ros.report.flight.findings import clock, findings, has_gps
 from lowcostnav_ros.report.flight.playback import playback
 from lowcostnav_ros.report.flight.result_folder import Result, read_result
 from lowcostnav_ros.report.flight.timeline import timeline
@@ -75,14 +75,15 @@ def page_of(
     axis = figures.axis_of(summary)
     name = title or (summary.recording.bag.name if summary.recording else "simulated flight")
     last = (tables.input_table, tables.aid_table, tables.stamp_table, tables.contradiction_table, tables.integrity_table, tables.run_table)
+    lanes = timeline(list(result.navigators.values()), axis)
     drawn, ground = figures.ground_map(result)
-    navigators, other = list(result.navigators.values()), compared_with(summary.recording)
+    other = compared_with(summary.recording)
     sections = [
         _header(summary, name, outages),
         *before,
         section("In a sentence each", _sentences(summary)),
         section("Map", drawn),
-        section("Modes and refused measurements", timeline(navigators, axis), _NOTE, _events(result, axis)),
+        section("Modes and refused measurements", lanes, _NOTE if lanes else "", _events(result, axis)),
         section(f"Differences from {other}" if other else "Errors", *_error_tables(summary)),
         section("Accuracy and requirements", *_requirements(result, axis)) if not other else "",
         *_per_navigator(result, axis),
@@ -105,7 +106,7 @@ def _header(summary: ReplayResult, name: str, outages: str) -> str:
         "duration": f"{summary.duration_s:.1f} s",
         "stamps": f"{summary.first_stamp_s:.2f} to {summary.last_stamp_s:.2f} s",
         "date": _date(summary.first_stamp_s),
-        "without GPS": f"{lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)" if lost.total_s else "never",
+        "without GPS": f"{lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)" if lost.total_s else "never" if has_gps(summary) else "always",
         "reference": _reference(summary),
         "software": f"lowcostnav_ros {summary.version}",
     }
