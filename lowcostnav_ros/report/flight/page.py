@@ -99,14 +99,14 @@ def page_of(
 
 
 def _header(summary: ReplayResult, name: str, outages: str) -> str:
-    recording, lost = summary.recording, summary.without_gps
+    recording = summary.recording
     facts = {
         "bag": f"sha256 {recording.bag.sha256[:16]}" if recording else "simulated stream, no bag",
         "settings": summary.settings_hash,
         "duration": f"{summary.duration_s:.1f} s",
         "stamps": f"{summary.first_stamp_s:.2f} to {summary.last_stamp_s:.2f} s",
         "date": _date(summary.first_stamp_s),
-        "without GPS": f"{lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)" if lost.total_s else "never" if has_gps(summary) else "always",
+        "without GPS": _without_gps(summary),
         "reference": _reference(summary),
         "software": f"lowcostnav_ros {summary.version}",
     }
@@ -134,6 +134,13 @@ def _events(result: Result, axis: TimeAxis) -> str:
     )
     head = '<tr><th class="r">time</th><th class="l">of</th><th class="l">what</th></tr>'
     return details("Events, in order", f'<div class="wide"><table><thead>{head}</thead>{rows}</table></div>') if rows else ""
+
+
+def _without_gps(summary: ReplayResult) -> str:
+    lost = summary.without_gps
+    if not lost.total_s:
+        return "never" if has_gps(summary) else "always"
+    return f"{lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)"
 
 
 def _reference(summary: ReplayResult) -> str:
