@@ -70,7 +70,13 @@ def test_a_report_works_in_a_browser(result, tmp_path):
         ground.zoom(0.5);
         const moved = [...document.querySelectorAll('.craft')].map(g => g.getAttribute('transform'));
         document.getElementById('unzoom').click();
-        return {charts: document.querySelectorAll('svg.chart').length, drawn, text, view, shown, crafts, moved,
+        const by = document.querySelector('#player .by'), who = document.querySelector('#player .who');
+        who.value = 'follower'; who.dispatchEvent(new Event('change'));
+        const painted = ['error_m', 'ratio', 'mode'].map(v => { by.value = v; by.dispatchEvent(new Event('change'));
+          return document.querySelectorAll('.painted path').length; });
+        document.querySelector('#player .play').click();
+        const playing = document.querySelector('#player .play').textContent;
+        return {painted, playing, charts: document.querySelectorAll('svg.chart').length, drawn, text, view, shown, crafts, moved,
           whole: page.main.charts.every(c => c.plot.getAttribute('viewBox').startsWith('0 ')),
           horizon: !!document.querySelector('.horizon svg'),
           bands: value.filter(v => v[0].kind === 'band').length, error: value.find(v => v[0].kind === 'curve')[1],
@@ -85,6 +91,7 @@ def test_a_report_works_in_a_browser(result, tmp_path):
     known = np.isfinite(errors["north_m"])
     expected = np.interp(first + 12.0, errors["t_s"][known], errors["north_m"][known])
     assert answer["bands"] == 1 and answer["error"] == pytest.approx(expected, abs=0.05)
+    assert min(answer["painted"]) > 0 and answer["playing"] != "\N{BLACK RIGHT-POINTING TRIANGLE}"
     assert answer["crafts"] and answer["crafts"] != answer["moved"] and answer["pinMoved"] and answer["horizon"]
 
 
