@@ -31,10 +31,10 @@ from lowcostnav_ros.report.outages.page import outage_finding, outage_section
 from lowcostnav_ros.report.svg import escape
 from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, study_outages
 
-OUTAGES, LENGTHS_S, FIRST_S = 12, (10.0, 30.0, 60.0), 60.0
+OUTAGES, LENGTHS_S, FIRST_S = 12, (10.0, 30.0, 60.0), 40.0
 """Losses of GPS that are studied at most, how long each lasts, and the first after the start, s."""
 LEAST_EVERY_S = 15.0
-NO_STUDY_S = 2.0 * FIRST_S
+NO_STUDY_S = 1.5 * FIRST_S
 """A log shorter than this has no room for an outage study."""
 
 
