@@ -65,6 +65,7 @@ setup(
     maintainer_email="maintainers@lowcostnav-ros.example",
     package_data={f"{NAME}.graph.page": ["assets/*"]},
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={f"{NAME}.report": ["*.css", "*.js"]},
     python_requires=">=3.11",
     zip_safe=False,
     data_files=data_files,

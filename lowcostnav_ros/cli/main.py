@@ -14,6 +14,7 @@ _EPILOG = """\
 exit status: 0 pass, 1 worse than the baseline or a failed check, 2 cannot run (one sentence on stderr says what to do)
 
 examples:
+  lowcostnav open flight.ulg                               any log, as it is, to a page in the browser
   lowcostnav demo                                          a whole mission with a GPS outage, and its report
   lowcostnav simulate livermore -o flight                  a simulated flight as a bag
   lowcostnav replay flight --withhold gps/fix,gps/vel@60-120 --out result

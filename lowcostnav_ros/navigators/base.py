@@ -570,7 +570,9 @@ class Navigator(ABC):
         self._report_to_history()
 
     def _report_to_history(self) -> None:
-        """Let the core, which may be new, report to what follows it."""
+        """Let the core, which may be new, or not there before a first start, report to what follows it."""
+        if self.core is None:
+            return
         self.core.history = self.history
         if self.offsets is not None:
             self.offsets.history, self.core.history = self.history, self.offsets
