@@ -157,7 +157,8 @@ class _ArrivalFolder(DirectoryReader):
         if self.metadata.compression_mode == "message":
             yield from _one_by_one(self, names)
             return
-        for storage in self.storages:
+        storages: list[Any] = self.storages
+        for storage in storages:
             yield from storage.windows(names)
 
 

@@ -330,6 +330,12 @@ class BagReader:
                     others.update(zip(columns.rows.tolist(), columns.measurements(), strict=True))
             yield from _in_order(others, [one for one in inertial if one[0] is not None], _cuts(part.stamps_ns, round(1e9 * chunk_s)))
 
+    def topics_of(self, window: Window) -> Iterator[tuple[Window, str, np.ndarray]]:
+        """Yield the messages of each topic, as parts of a window and rows in them, so that origins come before what they place."""
+        for part in _between_origins(window):
+            for source, rows in part.by_source():
+                yield part, source, rows
+
     def decodable(self) -> list[str]:
         """List the sources of this recording that are measurements, with the type they ought to have."""
         kinds = {source: self._decoded_as(source) for source in self.types}

@@ -177,14 +177,12 @@ def decoded(window: Window, rows: np.ndarray, kind: Kind, rules: DecodeRules, no
     found = []
     for same in _of_one_size(window.sizes[rows]):
         at = rows[same]
-        first = int(window.starts[at[0]])
-        dtype = layout_of(kind.msgtype, window.data[first : first + int(window.sizes[at[0]])])
+        dtype = layout_of(kind.msgtype, window.raw(int(at[0])))
         if dtype is None or kind.many is None or len(at) <= FEW:
             continue
         table = window.table(at, dtype)
-        heads = np.ndarray((len(window.data) - 1,), "<u2", window.data, strides=(1,))[window.starts[at]]
         passed = Rows(table, kind, rules)
-        passed.keep(heads == 0x0100)  # little-endian
+        passed.keep(window.little_endian(at))
         with np.errstate(all="ignore"):  # rows that fail hold anything
             fields = kind.many(passed)
         good = passed.good
@@ -192,6 +190,16 @@ def decoded(window: Window, rows: np.ndarray, kind: Kind, rules: DecodeRules, no
             notes.update(passed.notes())
             found.append(Columns(kind, at[good], passed.stamps_ns[good], fields if good.all() else [_some(f, good) for f in fields]))
     return found
+
+
+def whole_table(window: Window, rows: np.ndarray, msgtype: str) -> np.ndarray | None:
+    """All messages of one topic as one table; None where their layouts differ or they have to be parsed one by one."""
+    dtype = layout_of(msgtype, window.raw(int(rows[0])))
+    if dtype is None or (window.sizes[rows] != window.sizes[rows[0]]).any():
+        return None
+    table = window.table(rows, dtype)
+    same = [(table[name] == table[name][0]).all() for name in table.dtype.names or () if name.endswith(SIZE)]
+    return table if all(same) and window.little_endian(rows).all() else None
 
 
 def _of_one_size(sizes: np.ndarray) -> Collection[np.ndarray]:

@@ -73,6 +73,13 @@ def quat_to_ros(q_nb: np.ndarray) -> tuple[float, float, float, float]:
     return k * (x + y), k * (x - y), k * (w - z), k * (w + z)
 
 
+def quats_to_ros(q_nb: np.ndarray) -> np.ndarray:
+    """:func:`quat_to_ros` of rows (n, 4), to the same bits."""
+    w, x, y, z = q_nb.T
+    k = HALF_SQRT2 / np.sqrt(w * w + x * x + y * y + z * z)
+    return np.stack([k * (x + y), k * (x - y), k * (w - z), k * (w + z)], axis=1)
+
+
 def heading_of_yaw(yaw: float) -> float:
     """Return the true heading, rad in [0, 2 pi), of a ROS yaw (0 east, counter-clockwise)."""
     return wrap_2pi(0.5 * math.pi - yaw)
@@ -111,6 +118,20 @@ def body_velocity(vel_n, cov_vel, q_nb):
     C_fn[1] *= -1.0
     C_fn[2] *= -1.0
     return matvec(C_fn, vel_n), turned(C_fn, cov_vel)
+
+
+@kernel
+def maps_from_local(places, q_nb, cov_pos, cov_att, vel_n, cov_vel, xyz_0, C_0e):
+    """:func:`map_from_local` and :func:`body_velocity` of n rows: positions, ``q_map`` (n, 4), velocities (n, 3), variances (n, 9)."""
+    n = len(places)
+    positions, q_map, velocities, variances = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 9))
+    for k in range(n):
+        lat, lon, height = places[k]
+        positions[k], q_map[k], first, second = map_from_local(lat, lon, height, q_nb[k], cov_pos[k], cov_att[k], xyz_0, C_0e)
+        velocities[k], third = body_velocity(vel_n[k], cov_vel[k], q_nb[k])
+        for i in range(3):
+            variances[k, i], variances[k, 3 + i], variances[k, 6 + i] = first[i, i], second[i, i], third[i, i]
+    return positions, q_map, velocities, variances
 
 
 @kernel

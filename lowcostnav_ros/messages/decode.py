@@ -4,6 +4,7 @@ Live nodes hand over the bytes of raw subscriptions, a replay the bytes of a bag
 """
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -104,7 +105,7 @@ def decode_many(
     return found, [(row, decode(kind.name, msgtype, window.raw(row), rules, notes)) for row in left.tolist()]
 
 
-def imu_block(found: list[Columns], rest: list[tuple[int, Measurement | Rejected]]) -> tuple[ImuBlock | None, np.ndarray]:
+def imu_block(found: Sequence[Columns], rest: Sequence[tuple[int, Measurement | Rejected]]) -> tuple[ImuBlock | None, np.ndarray]:
     """Join the inertial samples of :func:`decode_many` in the order of their messages; return the block and the row of each sample."""
     parts = [(columns.rows, columns.stamps_ns, *columns.fields) for columns in found]
     single = [(row, one) for row, one in rest if isinstance(one, ImuBlock)]

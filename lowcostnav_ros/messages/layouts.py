@@ -7,6 +7,7 @@ the encapsulation, a string as its length with the closing zero (uint32) and its
 import struct
 from functools import cache
 from itertools import count
+from typing import Any, cast
 
 import numpy as np
 from rosbags.interfaces import Nodetype
@@ -30,7 +31,8 @@ class _Variable(Exception):
 def _flat(msgtype: str, prefix: str = "") -> tuple[tuple[str, str, int], ...]:
     """Fields of a type in order: dotted name, numpy type ('' for a string), number of elements (0 for a single one)."""
     fields: list[tuple[str, str, int]] = []
-    for name, (node, of) in STORE.fielddefs[msgtype][1]:
+    for name, described in STORE.fielddefs[msgtype][1]:
+        node, of = cast("tuple[Nodetype, Any]", described)
         length = 0
         if node == Nodetype.ARRAY:
             (node, of), length = of

@@ -93,6 +93,11 @@ class Window:
         whole = np.ndarray((n,), f"V{dtype.itemsize}", self.data, strides=(1,))
         return whole[self.starts[rows]].view(dtype)
 
+    def little_endian(self, rows: np.ndarray) -> np.ndarray:
+        """Which messages, of two bytes at least, say that their CDR is little-endian, shape (len(rows),)."""
+        heads: np.ndarray = np.ndarray((len(self.data) - 1,), "<u2", self.data, strides=(1,))[self.starts[rows]]
+        return heads == 0x0100
+
     def update(self, digest: Any) -> None:
         """Add source, receive stamp and bytes of every message to a digest."""
         heads = [f"{source} ".encode() for source in self.sources]
