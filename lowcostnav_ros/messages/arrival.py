@@ -76,28 +76,21 @@ class ArrivalMcap(McapReader):
 
     def windows(self, names: Names) -> Iterator[Window]:
         """Yield what :meth:`messages` does, a chunk at a time."""
-        groups = self._overlapping()
-        if not self.chunks or self.goes_back or max(map(len, groups)) > _MOST_CHUNKS:
+        chunks = sorted(self.chunks, key=lambda chunk: (chunk.message_start_time, chunk.chunk_start_offset))
+        if not chunks or self.goes_back or not _follow(chunks):
             yield from _one_by_one(self, names)
             return
         sources = list(dict.fromkeys(names.values()))
         wanted = {c.id: sources.index(names[c.topic, c.msgtype]) for c in self.connections if (c.topic, c.msgtype) in names}
-        for group in groups:
-            windows = [self._window(chunk, wanted, sources) for chunk in group if any(chunk.channel_count.get(c, 0) for c in wanted)]
-            if windows:
-                yield Window.joined(windows)
-
-    def _overlapping(self) -> list[list[ChunkInfo]]:
-        """Chunks in order, those that overlap in time together."""
-        groups: list[list[ChunkInfo]] = []
-        end_ns = -1
-        for chunk in sorted(self.chunks, key=lambda chunk: (chunk.message_start_time, chunk.chunk_start_offset)):
-            if groups and chunk.message_start_time <= end_ns:
-                groups[-1].append(chunk)
-            else:
-                groups.append([chunk])
-            end_ns = max(end_ns, chunk.message_end_time)
-        return [sorted(group, key=lambda chunk: chunk.chunk_start_offset) for group in groups]
+        held = Window.of_messages([])
+        for chunk in chunks:
+            if any(chunk.channel_count.get(channel, 0) for channel in wanted):
+                done = int(np.searchsorted(held.stamps_ns, chunk.message_start_time))
+                if done:
+                    yield held[:done]
+                held = Window.joined([*([held[done:].compact()] if done < len(held) else []), self._window(chunk, wanted, sources)])
+        if len(held):
+            yield held
 
     def _window(self, chunk: ChunkInfo, wanted: Mapping[int, int], sources: list[str]) -> Window:
         """Messages of a chunk, in the order of the file."""
@@ -118,6 +111,14 @@ class ArrivalMcap(McapReader):
                     found.append((wanted[channel], stamp_ns, at + _MESSAGE.size, size - _MESSAGE.size))
             at += size
         return Window(data, sources, *np.array(found, np.int64).reshape(-1, 4).T)
+
+
+def _follow(chunks: list[ChunkInfo]) -> bool:
+    """Whether chunks in the order of their times are in that of the file, and no more than a few overlap at any time."""
+    starts, ends = (np.array([getattr(chunk, name) for chunk in chunks]) for name in ("message_start_time", "message_end_time"))
+    offsets = np.array([chunk.chunk_start_offset for chunk in chunks])
+    overlapping = np.arange(len(chunks)) - np.searchsorted(np.sort(ends), starts)
+    return bool((np.diff(offsets) > 0).all() and overlapping.max() < _MOST_CHUNKS)
 
 
 def _one_by_one(storage: Any, names: Names) -> Iterator[Window]:

@@ -75,6 +75,10 @@ class Window:
         sources = self.sources
         return zip((sources[k] for k in self.of.tolist()), self.stamps_ns.tolist(), self.raws(), strict=True)
 
+    def compact(self) -> "Window":
+        """The same without bytes of other messages."""
+        return Window(b"".join(self.raws()), self.sources, self.of, self.stamps_ns, np.cumsum(self.sizes) - self.sizes, self.sizes)
+
     def only(self, sources: Collection[str]) -> "Window":
         """The messages of some sources alone."""
         wanted = np.array([source in sources for source in self.sources], bool)
