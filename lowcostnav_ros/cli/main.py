@@ -1,6 +1,7 @@
 """The ``lowcostnav`` command: one word per job, exit status 0 pass, 1 worse or failed, 2 cannot run."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -50,6 +51,8 @@ def main(argv: Sequence[str] | None = None, registry: Any = None) -> int:
     """
     try:
         given = list(sys.argv[1:] if argv is None else argv)
+        if argv is None and not {"-h", "--help"}.isdisjoint(given):
+            os.environ["LOWCOSTNAV_KERNELS"] = "interpreted"  # a process that only shows its options needs no compiler
         arguments = parser(given[0] if given else "").parse_args(given, argparse.Namespace(registry=registry))
         return JOBS[arguments.job].run(arguments)
     except SystemExit as leaving:

@@ -1,5 +1,6 @@
 """Recordings: write them, check them, and read them as the ordered stream of measurements that a live navigator would have seen."""
 
+import copy
 import hashlib
 import itertools
 import logging
@@ -212,6 +213,12 @@ class BagReader:
         self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
         if not self.is_closed:
             _note_once(self.path, self.duration_s)
+
+    def with_decoder(self, decoder: Decoder) -> "BagReader":
+        """The same recording, its files shared, with a decoder that learns and counts on its own; close only one of them."""
+        other = copy.copy(self)
+        other.decoder = decoder
+        return other
 
     def _refuse_double_names(self) -> None:
         recorded = {topics.source_of(c.topic) for c in self._reader.connections}

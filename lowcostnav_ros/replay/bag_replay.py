@@ -1,5 +1,6 @@
 """Replay of a recording: the bag is read directly, without middleware, and fed in recorded order."""
 
+import copy
 import dataclasses
 import hashlib
 import itertools
@@ -99,7 +100,8 @@ def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> Replay
 
 
 def _replayed(path: str | Path, options: ReplayOptions) -> ReplayResult:
-    with _reader(path, options) as reader, _reader(path, options) as reference:
+    with _reader(path, options) as reader:
+        reference = reader.with_decoder(Decoder(copy.deepcopy(reader.decoder.rules)))
         return _Replay(reader, reference, options).run()
 
 
@@ -250,13 +252,14 @@ class _Replay(Cast):
         """Refuse, before the work, a window in which there is nothing to withhold, and say what is silent there."""
         last: dict[str, int] = {}
         silent: dict[str, str] = {}
-        for source, _, raw in self.reference.stream(sorted(window.sources)):
-            stamp_ns = decode(source, self.reference.types[source], raw, self.reference.decoder.rules).stamp_ns
-            if window.holds(source, stamp_ns):
-                return
-            if stamp_ns >= window.end_ns and source not in silent and source in last:
-                silent[source] = f"{source} from {1e-9 * (last[source] - first_ns):.0f} to {1e-9 * (stamp_ns - first_ns):.0f} s"
-            last[source] = stamp_ns
+        with _reader(self.reader.path, self.options) as reader:  # its own files: this one is being read
+            for source, _, raw in reader.stream(sorted(window.sources)):
+                stamp_ns = decode(source, reader.types[source], raw, reader.decoder.rules).stamp_ns
+                if window.holds(source, stamp_ns):
+                    return
+                if stamp_ns >= window.end_ns and source not in silent and source in last:
+                    silent[source] = f"{source} from {1e-9 * (last[source] - first_ns):.0f} to {1e-9 * (stamp_ns - first_ns):.0f} s"
+                last[source] = stamp_ns
         ended = (f"{source} from {1e-9 * (last[source] - first_ns):.0f} s on" for source in sorted(last.keys() - silent.keys()))
         missing = f"; silent already, from the start: {', '.join([*silent.values(), *ended])}" if last else ""
         end_s = 1e-9 * max(last.values(), default=first_ns)
