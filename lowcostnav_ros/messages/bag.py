@@ -42,6 +42,8 @@ class BagError(ValueError):
     """A recording that cannot be used; the message is one sentence that says what to do."""
 
 
+LARGEST_WINDOW = 16_384
+"""Messages that are decoded together at most, however large the chunks of a file are."""
 SETTINGS_FOLDER = "settings"
 """Inside a recording's directory: the settings, <navigator>.yaml, it was flown with or is to be replayed with."""
 
@@ -297,8 +299,9 @@ class BagReader:
                 raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
         names = {(c.topic, c.msgtype): name for c in self._reader.connections if (name := mapped(c.topic, self.maps)) in wanted}
         try:
-            if names:
-                yield from self._reader.windows(names)
+            for window in self._reader.windows(names) if names else ():
+                for first in range(0, len(window), LARGEST_WINDOW):
+                    yield window[first : first + LARGEST_WINDOW]
         except GeneratorExit:
             raise
         except Exception as error:  # the storage layers raise errors of many types on damaged files
