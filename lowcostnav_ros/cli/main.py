@@ -52,6 +52,8 @@ def main(argv: Sequence[str] | None = None, registry: Any = None) -> int:
     """
     try:
         given = list(sys.argv[1:] if argv is None else argv)
+        if argv is None and not {"-h", "--help"}.isdisjoint(given):
+            os.environ["LOWCOSTNAV_KERNELS"] = "interpreted"  # a process that only shows its options needs no compiler
         arguments = parser(given[0] if given else "").parse_args(given, argparse.Namespace(registry=registry))
         return JOBS[arguments.job].run(arguments)
     except SystemExit as leaving:
