@@ -17,7 +17,7 @@ import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import ImuBlock
-from lowcostnav_ros.base.small_matrices import matvec, turned
+from lowcostnav_ros.base.small_matrices import turned
 from lowcostnav_ros.cores.bridging import LastMotion
 from lowcostnav_ros.cores.views import Motion, VelocitySeen
 from lowcostnav_ros.estimation import kalman
@@ -25,7 +25,7 @@ from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.physics.earth import EARTH_RATE, STANDARD_GRAVITY, displace, gravity, radii
-from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_to_dcm, skew
+from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_to_dcm, rows_of, skew
 from lowcostnav_ros.physics.strapdown import strapdown_step
 
 POS, VEL, ATT = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -197,9 +197,24 @@ def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track):
 @kernel
 def mean_step(nav, last, f, w, dt):
     """One strapdown step from mean specific force and rate; ``last`` (6,) holds the previous sample's for coning and sculling."""
-    strapdown_step(nav, f * dt, w * dt, last[0:3] * dt, last[3:6] * dt, dt)
-    last[0:3] = f
-    last[3:6] = w
+    before_f, before_w = (last[0] * dt, last[1] * dt, last[2] * dt), (last[3] * dt, last[4] * dt, last[5] * dt)
+    strapdown_step(nav, (f[0] * dt, f[1] * dt, f[2] * dt), (w[0] * dt, w[1] * dt, w[2] * dt), before_f, before_w, dt)
+    for r in range(3):
+        last[r] = f[r]
+        last[3 + r] = w[r]
+
+
+@kernel
+def gather(sums, q, f, w, dt):
+    """Add a sample to the integrals of :func:`covariance_step`, ``q`` (4,) the attitude at its end."""
+    C = rows_of(q)
+    sums[0] += dt
+    for r in range(3):
+        sums[1 + r] += (C[r][0] * f[0] + C[r][1] * f[1] + C[r][2] * f[2]) * dt
+        sums[13 + r] += f[r] * dt
+        sums[16 + r] += w[r] * dt
+        for j in range(3):
+            sums[4 + 3 * r + j] += C[r][j] * dt
 
 
 @kernel
@@ -208,21 +223,14 @@ def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, 
 
     Returns the index of the next sample and the stamp reached.  Covariance steps fall on a grid of stamps, never on the cut of a block.
     """
-    errors = sensor_errors(estimate, kind, axis)
+    errors, f, w = sensor_errors(estimate, kind, axis), np.empty(3), np.empty(3)
     for k in range(start, stamps.shape[0]):
         dt = (stamps[k] - t_ns) * 1e-9
-        f = (f_m[k] - errors[0]) / (1.0 + errors[2])
-        w = (w_m[k] - errors[1]) / (1.0 + errors[3])
-        mean_step(nav, last, f, w, dt)
-        C = quat_to_dcm(nav[6:10])
-        sums[0] += dt
-        f_n = matvec(C, f)
         for r in range(3):
-            sums[1 + r] += f_n[r] * dt
-            sums[13 + r] += f[r] * dt
-            sums[16 + r] += w[r] * dt
-            for j in range(3):
-                sums[4 + 3 * r + j] += C[r, j] * dt
+            f[r] = (f_m[k, r] - errors[0, r]) / (1.0 + errors[2, r])
+            w[r] = (w_m[k, r] - errors[1, r]) / (1.0 + errors[3, r])
+        mean_step(nav, last, f, w, dt)
+        gather(sums, nav[6:10], f, w, dt)
         due = stamps[k] // output_ns != t_ns // output_ns
         if due or stamps[k] // step_ns != t_ns // step_ns:
             covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track)
