@@ -78,6 +78,7 @@ class InertialNavigator(Navigator):
         super().__init__(settings, stations, latency_s)
         gps, layout = getattr(settings, "gps", None), Layout(self.blocks())
         self.imu_arm_b = np.array(settings.imu.lever_arm_m, dtype=float)
+        self._is_off_base = bool(self.imu_arm_b.any())
         self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float) - self.imu_arm_b
         self._attach(layout, InertialCore(layout))
         self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
@@ -124,8 +125,9 @@ class InertialNavigator(Navigator):
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity and with its settings."""
-        own = (self.axes.held, self.recovery.contradiction(self.core.estimate) if self._aligned else None)
-        return (*super().contradictions(), *(held for held in own if held is not None))
+        own = self.axes.held, self.recovery.contradiction(self.core.estimate) if self._aligned else None
+        others = super().contradictions()
+        return others if own == (None, None) else (*others, *(held for held in own if held is not None))
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
@@ -360,7 +362,7 @@ class InertialNavigator(Navigator):
         self.settings = replace(self.settings, imu=imu)
         layout = Layout(self.blocks())
         self._attach(layout, InertialCore(layout))
-        self.core.history, self.recovery = self.history, Recovery(imu, layout)
+        self.recovery = Recovery(imu, layout)
 
     def _transfer(self, item: NavSolution) -> None:
         """Start at the state of the master; once aligned, its solutions are ignored."""
@@ -390,15 +392,15 @@ class InertialNavigator(Navigator):
         return self._solution(*self.core.predicted(block), *self.core.latest(block))
 
     def _solution(self, t_ns: int, nav: np.ndarray, P: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
-        wind = self.layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
-        if self.imu_arm_b.any():
+        wind = self.layout.get("wind") if self._wind_aids and any(aid.status.fused for aid in self._wind_aids) else None
+        if self._is_off_base:
             nav, P = at_base(nav, P, rate_b, self.imu_arm_b)
         return self._solution_at(
-            *(t_ns, nav, P, range(CORE, self.layout.size)),
+            *(t_ns, nav, P, CORE),
             q_nb=nav[6:10].copy(),
             angular_rate_b=rate_b,
             specific_force_b=force_b,
-            cov_att=P[ATT, ATT] + self.trust.doubt(t_ns)[ATT, ATT],
+            with_attitude=True,
             wind_n=None if wind is None else self.core.estimate[wind].copy(),
             cov_wind=None if wind is None else P[wind, wind].copy(),
         )
