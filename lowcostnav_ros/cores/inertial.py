@@ -285,7 +285,6 @@ def rate_of(nav, last, force_b, rate_b, out):
     for k in range(3):
         out[k], out[3 + k], out[6 + k] = nav[3 + k], force_n[k], rate_n[k]
     out[5] += STANDARD_GRAVITY
-    return out
 
 
 @kernel
@@ -494,7 +493,9 @@ class InertialCore:
 
     def state_rate(self) -> np.ndarray:
         """How fast the true state moves, in the coordinates of the error state (n,) per second; by the last sample that was run."""
-        return rate_of(self.nav, self._last, self.force_b, self.rate_b, np.zeros(self.layout.size))
+        out = np.zeros(self.layout.size)
+        rate_of(self.nav, self._last, self.force_b, self.rate_b, out)
+        return out
 
     def output_rows(self) -> dict[str, np.ndarray]:
         """Quantities of a solution by the error states, (m, n) each, for the smoother."""

@@ -300,12 +300,11 @@ def are_sound(pos, vel, att, wind, v0, v1, v2, v3, v4):
 
 @kernel
 def three_blocks(P, added, third, out):
-    """The first two, or three, blocks on the diagonal of P, each with that of ``added``, into ``out`` (3, 3, 3), which is returned."""
+    """The first two, or three, blocks on the diagonal of P, each with that of ``added``, into ``out`` (3, 3, 3)."""
     for b in range(3 if third else 2):
         for i in range(3):
             for j in range(3):
                 out[b, i, j] = P[3 * b + i, 3 * b + j] + added[3 * b + i, 3 * b + j]
-    return out
 
 
 @kernel

@@ -291,11 +291,11 @@ class Navigator(ABC):
         shared = all(not aid.updates_alone for aid in self.aids)
         if shared and self.settings.horizon.stamps != "trust" and hasattr(core, "state_rate"):
             self.offsets = self._declared_offsets()
-        self._fly(core)
+        self._take(core)
         for aid in self.aids:
             aid.attach(self)
 
-    def _fly(self, core: Any) -> None:
+    def _take(self, core: Any) -> None:
         """Fly a core, which may be new: it reports to what follows it."""
         self.core = core
         core.history = self.history if self.offsets is None else self.offsets
@@ -383,9 +383,12 @@ class Navigator(ABC):
 
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """Give a measurement to the aids of a channel, if it is due; return those that used it."""
-        wanted = [aid for aid in channel.aids if self.applies(aid, measurement)]
-        if not wanted or not channel.due(measurement.stamp_ns):
+        if not channel.is_due(measurement.stamp_ns):
             return []
+        wanted = [aid for aid in channel.aids if self.applies(aid, measurement)]
+        if not wanted:
+            return []
+        channel.begin(measurement.stamp_ns)
         used = [aid for aid in wanted if aid.due(measurement) and self.use_aid(aid, measurement)]
         for aid in channel.aids:
             aid.after(measurement, self)
@@ -571,12 +574,13 @@ class Navigator(ABC):
         self._restart()
         if self.history is not None:
             self.history.cut()
-        self._fly(self.core)
+        if self.core is not None:
+            self._take(self.core)
 
     def keep_history(self) -> None:
         """Keep, from now on, what the smoother needs; the solutions stay the same to the bit."""
         self.history = History()
-        self._fly(self.core)
+        self._take(self.core)
 
     def publish(self, solution: NavSolution) -> None:
         """Give out the fused solution of the present state, with what there is to say of it."""
@@ -617,7 +621,8 @@ class Navigator(ABC):
 
         ``nav`` begins with lat, lon, height, velocity and ``P`` likewise; ``with_attitude``: attitude errors follow them in ``P``.
         """
-        cov = kalman.three_blocks(P, self.trust.doubt(t_ns), with_attitude, np.empty((3, 3, 3)))
+        cov = np.empty((3, 3, 3))
+        kalman.three_blocks(P, self.trust.doubt(t_ns), with_attitude, cov)
         lat, lon, height = nav[:3].tolist()
         return NavSolution(
             *(int(t_ns), self.name, lat, lon, height, nav[3:6].copy()),

@@ -158,7 +158,7 @@ class InertialNavigator(Navigator):
                 self._level_again(item)
             else:
                 self._recover(item)
-            self._judge()
+            self._judge(speaks=False)
 
     def _recover(self, item: Measurement) -> None:
         """Follow what became of GPS; begin anew in motion when it has been recovered to again and again."""
@@ -172,15 +172,15 @@ class InertialNavigator(Navigator):
                     decision = Decision.REJECT  # where the velocity agrees it is not the IMU
                 recovery.note(item.stamp_ns, decision)
                 self.inertial_is_suspect = recovery.is_widened
+        if not recovery.gathers:
+            self.start_is_fed = False
+            return
         start = None if self.trust.excludes(item) else self._gather(item)
         if recovery.is_lost and start is not None:
             self._begin_anew(start)
 
     def _gather(self, item: Measurement) -> Start | None:
         """Gather for an alignment in motion while GPS is rejected; the state that this measurement gives."""
-        if not self.recovery.gathers:
-            self.start_is_fed = False
-            return None
         if not self.start_is_fed:
             self.start.clear()
             self.start_is_fed = True
@@ -286,8 +286,8 @@ class InertialNavigator(Navigator):
             self.core.note()
         return super().use_channel(channel, measurement)
 
-    def _judge(self) -> None:
-        """Keep mode and reason in step with what was fused."""
+    def _judge(self, *, speaks: bool = True) -> None:
+        """Keep mode and reason in step with what was fused; what changes in the reason alone is told at outputs (``speaks``)."""
         now, last = self.core.t_ns, self._fused_fix_ns
         sigma, self._led_away = self._horizontal_sigma(), False
         if sigma > self.settings.failed_sigma_m:
@@ -298,12 +298,11 @@ class InertialNavigator(Navigator):
             self.mode, self.reason = Mode.GPS, "GPS position accepted"
             if self.trust.led_away is not None:
                 self.mode, self.reason, self._led_away = Mode.SUSPECT, self.trust.suspicion(), True
-        else:
+        elif found := self.trust.suspicion():
+            self.mode, self.reason = Mode.SUSPECT, found
+        elif speaks or self.mode != Mode.COASTING:
             since = 0.0 if last is None else 1e-9 * (now - last)
             self.mode, self.reason = Mode.COASTING, f"{self._why_no_fix(now)} for {since:.0f} s{self.outage_words(now)}"
-            found = self.trust.suspicion()
-            if found:
-                self.mode, self.reason = Mode.SUSPECT, found
 
     def _why_no_fix(self, now_ns: int) -> str:
         recent = (aid.status.reason for aid in self.aids if aid.is_fix and aid.status.stamp_ns > now_ns - RECENT_NS)

@@ -84,6 +84,7 @@ class Trust:
         self._receiving = tuple(self.receivers)  # walked at every output
         topics = (topic if topic in host.inputs else "" for topic in (AIR, STATIC, EPOCHS))
         self.checks = SourceChecks(list(dict.fromkeys(self.receivers.values())), *topics)
+        self._of_receivers = frozenset(source for check in self.checks.receivers for source in check.sources)
         self.witness, self.told = Witness(host.output_period_ns), False
         self.forget_state()
 
@@ -108,6 +109,8 @@ class Trust:
 
         A velocity that contradicts the fixes and never agreed with them has spoilt what was begun with it.
         """
+        if item.source not in self._of_receivers:
+            return self.checks.take(item, self.agreement)
         before = [check.disagreement.held for check in self.checks.receivers]
         refusal = self.checks.take(item, self.agreement)
         for check, held in zip(self.checks.receivers, before, strict=True):

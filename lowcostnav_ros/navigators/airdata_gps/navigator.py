@@ -88,7 +88,7 @@ class AirDataGps(ReckoningNavigator):
         return self.own_inputs()
 
     def _restart(self) -> None:
-        self._fly(AirCorrectionsCore(self.settings, self.layout))
+        self._take(AirCorrectionsCore(self.settings, self.layout))
         self.movable = None
         self.high = None if self._is_joint else HighRateFilter(self.settings.cascade, self.settings.filter == "fixed_gain")
         self._last_out_ns: int | None = None

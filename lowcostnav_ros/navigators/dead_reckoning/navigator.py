@@ -88,7 +88,7 @@ class DeadReckoning(ReckoningNavigator):
     # measurements ------------------------------------------------------------------------------------------------------------
 
     def _restart(self) -> None:
-        self._fly(ReckoningCore(self.settings, self.layout))
+        self._take(ReckoningCore(self.settings, self.layout))
         self.geometry = ""
         self._last_out_ns: int | None = None
         self._looked_s: int | None = None
