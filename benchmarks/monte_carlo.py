@@ -1,7 +1,7 @@
 """How long a Monte Carlo of INS/GPS takes: 1000 flights of ten minutes, each with its own noise, through the campaign runner on all cores.
 
-The filter and flight are those of estimator_throughput.py; a flight counts by the error at its end over its sigma.  The numbers (sha256) are the
-same for any number of workers.
+The filter and flight are those of estimator_throughput.py; a flight counts by the error at its end over its sigma.  The numbers (sha256)
+are the same for any number of workers.
 """
 
 import hashlib
