@@ -292,6 +292,7 @@ class Aid(ABC):
                 what = (view.__doc__ or view.__name__).splitlines()[0].rstrip(".").lower()
                 raise SettingsError(f"{host.name} cannot take the aid '{self.status.name}': it does not estimate {what}.")
         self._teaching = host.layout.mask(*map(self.own, self.teaches)) if self.teaches else None
+        self._all = np.ones(host.layout.size)
         self.restart()
 
     def restart(self) -> None:
@@ -396,7 +397,7 @@ class Aid(ABC):
         """Update the covariance; return the correction (n,)."""
         free = innovation.free
         if free is None:
-            free = np.ones(len(host.P)) if host.movable is None else host.movable
+            free = self._all if host.movable is None else host.movable
         if host.offsets is None:
             return kalman.update(host.P, innovation.y, innovation.H, innovation.R, free)
         return host.offsets.update(self, innovation, free, host, learn=self.decision is Decision.FUSE)
@@ -415,16 +416,15 @@ class Aid(ABC):
             return self.refuse(innovation)
         if host.offsets is not None:
             host.offsets.take_back(self, innovation, host)
-        if not math.isfinite(innovation.y.sum() + innovation.H.sum() + innovation.R.sum()):
+        is_finite, S, nis, self.size = kalman.tested(host.P, innovation.y, innovation.H, innovation.R)
+        if not is_finite:
             return self.refuse(NOT_FINITE)
-        S = kalman.innovation_covariance(host.P, innovation.H, innovation.R)
-        nis = kalman.normalised_innovation_squared(innovation.y, S)
         if nis > self.threshold and host.offsets is not None:
             S, nis = self._considered(innovation, S, nis, host.offsets, host)
-        status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
+        status.observation, status.innovation = innovation.observation, innovation.y.copy()
+        status.innovation_variance = S.diagonal().copy()
         status.innovation_covariance = S
         status.nis, status.test_ratio = nis, nis / self.threshold
-        self.size = math.sqrt(float(innovation.y @ (innovation.y / (innovation.R.diagonal() + 1e-300))) / len(innovation.y))
         decision, reason = self.control(measurement.stamp_ns, status.test_ratio, host)
         self.decision = decision
         if decision is Decision.REJECT:

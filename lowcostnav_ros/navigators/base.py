@@ -290,9 +290,18 @@ class Navigator(ABC):
         self.layout, self.core = layout, core
         shared = all(not aid.updates_alone for aid in self.aids)
         if shared and self.settings.horizon.stamps != "trust" and hasattr(core, "state_rate"):
-            self.offsets = core.history = self._declared_offsets()
+            self.offsets = self._declared_offsets()
+        self._take(core)
         for aid in self.aids:
             aid.attach(self)
+
+    def _take(self, core: Any) -> None:
+        """Fly a core, which may be new: it reports to what follows it."""
+        self.core = core
+        core.history = self.history if self.offsets is None else self.offsets
+        if self.offsets is not None:
+            self.offsets.history = self.history
+            self.offsets.restart()
 
     def _declared_offsets(self) -> TimeOffsets:
         """Offsets of stamps, of which nothing is known but what the settings declare."""
@@ -314,7 +323,7 @@ class Navigator(ABC):
         CorrectionNotFinite
             When it is none; the one place at which all navigators look.
         """
-        if not np.isfinite(dx).all():
+        if not math.isfinite(sum(dx.tolist())):
             raise CorrectionNotFinite
         self.core.correct(dx)
 
@@ -374,9 +383,12 @@ class Navigator(ABC):
 
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """Give a measurement to the aids of a channel, if it is due; return those that used it."""
-        wanted = [aid for aid in channel.aids if self.applies(aid, measurement)]
-        if not wanted or not channel.due(measurement.stamp_ns):
+        if not channel.is_due(measurement.stamp_ns):
             return []
+        wanted = [aid for aid in channel.aids if self.applies(aid, measurement)]
+        if not wanted:
+            return []
+        channel.begin(measurement.stamp_ns)
         used = [aid for aid in wanted if aid.due(measurement) and self.use_aid(aid, measurement)]
         for aid in channel.aids:
             aid.after(measurement, self)
@@ -562,21 +574,14 @@ class Navigator(ABC):
         self._restart()
         if self.history is not None:
             self.history.cut()
-        self._report_to_history()
+        if self.core is not None:
+            self._take(self.core)
 
     def keep_history(self) -> None:
         """Keep, from now on, what the smoother needs; the solutions stay the same to the bit."""
         self.history = History()
-        self._report_to_history()
-
-    def _report_to_history(self) -> None:
-        """Let the core, which may be new, or not there before a first start, report to what follows it."""
-        if self.core is None:
-            return
-        self.core.history = self.history
-        if self.offsets is not None:
-            self.offsets.history, self.core.history = self.history, self.offsets
-            self.offsets.restart()
+        if self.core is not None:
+            self._take(self.core)
 
     def publish(self, solution: NavSolution) -> None:
         """Give out the fused solution of the present state, with what there is to say of it."""
@@ -610,24 +615,33 @@ class Navigator(ABC):
         seen = {"imu": self.imu_words} if self.imu_words else {}
         return seen | {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark} | stamps
 
-    def _solution_at(self, t_ns: int, nav: np.ndarray, P: np.ndarray, rows: range, **further: Any) -> NavSolution:
-        """Solution with position, velocity and the states ``rows``; ``nav`` begins with lat, lon, height, velocity and ``P`` likewise."""
-        doubt = self.trust.doubt(t_ns)
+    def _solution_at(
+        self, t_ns: int, nav: np.ndarray, P: np.ndarray, first: int, *, with_attitude: bool = False, **further: Any
+    ) -> NavSolution:
+        """Solution with position, velocity and the states from ``first`` on.
+
+        ``nav`` begins with lat, lon, height, velocity and ``P`` likewise; ``with_attitude``: attitude errors follow them in ``P``.
+        """
+        cov = np.empty((3, 3, 3))
+        kalman.three_blocks(P, self.trust.doubt(t_ns), with_attitude, cov)
+        lat, lon, height = nav[:3].tolist()
         return NavSolution(
-            *(int(t_ns), self.name, float(nav[0]), float(nav[1]), float(nav[2]), nav[3:6].copy()),
-            cov_pos=P[0:3, 0:3] + doubt[0:3, 0:3],
-            cov_vel=P[3:6, 3:6] + doubt[3:6, 3:6],
+            *(int(t_ns), self.name, lat, lon, height, nav[3:6].copy()),
+            cov_pos=cov[0],
+            cov_vel=cov[1],
+            cov_att=cov[2] if with_attitude else None,
             mode=self.mode,
-            states=self._states(P, rows),
+            states=self._states(P, first),
             integrity=self._integrity(),
             **further,
         )
 
-    def _states(self, P: np.ndarray, rows: range) -> dict[str, tuple[float, float]]:
-        """Estimates of some states with their sigmas, by label."""
-        part = slice(rows.start, rows.stop)
-        sigmas = kalman.root_of_diagonal(P, rows.start, rows.stop).tolist()
-        return dict(zip(self.layout.labels[part], zip(self.core.estimate[part].tolist(), sigmas, strict=True), strict=True))
+    def _states(self, P: np.ndarray, first: int, end: int | None = None) -> dict[str, tuple[float, float]]:
+        """Estimates of the states ``first`` to before ``end`` (None: the last) with their sigmas, by label."""
+        part = slice(first, end)
+        values, variances = self.core.estimate[part].tolist(), P.diagonal()[part].tolist()
+        sigmas = [math.sqrt(v) if v > 0.0 else 0.0 for v in variances]
+        return dict(zip(self.layout.labels[part], zip(values, sigmas, strict=True), strict=True))
 
     @abstractmethod
     def _fuse(self, item: Measurement) -> None:

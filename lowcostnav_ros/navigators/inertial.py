@@ -78,6 +78,7 @@ class InertialNavigator(Navigator):
         super().__init__(settings, stations, latency_s)
         gps, layout = getattr(settings, "gps", None), Layout(self.blocks())
         self.imu_arm_b = np.array(settings.imu.lever_arm_m, dtype=float)
+        self._is_off_base = bool(self.imu_arm_b.any())
         self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float) - self.imu_arm_b
         self._attach(layout, InertialCore(layout))
         self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
@@ -124,8 +125,9 @@ class InertialNavigator(Navigator):
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity and with its settings."""
-        own = (self.axes.held, self.recovery.contradiction(self.core.estimate) if self._aligned else None)
-        return (*super().contradictions(), *(held for held in own if held is not None))
+        own = self.axes.held, self.recovery.contradiction(self.core.estimate) if self._aligned else None
+        others = super().contradictions()
+        return others if own == (None, None) else (*others, *(held for held in own if held is not None))
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
@@ -156,7 +158,7 @@ class InertialNavigator(Navigator):
                 self._level_again(item)
             else:
                 self._recover(item)
-            self._judge()
+            self._judge(speaks=False)
 
     def _recover(self, item: Measurement) -> None:
         """Follow what became of GPS; begin anew in motion when it has been recovered to again and again."""
@@ -170,15 +172,15 @@ class InertialNavigator(Navigator):
                     decision = Decision.REJECT  # where the velocity agrees it is not the IMU
                 recovery.note(item.stamp_ns, decision)
                 self.inertial_is_suspect = recovery.is_widened
+        if not recovery.gathers:
+            self.start_is_fed = False
+            return
         start = None if self.trust.excludes(item) else self._gather(item)
         if recovery.is_lost and start is not None:
             self._begin_anew(start)
 
     def _gather(self, item: Measurement) -> Start | None:
         """Gather for an alignment in motion while GPS is rejected; the state that this measurement gives."""
-        if not self.recovery.gathers:
-            self.start_is_fed = False
-            return None
         if not self.start_is_fed:
             self.start.clear()
             self.start_is_fed = True
@@ -284,8 +286,8 @@ class InertialNavigator(Navigator):
             self.core.note()
         return super().use_channel(channel, measurement)
 
-    def _judge(self) -> None:
-        """Keep mode and reason in step with what was fused."""
+    def _judge(self, *, speaks: bool = True) -> None:
+        """Keep mode and reason in step with what was fused; what changes in the reason alone is told at outputs (``speaks``)."""
         now, last = self.core.t_ns, self._fused_fix_ns
         sigma, self._led_away = self._horizontal_sigma(), False
         if sigma > self.settings.failed_sigma_m:
@@ -296,12 +298,11 @@ class InertialNavigator(Navigator):
             self.mode, self.reason = Mode.GPS, "GPS position accepted"
             if self.trust.led_away is not None:
                 self.mode, self.reason, self._led_away = Mode.SUSPECT, self.trust.suspicion(), True
-        else:
+        elif found := self.trust.suspicion():
+            self.mode, self.reason = Mode.SUSPECT, found
+        elif speaks or self.mode != Mode.COASTING:
             since = 0.0 if last is None else 1e-9 * (now - last)
             self.mode, self.reason = Mode.COASTING, f"{self._why_no_fix(now)} for {since:.0f} s{self.outage_words(now)}"
-            found = self.trust.suspicion()
-            if found:
-                self.mode, self.reason = Mode.SUSPECT, found
 
     def _why_no_fix(self, now_ns: int) -> str:
         recent = (aid.status.reason for aid in self.aids if aid.is_fix and aid.status.stamp_ns > now_ns - RECENT_NS)
@@ -360,7 +361,7 @@ class InertialNavigator(Navigator):
         self.settings = replace(self.settings, imu=imu)
         layout = Layout(self.blocks())
         self._attach(layout, InertialCore(layout))
-        self.core.history, self.recovery = self.history, Recovery(imu, layout)
+        self.recovery = Recovery(imu, layout)
 
     def _transfer(self, item: NavSolution) -> None:
         """Start at the state of the master; once aligned, its solutions are ignored."""
@@ -390,15 +391,15 @@ class InertialNavigator(Navigator):
         return self._solution(*self.core.predicted(block), *self.core.latest(block))
 
     def _solution(self, t_ns: int, nav: np.ndarray, P: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
-        wind = self.layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
-        if self.imu_arm_b.any():
+        wind = self.layout.get("wind") if self._wind_aids and any(aid.status.fused for aid in self._wind_aids) else None
+        if self._is_off_base:
             nav, P = at_base(nav, P, rate_b, self.imu_arm_b)
         return self._solution_at(
-            *(t_ns, nav, P, range(CORE, self.layout.size)),
+            *(t_ns, nav, P, CORE),
             q_nb=nav[6:10].copy(),
             angular_rate_b=rate_b,
             specific_force_b=force_b,
-            cov_att=P[ATT, ATT] + self.trust.doubt(t_ns)[ATT, ATT],
+            with_attitude=True,
             wind_n=None if wind is None else self.core.estimate[wind].copy(),
             cov_wind=None if wind is None else P[wind, wind].copy(),
         )

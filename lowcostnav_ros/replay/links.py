@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.settings import parts_of
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.estimation.air_data.computer import AirDataComputer
 from lowcostnav_ros.messages import encode, topics
@@ -153,7 +154,8 @@ class Chain:
 
     def fork(self) -> "Chain":
         """Return a copy that flies on from the present state on its own; settings and stations, which do not change, are shared."""
-        kept = [part for link in self.links.values() for part in (link.navigator.settings, link.navigator.stations)]
+        navigators = [link.navigator for link in self.links.values()]
+        kept = [part for navigator in navigators for part in (*parts_of(navigator.settings), navigator.stations)]
         return copy.deepcopy(self, {id(part): part for part in kept})
 
     def _distribute(self, measurement: Measurement) -> Iterator[tuple[str, NavSolution]]:
