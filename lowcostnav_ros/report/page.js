@@ -246,7 +246,9 @@
   const words = (time, view) => clock(time - view.t0) + (time > 1e8 ? `  ${new Date(time * 1e3).toISOString().slice(11, 21)} UTC` : '');
   const listeners = [];
   const charts = all('svg.chart').map(svg => new Chart(svg));
-  const main = Object.values(views).sort((p, q) => q.charts.length - p.charts.length)[0];
+  const stored = document.getElementById('flight'), flight = stored && JSON.parse(stored.textContent);
+  const isFlight = v => flight && Math.abs(v.t0 - flight.start) < 0.01;
+  const main = Object.values(views).sort((p, q) => isFlight(q) - isFlight(p) || q.charts.length - p.charts.length)[0];
 
   // ---- maps: drag, pinch, buttons; the wheel with ctrl or shift
   class Ground {
@@ -358,7 +360,6 @@
   const grounds = all('svg.map').map(svg => new Ground(svg));
 
   // ---- the player: an aircraft on the map, an attitude indicator, a track coloured by what is asked
-  const stored = document.getElementById('flight'), flight = stored && JSON.parse(stored.textContent);
   if (flight && main) {
     const whole = ['x', 'y', ...Object.keys(flight.scales), 'mode'];
     for (const way of flight.ways) for (const key of whole) if (way[key]) {

@@ -44,11 +44,11 @@ def page_of(study: OutageStudy) -> str:
 
 def outage_finding(study: OutageStudy) -> str:
     """The study in one sentence: the longest outages, the navigator that came through them best."""
-    best = min(study.flown, key=lambda flown: flown.statistics[-1].p95_m)
+    best = min(study.flown, key=lambda flown: flown.statistics[-1].max_m)
     found = best.statistics[-1]
-    within, worst = (distance(metres) for metres in (found.p95_m, found.max_m))
+    half, worst = (distance(metres) for metres in (found.median_m, found.max_m))
     lost = f"Had GPS been lost for {found.length_s:g} s, at any of {found.windows} moments"
-    return f"{lost}, {best.navigator} had been within {within} in 95 % of them, {worst} at worst."
+    return f"{lost}, {best.navigator} had been within {half} in half of them, {worst} at worst."
 
 
 def outage_section(study: OutageStudy) -> str:
