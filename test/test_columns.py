@@ -224,6 +224,13 @@ def test_true_states_in_columns_are_those_of_the_solutions(recorded):
         assert len(columns) and Counter(one.source for one in solutions)[source] == len(columns)
 
 
+def test_an_attitude_is_no_solution_in_columns():
+    sent = [raw for one in _varied(np.random.default_rng(8), 30) if isinstance(one, m.Attitude) for *_, raw in encode.encode_cdr(one)]
+    window = Window.of_messages([("imu/data", 0, raw) for raw in sent])
+    found, rest = Decoder().decode_many(window, np.arange(len(sent)), topics.IMU)
+    assert found and len(columns_of_messages(found, rest)) == 0
+
+
 def test_memory_of_a_window_is_bounded_by_bytes(tmp_path):
     with BagWriter(tmp_path / "bag", "sqlite3") as bag:
         for k in range(40):

@@ -109,7 +109,8 @@ def columns_of(solutions: Sequence[NavSolution]) -> NavColumns:
 
 
 def columns_of_messages(found: Sequence[Columns], rest: Sequence[tuple[int, Measurement]]) -> NavColumns:
-    """Turn decoded messages of solutions (see :func:`.messages.decode.decode_many`) into columns, in the order of their rows."""
+    """Turn those of the messages that :func:`.messages.decode.decode_many` decoded that are solutions into columns, by their rows."""
+    found = [columns for columns in found if columns.kind.measurement is NavSolution]
     singles = [(row, one) for row, one in rest if isinstance(one, NavSolution)]
     parts = [_columns_of_fields(columns) for columns in found] + ([columns_of([one for _, one in singles])] if singles else [])
     if len(parts) < 2:

@@ -35,7 +35,6 @@ class AidStatistics:
     nis_sum: float = 0.0
     innovation_sum: np.ndarray | float = 0.0
     innovation_squares: np.ndarray | float = 0.0
-    _innovations: list[np.ndarray] = dataclasses.field(default_factory=list)
 
     def add(self, status: AidStatus, computed: bool) -> None:
         """Count one use of the aid."""
@@ -46,19 +45,11 @@ class AidStatistics:
         if computed and status.innovation is not None:
             self.tested += 1
             self.nis_sum += status.nis
-            self._innovations.append(status.innovation)
-
-    def flush(self) -> None:
-        """Sum up the innovations that have come since the last flush."""
-        if self._innovations:
-            new = np.stack(self._innovations)
-            self.innovation_sum = self.innovation_sum + new.sum(axis=0)
-            self.innovation_squares = self.innovation_squares + (new * new).sum(axis=0)
-            self._innovations.clear()
+            self.innovation_sum = self.innovation_sum + status.innovation
+            self.innovation_squares = self.innovation_squares + status.innovation**2
 
     def result(self, labels: tuple[str, ...]) -> AidSummary:
         """Counts, and the statistics of the innovations by their labels."""
-        self.flush()
         counts = self.used, dict(sorted(self.rejected.items())), self.tested
         if not self.tested:
             return AidSummary(*counts)
@@ -182,8 +173,6 @@ class NavigatorRun:
 
     def flush(self) -> None:
         """Write and evaluate what has come since the last flush."""
-        for statistics in self.aids.values():
-            statistics.flush()
         if self._pending:
             columns = columns_of(self._pending)
             self._fingerprint(columns)
