@@ -18,14 +18,16 @@ from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.calibration.imu_look import look_at
 from lowcostnav_ros.cores.imu_errors import AUTO, as_seen, times_the_profile
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import NO_CORRECTION, RECOVERED, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
+from lowcostnav_ros.estimation.aiding import NO_CORRECTION, RECOVERED, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
 from lowcostnav_ros.estimation.clocks import HELD
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS, TIME_JUMPED, FusionHorizon, unbroken
 from lowcostnav_ros.estimation.inertial_spikes import InertialSpikes, Jolt
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.estimation.time_offsets import TimeOffsets
+from lowcostnav_ros.navigators.channel import Channel
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
+from lowcostnav_ros.navigators.solutions import is_sound
 from lowcostnav_ros.navigators.trust import Trust
 from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.physics.mounting import mounted, mounting_dcm
@@ -90,30 +92,6 @@ class NavigatorStatus:
     integrity: Integrity | None = None
     details: Mapping[str, str] = field(default_factory=dict)
     contradictions: tuple[Contradiction, ...] = ()
-
-
-class Channel:
-    """One topic of one sensor: the aids that its measurements go to, thinned to a period together."""
-
-    def __init__(self, aids: list[Aid]) -> None:
-        self.aids = aids
-        self.period_s: float = 0.0 if aids[0].thins_itself else aids[0].period_s
-        self._used_ns = -(10**18)
-
-    def begin(self, stamp_ns: int = -(10**18)) -> None:
-        """Count the period from here; without a stamp, take the next measurement whenever it comes."""
-        self._used_ns = stamp_ns
-
-    def is_due(self, stamp_ns: int) -> bool:
-        """Whether a period has passed since the last one: errors are slow, so that more would not add information."""
-        return stamp_ns - self._used_ns >= 1e9 * self.period_s - SLACK_NS
-
-    def due(self, stamp_ns: int) -> bool:
-        """Take one, if it is due."""
-        if not self.is_due(stamp_ns):
-            return False
-        self._used_ns = stamp_ns
-        return True
 
 
 class Navigator(ABC):
@@ -673,33 +651,6 @@ class Navigator(ABC):
         return max(level_of(self.mode), Level.WARN) if self.contradictions() else level_of(self.mode)
 
 
-NO_COVARIANCE, NO_VECTOR = np.zeros((0, 0)), np.zeros(0)
-
-
-def is_sound(solution: NavSolution) -> bool:
-    """Whether all numbers of a solution are finite and no variance is negative: nothing else may leave a navigator."""
-    if solution.lat is not None and not math.isfinite(sum(solution.place)):
-        return False
-    covariances = solution.cov_pos, solution.cov_vel, solution.cov_att, solution.cov_wind
-    vectors = solution.vel_n, solution.specific_force_b, solution.q_nb, solution.wind_n, solution.angular_rate_b
-    return bool(
-        kalman.are_sound(
-            *[NO_COVARIANCE if cov is None else np.ascontiguousarray(cov) for cov in covariances],
-            *[NO_VECTOR if vector is None else np.ascontiguousarray(vector) for vector in vectors],
-        )
-    )
-
-
 def _phrase(reason: str) -> str:
     """What of a reason is news at once; the numbers in it are not."""
     return Reason.phrase_of(reason).partition(" for ")[0]
-
-
-def position_sigmas(P: np.ndarray) -> dict[str, float]:
-    """Sigmas of position and velocity, the first six states of ``P``."""
-    s = np.sqrt(np.maximum(np.diag(P), 0.0))
-    return {
-        "position_horizontal_m": float(np.hypot(s[0], s[1])),
-        "position_down_m": float(s[2]),
-        "velocity_horizontal_mps": float(np.hypot(s[3], s[4])),
-    }

@@ -20,8 +20,9 @@ from lowcostnav_ros.cores.motion import MotionCore
 from lowcostnav_ros.estimation.aiding import Decision, unique
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.navigators.base import HorizonSettings, Navigator, position_sigmas
+from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.registry import navigator
+from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.starts.point_solution import point_solution, unknown_velocity
 
 

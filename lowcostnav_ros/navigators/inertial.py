@@ -21,8 +21,10 @@ from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
-from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator, position_sigmas
+from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
+from lowcostnav_ros.navigators.channel import Channel
 from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
+from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
