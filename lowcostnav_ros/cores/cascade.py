@@ -52,7 +52,7 @@ class CascadeSettings(SensorSettings):
     )
     filter_rate: str = setting("attitude", "Both filters step with every attitude, or with every fix.", choices=("attitude", "gps"))
     step_s: float = setting(0.05, "Step that Q and R are of; 0: of whatever step comes.", unit="s", minimum=0.0, maximum=10.0)
-    match_delay: bool = setting(True, "Differentiate and filter INS positions as those of GPS, so that both are late by the same.")
+    match_delay: bool = setting(True, "Differentiate and filter accelerations as those of GPS, so that both are late by the same.")
     cutoff_hz: float = setting(0.1, "Corner of the Butterworth filter of GPS accelerations; 0: none.", unit="Hz", minimum=0.0, maximum=10.0)
     initial_velocity: str = setting("gps", "Velocity the INS begins with.", choices=("gps", "zero"))
     velocity: str = setting("filtered", "Velocity given out: of the INS, or its offset taken out.", choices=("ins", "filtered"))
@@ -171,12 +171,14 @@ class CascadeCore:
         self.sign = -1.0 if as_printed else 1.0
         self._thesis = settings.constants == "thesis"
         self.nav, self.A = np.zeros(6), np.zeros((3, 3))
+        self._raw = np.zeros((3, 3))  # as A, no bias taken out: what z_a is differentiated from
         self.estimate, self.P = np.full(layout.size, settings.x0_ft * FOOT), layout.initial_covariance()
         self._accel, self._position = layout["accel_bias"], layout["position_bias"]
         self.t_ns, self.started, self.guard_actions = 0, False, 0
         self.frame = FlatFrame(0.0, 0.0, 0.0, sphere=self._thesis)
         self.gps: Differences | None = None
         self.ins: Differences | None = None
+        self._free: Differences | None = None
         self.fix_ns: int | None = None
         self._sample_ns: int | None = None
         self._stepped_ns: int | None = None
@@ -190,7 +192,7 @@ class CascadeCore:
     def start(self, t_ns: int, nav: np.ndarray) -> None:
         """Begin at a place and velocity (6,)."""
         self.frame = FlatFrame(nav[0], nav[1], nav[2], sphere=self._thesis)
-        self.A[:, 1] = nav[3:6] if self.settings.initial_velocity == "gps" else 0.0
+        self.A[:, 1] = self._raw[:, 1] = nav[3:6] if self.settings.initial_velocity == "gps" else 0.0
         self.t_ns, self.started, self._used_ns = int(t_ns), True, int(t_ns)
         self._put_out()
 
@@ -214,19 +216,19 @@ class CascadeCore:
     def hold(self, sample: Attitude) -> None:
         """Hold a sample at whose stamp the mean is."""
         self.held = self.held.after(sample)
-        self.A[:, 2] = self.C_nb() @ (self.measured() - self.estimate[self._accel])
-        self.A[2, 2] += self.sign * self.gravity
+        C, fall = self.C_nb(), np.array([0.0, 0.0, self.sign * self.gravity])
+        self.A[:, 2] = C @ (self.measured() - self.estimate[self._accel]) + fall
+        self._raw[:, 2] = C @ self.measured() + fall
 
     def move(self, to_ns: int) -> None:
         """Move the INS on with the acceleration held: A <- A phi (13), (14)."""
         if to_ns <= self.t_ns:
             return
         dt = 1e-9 * (to_ns - self.t_ns)
-        A = self.A
-        A[:, 0] += A[:, 1] * dt + 0.5 * A[:, 2] * dt * dt
-        A[:, 1] += A[:, 2] * dt
+        phi = np.array([[1.0, 0.0, 0.0], [dt, 1.0, 0.0], [0.5 * dt * dt, dt, 1.0]])
+        self.A, self._raw = self.A @ phi, self._raw @ phi
         if self.timed_out(to_ns):
-            A[:, 2] = 0.0
+            self.A[:, 2] = self._raw[:, 2] = 0.0
         self.t_ns = to_ns
         self._put_out()
 
@@ -246,13 +248,15 @@ class CascadeCore:
         dt = math.inf if since is None else 1e-9 * (fix.stamp_ns - since)
         if self.gps is None or self.ins is None or dt > HOLE_S:
             step = 1.0 if not math.isfinite(dt) or dt > HOLE_S else dt
-            self.gps, self.ins = (Differences(LowPass(self.settings.cutoff_hz, step), p) for p in (place, self.A[:, 0].copy()))
-        elif dt > 0.0:
+            places = place, self.A[:, 0].copy(), self._raw[:, 0].copy()
+            self.gps, self.ins, self._free = (Differences(LowPass(self.settings.cutoff_hz, step), p) for p in places)
+        elif dt > 0.0 and self._free is not None:
             if self.gps.velocity is None:  # the rate of the fixes is known with the second
-                for differences in (self.gps, self.ins):
+                for differences in (self.gps, self._free):
                     differences.low_pass = LowPass(self.settings.cutoff_hz, dt)
             self.gps.take(place, dt)
             self.ins.take(self.A[:, 0].copy(), dt)
+            self._free.take(self._raw[:, 0].copy(), dt)
 
     def follow_gps(self) -> None:
         """Let the INS be where GPS is: nothing carries it."""
@@ -273,11 +277,11 @@ class CascadeCore:
 
     def accel_offset(self) -> np.ndarray | None:
         """z_a (3,), body axes, m/s^2; None while the fixes are too few."""
-        if self.gps is None or self.ins is None or self.gps.filtered is None or self.ins.filtered is None:
+        if self.gps is None or self.gps.filtered is None:
             return None
-        C, bias = self.C_nb(), self.estimate[self._accel]
-        if self.settings.match_delay:
-            return bias + C.T @ (self.ins.filtered - self.gps.filtered)
+        C = self.C_nb()
+        if self.settings.match_delay and self._free is not None and self._free.filtered is not None:
+            return C.T @ (self._free.filtered - self.gps.filtered)
         accel = self.gps.filtered.copy()
         accel[2] -= self.sign * self.gravity
         return self.measured() - C.T @ accel
