@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import Attitude, GpsPosition
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, Attitude, GpsPosition
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import FOOT, STANDARD_GRAVITY
 from lowcostnav_ros.cores.carried import AXES, HeldReference
@@ -133,10 +133,11 @@ class Differences:
     velocity: np.ndarray | None = None
     accel: np.ndarray | None = None
     filtered: np.ndarray | None = None
+    is_running: bool = False
 
     def take(self, position: np.ndarray, dt: float) -> None:
         """Take the next position."""
-        velocity = (position - self.position) / dt
+        velocity, self.is_running = (position - self.position) / dt, True
         if self.velocity is not None:
             self.accel = (velocity - self.velocity) / dt
             self.filtered = self.low_pass(self.accel)
@@ -185,6 +186,7 @@ class CascadeCore:
         self.drift = np.zeros(3)
         self.spread, self.velocity_spread = np.full(3, settings.r_position_ft2 * FOOT**2), np.ones(3)
         self._used_ns = 0
+        self._stated = np.zeros(3)  # variance of the last fix
         self._q = FOOT**2 * np.array([*settings.q_accel_ft2, *settings.q_position_ft2], dtype=float)
 
     # the inertial solution ---------------------------------------------------------------------------------------------------
@@ -244,14 +246,16 @@ class CascadeCore:
     def take_fix(self, fix: GpsPosition) -> None:
         """Differentiate a fix and the INS at its stamp, where the mean is."""
         place, since = self.frame.to_ned(fix.lat, fix.lon, fix.height), self.fix_ns
-        self.fix_ns = fix.stamp_ns
+        self.fix_ns, self._stated = fix.stamp_ns, np.minimum(fix.cov_n.diagonal(), UNKNOWN_VARIANCE)
         dt = math.inf if since is None else 1e-9 * (fix.stamp_ns - since)
         if self.gps is None or self.ins is None or dt > HOLE_S:
             step = 1.0 if not math.isfinite(dt) or dt > HOLE_S else dt
             places = place, self.A[:, 0].copy(), self._raw[:, 0].copy()
             self.gps, self.ins, self._free = (Differences(LowPass(self.settings.cutoff_hz, step), p) for p in places)
+            if since is None and self.settings.initial_velocity == "gps":  # known better than from the first difference
+                self.gps.velocity, self.ins.velocity, self._free.velocity = (self.A[:, 1].copy() for _ in range(3))
         elif dt > 0.0 and self._free is not None:
-            if self.gps.velocity is None:  # the rate of the fixes is known with the second
+            if not self.gps.is_running:  # the rate of the fixes is known with the second
                 for differences in (self.gps, self._free):
                     differences.low_pass = LowPass(self.settings.cutoff_hz, dt)
             self.gps.take(place, dt)
@@ -333,14 +337,14 @@ class CascadeCore:
             self.P[i, i] = self.settings.p0_ft2 * FOOT**2
 
     def covariances(self) -> tuple[np.ndarray, np.ndarray]:
-        """Covariances (3, 3) of position and velocity as they have been found to be, and grown since GPS was used last."""
+        """Covariances (3, 3) of position and velocity: off GPS as they have been lately, GPS off by what it states, grown since then."""
         t = 1e-9 * max(self.t_ns - self._used_ns, 0)
         velocity = self.velocity_spread + (self.coast_bias * t) ** 2 + self.coast_density * t
         ours = np.minimum(self.P.diagonal()[self._position], self.spread)
         grown = self.velocity_spread * t * t + (0.5 * self.coast_bias * t * t) ** 2 + self.coast_density * t**3 / 3.0
         if self.timed_out():
             grown, velocity = grown + 1e4 * t * t, velocity + 1e4
-        return np.diag(self.spread + ours + grown), np.diag(velocity + LEAST)
+        return np.diag(self.spread + self._stated + ours + grown), np.diag(velocity + LEAST)
 
     def timed_out(self, t_ns: int | None = None) -> str:
         """Why nothing carries it now or at ``t_ns``, in words; empty when something does."""

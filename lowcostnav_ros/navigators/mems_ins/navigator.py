@@ -153,7 +153,7 @@ class MemsIns(ReckoningNavigator):
             return
         if isinstance(self.core, CascadeCore):
             if self.settings.cascade.filter_rate == "attitude":
-                self._step(item)
+                self.step(item)
         else:
             self.core.settle()
             self.trust.witness.take(item)
@@ -176,7 +176,7 @@ class MemsIns(ReckoningNavigator):
 
     # the cascade -------------------------------------------------------------------------------------------------------------
 
-    def _step(self, item: Measurement) -> None:
+    def step(self, item: Measurement) -> None:
         """One step of both filters."""
         core = self.core
         assert isinstance(core, CascadeCore)
@@ -196,7 +196,7 @@ class MemsIns(ReckoningNavigator):
         if not self._doubt:
             core.note(0.0 if since is None else 1e-9 * (fix.stamp_ns - since))
         if self.settings.cascade.filter_rate == "gps":
-            self._step(fix)
+            self.step(fix)
 
     def _judge_gps(self, fix: GpsPosition, core: CascadeCore) -> str:
         """What speaks against GPS; when nothing does any longer, the position filter begins anew."""
