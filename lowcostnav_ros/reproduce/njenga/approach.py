@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.units import FOOT
 from lowcostnav_ros.estimation.rates import RateMonitor
 from lowcostnav_ros.navigators.mems_ins.navigator import MemsIns
 from lowcostnav_ros.reproduce.njenga import drawing
@@ -18,6 +19,7 @@ from lowcostnav_ros.reproduce.njenga.flights import (
     changed,
     fixes,
     fly,
+    frame_of,
     path,
     settings_of,
     stream_of,
@@ -27,6 +29,7 @@ from lowcostnav_ros.reproduce.registry import Context, Outcome, Reading, judged,
 TUNED: dict[str, Any] = {"r_accel_ft2": 10.0, "q_accel_ft2": [1e-4] * 3, "q_position_ft2": [1.0] * 3}
 EVEN = {"constants": "consistent", "match_delay": True, "velocity": "filtered", "watch": True, "step_s": STEP_S}
 WANDERING = {"gps.position_bias_m": 9.1, "gps.position_bias_tau_s": 200.0, "gps.position_floor_m": 0.5, "gps.sigma_scale": 0.15}
+NINE = {"reference.tilt_deg": 0.0, "reference.accel_bias_mg": 20.0, "reference.accel_bias_tau_s": 100.0}
 LISTED: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "printed, offset of the epoch": ({}, {}),
     "printed, GPS held": ({"compare": "held"}, {}),
@@ -42,7 +45,7 @@ LISTED: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "60 s without GPS": ({}, {"outage_s": (300.0, 360.0)}),
     "as printed in sign": ({}, {"sign": "as_printed"}),
     "retuned, delays matched": ({**TUNED, **EVEN}, {"earth": "round"}),
-    "one filter, nine states": ({}, {"joint": {"reference.tilt_deg": 0.0, "reference.accel_bias_mg": 20.0, "reference.accel_bias_tau_s": 100.0}}),
+    "one filter, nine states": ({}, {"joint": NINE}),
     "one filter, twelve states": ({}, {"joint": {}}),
     "one filter, GPS wanders": ({}, {"joint": WANDERING}),
 }
@@ -87,9 +90,6 @@ def held_rms(seeds: list[int]) -> np.ndarray:
     flight, squares = path(), []
     for seed in seeds:
         case = Case(seed=seed)
-        from lowcostnav_ros.base.units import FOOT
-        from lowcostnav_ros.reproduce.njenga.flights import frame_of
-
         at = np.array([frame_of("flat").to_ned(f.lat, f.lon, f.height) / FOOT for f in fixes(case)])
         rows = np.minimum(np.floor(flight.t_s + 1e-9).astype(int), len(at) - 1)
         squares.append(np.mean((at[rows] - flight.position) ** 2, axis=0))
@@ -209,5 +209,6 @@ def requirements(context: Context) -> Outcome:
     bars = {"GPS at its fixes": gps, "GPS held": held, **rms}
     outcome = judged(text, sum(met) >= 4, "fewer than four", figure=partial(drawing.bars, table=bars))
     better = [name for name in rms if beats(name, gps)]
-    why = "the fourth is not met as printed; " + (f"it is by: {', '.join(better)}" if better else "no configuration is better than the fixes")
+    why = "the fourth is not met as printed; "
+    why += f"it is by: {', '.join(better)}" if better else "no configuration is better than the fixes"
     return replace(outcome, reason=why if sum(met) >= 4 else outcome.reason, readings=tuple(readings))

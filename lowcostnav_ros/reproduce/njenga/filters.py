@@ -42,8 +42,8 @@ def stepped(offset: Callable[[int], np.ndarray], steps: int) -> Filtered:
     """The navigator's own filters, started at rest, on offsets (6,), ft, that are given."""
     navigator, still = MemsIns(settings_of(Case())), np.array([1.0, 0.0, 0.0, 0.0])
     for stamp in range(NS, 2 * NS, NS // 20):
+        navigator.feed(GpsVelocity(stamp, "gps/vel", np.zeros(3), np.eye(3)))
         if stamp == NS + NS // 10:
-            navigator.feed(GpsVelocity(stamp, "gps/vel", np.zeros(3), np.eye(3)))
             navigator.feed(GpsPosition(stamp, "gps/fix", *PLACE, 0.0, np.eye(3)))
         y = np.array([0.0, 0.0, STANDARD_GRAVITY])
         navigator.feed(Attitude(stamp, "imu/data_fused", still, 1e-4 * np.eye(3), np.zeros(3), y))
@@ -79,8 +79,8 @@ def gains(context: Context) -> Outcome:
     limits = K[-1, 3:]
     within = off < 1e-6 and bool(np.all(np.abs(limits - STEADY[3:]) < 1e-6))
     steps = np.arange(1, len(K) + 1)
-    names = ("acceleration x, y", "acceleration z", "position x, y", "position z")
-    figure = partial(drawing.lines, series={n: (steps, K[:, c]) for n, c in zip(names, (0, 2, 3, 5), strict=True)}, x="step", y="K", log=True)
+    names = {"acceleration x, y": 0, "acceleration z": 2, "position x, y": 3, "position z": 5}
+    figure = partial(drawing.lines, series={n: (steps, K[:, c]) for n, c in names.items()}, x="step", y="K", log=True)
     return judged(f"largest difference {off:.1e}; limits of position {limits[0]:.7f} and {limits[2]:.7f}", within, figure=figure)
 
 

@@ -43,7 +43,7 @@ LITERAL: dict[str, Any] = {
     "filter": "cascade",
     "accel_sign": "gravity_positive",
     "told_s": 0.1,
-    "horizon.lag_s": 0.0,
+    "horizon.lag_s": 0.05,
     "horizon.output_period_s": 0.5,
     "horizon.stamps": "trust",
     "cascade.constants": "thesis",
@@ -53,7 +53,7 @@ LITERAL: dict[str, Any] = {
     "cascade.velocity": "ins",
 }
 """The filters exactly as printed, the sign of gravity put right."""
-JOINT: dict[str, Any] = {"told_s": 0.5, "horizon.lag_s": 0.0, "horizon.output_period_s": 0.5}
+JOINT: dict[str, Any] = {"told_s": 0.5, "horizon.lag_s": 0.05, "horizon.output_period_s": 0.5}
 SIGMA = np.radians(np.sqrt(VARIANCE[:3]))
 
 

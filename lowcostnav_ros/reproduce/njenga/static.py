@@ -101,7 +101,8 @@ def z_bias(context: Context) -> Outcome:
     """Of the simulated capture, as the figure may mean it."""
     found = capture(context)
     raw, bias = found.mean[8] / STANDARD_GRAVITY - 1.0, found.accel_bias[2] / STANDARD_GRAVITY
-    readings = [Reading(n, f"{v:.5f} g", abs(v - 0.0062) <= 0.0002) for n, v in (("mean less 1 g", raw), ("gravity at its tilt taken out", bias))]
+    values = {"mean less 1 g": raw, "gravity at its tilt taken out": bias}
+    readings = [Reading(n, f"{v:.5f} g", bool(abs(v - 0.0062) <= 0.0002)) for n, v in values.items()]
     return read(readings, "with the tilt of 1.9 deg taken out the bias is 10 % larger")
 
 
