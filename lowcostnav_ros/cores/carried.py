@@ -158,7 +158,7 @@ class CarriedCore:
         self.t_ns, self.started = 0, False
         self.guard_actions = 0
         self._accel_n: np.ndarray | None = None
-        self._since_s, self._force_dt = 0.0, np.zeros(3)
+        self._since_s, self._force_dt, self._period_s = 0.0, np.zeros(3), 0.0
         self._bias = layout["accel_bias"]
         self._tilt = layout.get("attitude_error")
         if self._tilt is not None:
@@ -176,6 +176,8 @@ class CarriedCore:
     def hold(self, sample: Attitude) -> None:
         """Hold a sample at whose stamp the mean is; over the time since the last one the acceleration has changed linearly."""
         before, since = self._accel_n, self.held.stamp_ns
+        if since is not None:
+            self._period_s = min(max(1e-9 * (sample.stamp_ns - since), 0.0), LONGEST_STEP_S)
         self.held = self.held.after(sample)
         self._accel_n = self._acceleration()
         if self.started and before is not None and self._accel_n is not None and since is not None:
@@ -232,7 +234,7 @@ class CarriedCore:
             stated = self.held.cov_att.diagonal() / self.layout.sigma0[self._tilt] ** 2
             psd = psd.copy()
             psd[self._tilt] *= np.clip(stated, 1.0, 1e4)
-        noise = self.settings.force_noise_mps2**2 * min(dt, LONGEST_STEP_S)
+        noise = self.settings.force_noise_mps2**2 * self._period_s
         tilt = -1 if self._tilt is None else self._tilt.start
         args = self.layout.rate, psd, np.full(3, noise), dt
         carry(self.P, quat_to_dcm(self.held.q_nb), self._force_dt / dt, self._bias.start, tilt, *args)
@@ -257,7 +259,8 @@ class CarriedCore:
     def become(self, other: "CarriedCore") -> None:
         """Take over the state of another core of the same layout and time."""
         self.nav[:], self.estimate[:], self.P[:] = other.nav, other.estimate, other.P
-        self.held, self._accel_n, self._since_s, self._force_dt = other.held, other._accel_n, other._since_s, other._force_dt.copy()
+        self.held, self._accel_n, self._period_s = other.held, other._accel_n, other._period_s
+        self._since_s, self._force_dt = other._since_s, other._force_dt.copy()
 
     def fly(self, item: Measurement, until_ns: int, output_ns: int) -> bool:
         """Move to the stamp of what carries it and hold that, if it is no later than ``until_ns``; return whether it was."""

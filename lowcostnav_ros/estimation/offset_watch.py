@@ -71,7 +71,8 @@ class OffsetWatch:
             while kept and stamp_ns - kept[0][0] > WINDOW_NS:
                 kept.popleft()
         found = self._judge(stamp_ns, offset, innovation, sigma)
-        self._velocities.append((stamp_ns, ins.copy(), gps.copy()))
+        if found != JUMPED:  # the velocity that it makes of two fixes is none
+            self._velocities.append((stamp_ns, ins.copy(), gps.copy()))
         self.correlation = self._correlation()
         if not found and self.correlation is not None and self.correlation < CORRELATED:
             found = UNCORRELATED

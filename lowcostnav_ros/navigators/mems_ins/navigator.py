@@ -143,6 +143,16 @@ class MemsIns(ReckoningNavigator):
         for aid in self.aids_of(OffsetAid):
             aid.doubted = ""
 
+    def refusal(self, item: Measurement) -> str:
+        """What has a number that is none is no measurement."""
+        if isinstance(item, Attitude):
+            total = item.q_nb.sum() + item.cov_att.sum() + item.specific_force_b.sum() + item.angular_rate_b.sum()
+        elif isinstance(item, GpsPosition):
+            total = item.lat + item.lon + item.height + item.cov_n.sum()
+        else:
+            total = item.vel_n.sum() + item.cov_n.sum() if isinstance(item, GpsVelocity) else 0.0
+        return "" if math.isfinite(total) else "not finite"
+
     def _fuse(self, item: Measurement) -> None:
         if not self.core.started:
             self._align(item)
@@ -204,11 +214,16 @@ class MemsIns(ReckoningNavigator):
         gps, ins, was = core.gps, core.ins, self._doubt
         if gps is None or ins is None:
             return excluded
+        faulty = self.watch.fault
         offset, rows = ins.position - gps.position, core.layout["position_bias"]
         off = offset - core.estimate[rows]
         if self.settings.cascade.watch and gps.velocity is not None and ins.velocity is not None and not core.timed_out():
-            noise = self._offset_aids[-1].variance()
-            self.watch.take(fix.stamp_ns, offset, ins.velocity, gps.velocity, off, np.sqrt(noise + core.spread))
+            sigma = np.sqrt(self._offset_aids[-1].variance() + core.covariances()[0].diagonal())
+            self.watch.take(fix.stamp_ns, offset, ins.velocity, gps.velocity, off, sigma)
+        if excluded and faulty and not self.watch.fault:  # it has strayed from the INS and come back to it for good
+            for aid in self._fixes:
+                self.trust.agrees_again(aid)
+            excluded = ""
         doubt = excluded or self.watch.fault
         if doubt and not was:
             self._doubted_ns = fix.stamp_ns
