@@ -36,4 +36,4 @@ def test_the_flight_is_what_it_says():
     level = flights.samples(flights.Case())[:2000]
     mean = np.mean([a.specific_force_b for a in level], axis=0) / STANDARD_GRAVITY
     assert mean == pytest.approx(flights.BIAS_G + [0.0, 0.0, 1.0], abs=3e-4)
-    assert flights.BIAS_G == pytest.approx([-1.12e-3, -0.16e-3, 6.82e-3], abs=1e-5)
+    assert np.abs(flights.BIAS_G - [-1.12e-3, -0.16e-3, 6.82e-3]).max() < 1e-5

@@ -37,9 +37,6 @@ LISTED: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "printed, filters at 1 Hz": ({"filter_rate": "gps"}, {}),
     "printed, begun at rest": ({"initial_velocity": "zero"}, {}),
     "no Butterworth filter": ({"cutoff_hz": 0.0}, {}),
-    "Butterworth at 0.05 Hz": ({"cutoff_hz": 0.05}, {}),
-    "R_a 10": ({"r_accel_ft2": 10.0}, {}),
-    "position Q times 100": ({"q_position_ft2": [0.9, 0.9, 97.05]}, {}),
     "position Q 0.9705": ({"q_position_ft2": [0.9705] * 3}, {}),
     "R_a 10, Q_a 1e-4, Q_p 1": (TUNED, {}),
     "60 s without GPS": ({}, {"outage_s": (300.0, 360.0)}),
@@ -64,18 +61,17 @@ def case_of(name: str, seed: int) -> Case:
 
 
 def table(context: Context) -> dict[str, list[Flown]]:
-    """Flights of every configuration; a quick run flies five of them."""
+    """Flights of every configuration, with the first seed alone but for two; a quick run flies five of them."""
 
     def compute() -> dict[str, list[Flown]]:
         seeds = context.seeds("njenga", 1 if context.quick else SEEDS)
-        names = [n for k, n in enumerate(LISTED) if not context.quick or k in (0, 1, 3, 10, 15)]
+        names = [n for k, n in enumerate(LISTED) if not context.quick or k in (0, 1, 3, 7, 12)]
         shared = {names[0]: printed(context)}  # those that other results fly as well
         if not context.quick:
             shared["no Butterworth filter"] = printed(context, cascade__cutoff_hz=0.0)
         own = [name for name in names if name not in shared]
-        flown = context.run(fly, [case_of(name, seed) for name in own for seed in seeds])
-        each = {name: flown[k * len(seeds) : (k + 1) * len(seeds)] for k, name in enumerate(own)}
-        return {name: shared[name] if name in shared else each[name] for name in names}
+        flown = dict(zip(own, context.run(fly, [case_of(name, seeds[0]) for name in own]), strict=True))
+        return {name: shared[name] if name in shared else [flown[name]] for name in names}
 
     return context.once("njenga.table", compute)
 
@@ -170,6 +166,10 @@ def descent(context: Context) -> Outcome:
     return judged(", ".join(f"{s:.1f}" for s in starts) + " s", within, figure=figure)
 
 
+def _yes(holds: bool) -> str:
+    return "yes" if holds else "no"
+
+
 def monitored(seed: int) -> tuple[RateMonitor, float]:
     """Rates found in a flight of 100 s, and how long it says it lasts without GPS."""
     navigator = MemsIns(settings_of(case_of("one filter, twelve states", seed)))
@@ -198,22 +198,27 @@ def requirements(context: Context) -> Outcome:
     q3 = bool(np.linalg.norm(rms["printed, offset of the epoch"][:2]) < 1000.0)
     q5 = abs(rates.rate_hz("gps/fix") - 1.0) < 0.05 and abs(rates.rate_hz("imu/data_fused") - 20.0) < 0.5 and 0.0 < coast < 600.0
 
-    def beats(name: str, reference: np.ndarray) -> bool:
-        return bool(np.linalg.norm(rms[name]) < np.linalg.norm(reference))
+    one = mean_rms(first[:1], "fix_error"), held_rms(seeds[:1])
+
+    def beats(name: str) -> tuple[bool, bool]:
+        """GPS at its fixes, and held, over the same flights."""
+        against = (gps, held) if len(flown[name]) == len(first) else one
+        return bool(np.linalg.norm(rms[name]) < np.linalg.norm(against[0])), bool(np.linalg.norm(rms[name]) < np.linalg.norm(against[1]))
 
     readings = []
     for name, values in rms.items():
-        epoch, between = beats(name, gps), beats(name, held)
-        words = f"{shown(values)} ft; better than GPS at its fixes: {'yes' if epoch else 'no'}, than GPS held: {'yes' if between else 'no'}"
+        epoch, between = beats(name)
+        words = f"{shown(values)} ft ({len(flown[name])}); better than GPS at its fixes: {_yes(epoch)}, than GPS held: {_yes(between)}"
         readings.append(Reading(name, words, epoch))
-    q4 = beats("printed, offset of the epoch", gps)
+    q4 = beats("printed, offset of the epoch")[0]
     met = [q1, q2, q3, q4, q5]
     text = ", ".join(f"Q{k + 1} {'met' if ok else 'not met'}" for k, ok in enumerate(met))
     text += f"; GPS {shown(gps)} ft at its fixes, {shown(held)} ft held; rates {rates.rate_hz('gps/fix'):.1f} and "
     text += f"{rates.rate_hz('imu/data_fused'):.1f} Hz, {coast:.0f} s to 100 m without GPS"
+    text += f"; in the first flight GPS {shown(one[0])} ft, held {shown(one[1])} ft"
     bars = {"GPS at its fixes": gps, "GPS held": held, **rms}
     outcome = judged(text, sum(met) >= 4, "fewer than four", figure=partial(drawing.bars, table=bars))
-    better = [name for name in rms if beats(name, gps)]
+    better = [name for name in rms if beats(name)[0]]
     why = "the fourth is not met as printed; "
     why += f"it is by: {', '.join(better)}" if better else "no configuration is better than the fixes"
     return replace(outcome, reason=why if sum(met) >= 4 else outcome.reason, readings=tuple(readings))
