@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import Attitude, GpsPosition, Measurement
+from lowcostnav_ros.base.measurements import Attitude, GpsPosition, Measurement, NavSolution
 from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.base.units import FOOT, STANDARD_GRAVITY
@@ -35,7 +35,7 @@ GRAVITY = FEET_PER_G
 MEAN = np.array([1.918154, -0.27554, 101.0921, 0.067538, -0.23315, -0.02538, 0.003692, 0.033308, 1.006249])
 VARIANCE = np.array([0.000744, 0.008022, 1.083531, 0.103455, 0.186614, 0.155924, 3.23e-6, 6.9e-6, 1.67e-5])
 """Table 3: deg, deg/s, g; the accelerometers give +1 g on the down axis."""
-BIAS_G = MEAN[6:9] - gravity_b(*np.radians(MEAN[:2]), size=1.0)
+BIAS_G = MEAN[6:9] - gravity_b(math.radians(MEAN[0]), math.radians(MEAN[1]), 1.0)
 """What of the means is no gravity: -1.12, -0.16, 6.82 mg."""
 WANDER_FT, WANDER_S, WHITE_FT, LEAST_MIN = 30.0, 200.0, 5.0, 1e-4
 """Errors of the receiver; latitude and longitude come in steps of a ten-thousandth of a minute, height of a decimetre."""
@@ -182,8 +182,8 @@ def fixes(case: Case) -> list[GpsPosition]:
     for row, off in zip(rows, error, strict=True):
         t = flight.t_s[row]
         if not case.outage_s[0] <= t < case.outage_s[1]:
-            place = rounded(frame.from_ned(FOOT * (flight.position[row] + off)))
-            out.append(GpsPosition(round(t * NS) + NS, "gps/fix", *place.tolist(), cov))
+            lat, lon, height = rounded(frame.from_ned(FOOT * (flight.position[row] + off))).tolist()
+            out.append(GpsPosition(round(t * NS) + NS, "gps/fix", lat, lon, height, cov))
     return out
 
 
@@ -200,9 +200,10 @@ def stream_of(case: Case) -> list[Measurement]:
 def fly(case: Case) -> Flown:
     """Fly a case through the navigator."""
     navigator, flight, frame = MemsIns(settings_of(case)), path(), frame_of(case.earth)
-    ins, rows, solutions = [], [], []
+    ins: list[np.ndarray] = []
+    rows: list[tuple[float, list[np.ndarray]]] = []
+    solutions: list[NavSolution] = []
     nan = np.full(3, np.nan)
-
     for item in stream_of(case):
         solutions += navigator.feed(item)
         core = navigator.core
@@ -213,14 +214,14 @@ def fly(case: Case) -> Flown:
             continue
         if not isinstance(item, GpsPosition):
             continue
-        at = round((item.stamp_ns - NS) / NS / STEP_S)
-        row = [frame.to_ned(item.lat, item.lon, item.height) / FOOT - flight.position[at]]
+        step = round((item.stamp_ns - NS) / NS / STEP_S)
+        row = [frame.to_ned(item.lat, item.lon, item.height) / FOOT - flight.position[step]]
         if isinstance(core, CascadeCore) and core.gps is not None:
             parts = core.gps.accel, core.gps.filtered, core.accel_offset(), core.position_offset(), core.estimate[:3], core.estimate[3:]
             row += [nan if part is None else part / FOOT for part in parts]
         else:
             row += [nan] * 6
-        rows.append((at * STEP_S, row))
+        rows.append((step * STEP_S, row))
     stamps = np.array([s.stamp_ns for s in solutions])
     at = np.round((stamps - NS) / NS / STEP_S).astype(int)
     true = flight.position[at]
@@ -230,9 +231,10 @@ def fly(case: Case) -> Flown:
 
     free = off(ins) if ins else np.full_like(true, np.nan)
     sigma = np.sqrt([s.cov_pos.diagonal() for s in solutions if s.cov_pos is not None]) / FOOT
-    columns = [np.array([row[k] for _, row in rows]) for k in range(7)]
-    modes = tuple(s.mode for s in solutions)
-    return Flown(flight.t_s[at], off(s.place for s in solutions), sigma, free, np.array([t for t, _ in rows]), *columns, modes)
+    names = "fix_error", "accel", "filtered", "z_accel", "z_position", "b_accel", "b_position"
+    columns = {name: np.array([row[k] for _, row in rows]) for k, name in enumerate(names)}
+    own = flight.t_s[at], off(s.place for s in solutions), sigma, free, np.array([t for t, _ in rows])
+    return Flown(*own, modes=tuple(s.mode for s in solutions), **columns)
 
 
 def changed(case: Case, **changes: Any) -> Case:
