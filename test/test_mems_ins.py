@@ -1,5 +1,6 @@
 """The MEMS navigator: its dynamics against differences, its sigmas, the sign of accelerometers, both filters, GPS that lies, holes."""
 
+import io
 import math
 from dataclasses import replace
 
@@ -301,3 +302,29 @@ def test_the_node_publishes(ros, flown):
     counts = {topic: output.count for topic, output in node.outputs.items()}
     assert counts["mems_ins/odometry_fused"] > 50 and counts["mems_ins/odometry"] > 20
     assert node.navigator.mode == "gps"
+
+
+def test_every_signal_goes_into_a_table_with_tabs(flown):
+    from lowcostnav_ros.cli.mems_log import logging_to
+
+    file = io.StringIO()
+    logged = logging_to(file)
+    logged(from_mapping(MemsIns.Settings, {"filter": "cascade"})).feed_all(flown[0][:600])
+    head, *rows = [line.split("\t") for line in file.getvalue().splitlines()]
+    assert logged.rows == len(rows) > 150 and {len(row) for row in rows} == {len(head)}
+    assert rows[-1][head.index("mode")] == "gps" and float(rows[-1][head.index("ins_n_ft")]) != 0.0
+
+
+def test_receivers_and_references_at_rest_are_characterised_and_motion_is_refused(flown, capsys):
+    from lowcostnav_ros.cli import calibrate_reference as rest
+
+    rng, fixes = np.random.default_rng(1), [i for i in flown[0] if isinstance(i, GpsPosition)]
+    still = [replace(fixes[0], stamp_ns=k * NS, height=800.0 + 3.0 * rng.standard_normal()) for k in range(400)]
+    assert rest.fixes(still) == 0
+    level = [Attitude(k, "imu/data", euler_to_quat(0.02, 0.0, 1.0), np.eye(3), np.zeros(3), gravity_b(0.02, 0.0)) for k in range(50)]
+    assert rest.reference(level) == 0
+    said = capsys.readouterr().out
+    assert "gravity positive" in said and "down" in said
+    for function, moving in ((rest.fixes, fixes), (rest.reference, [i for i in flown[0] if isinstance(i, Attitude)])):
+        with pytest.raises(ValueError, match="not at rest"):
+            function(moving)
