@@ -22,9 +22,10 @@ unit: venv
 config: venv ## write the parameter files from the settings that the code declares
 	$(BIN)/python docs/make_config.py
 
-docs: venv ## write docs/interfaces.md
+docs: venv ## write docs/interfaces.md, the fields in docs/convert.md, the verdicts in README.md
 	$(BIN)/python docs/make_interfaces.py
 	$(BIN)/python docs/make_convert.py
+	$(BIN)/python docs/make_verdicts.py
 
 docs-check: venv ## run every command of README and docs in its printed order (ten minutes)
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python docs/commands.py

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_ins_gps import GPS_ONLY, errors, measurements
 
-from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock
+from lowcostnav_ros.base.measurements import Attitude, GpsPosition, GpsVelocity, ImuBlock
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.cores.headings import CELLS, HEADING, WIDTH, cut, mean_turn, merged, spread, turned_from
 from lowcostnav_ros.cores.imu_errors import imu_settings
@@ -16,6 +16,7 @@ from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.navigators.headings import WIDE
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
 from lowcostnav_ros.navigators.ins_gps import InsGps
+from lowcostnav_ros.navigators.settings import settings_class
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_apply_phi_n, quat_to_euler, wrap
 from lowcostnav_ros.reproduce.solimeno import flights
 from lowcostnav_ros.trajectory import build
@@ -162,6 +163,23 @@ def test_satellites_show_any_heading(coupling):
     flown = flights.flight_of(truth, flights.fed(navigator, flights.imu_of(profile, truth, 1), epochs))
     assert abs(np.degrees(wrap(flown.error[-1, 8]))) < 4.0 * np.degrees(flown.sigma[-1, 8]) < 25.0
     assert np.linalg.norm(flown.error[-1, :3]) < 5.0
+
+
+def test_antennas_show_a_heading_at_once_that_nothing_else_does(turning):
+    settings = settings_class(InsGps, ("gps", "gps_attitude"))(imu=ANY.imu, alignment=ANY.alignment)
+    navigator, stream = InsGps(settings), measurements(turning[:1500], 3)
+    after = int(turning.stamps_ns[800])
+    for m in stream:
+        for solution in navigator.feed(m):
+            row = np.searchsorted(turning.stamps_ns, solution.stamp_ns)
+            error = wrap(quat_to_euler(solution.q_nb)[2] - quat_to_euler(turning.q_nb[row])[2])
+        if isinstance(m, GpsPosition) and m.stamp_ns > after:
+            q = turning.q_nb[np.searchsorted(turning.stamps_ns, m.stamp_ns)]
+            navigator.feed(Attitude(m.stamp_ns, "gps/attitude", q, np.eye(3) * np.radians(0.5) ** 2, np.zeros(3), np.zeros(3)))
+        elif m.stamp_ns < after and navigator.headings.cores:
+            assert navigator.core.P[HEADING, HEADING] > 1.0
+    assert not navigator.headings.cores
+    assert abs(np.degrees(error)) < 1.5
 
 
 def test_a_heading_that_is_known_is_one(turning):
