@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint unit config docs docs-check venv clean
+.PHONY: demo test lint unit config docs docs-check mutants venv clean
 
 demo: venv ## fly a whole mission and write the page
 	$(BIN)/lowcostnav demo
@@ -40,6 +40,9 @@ $(STAMP): requirements.txt requirements-test.txt setup.py setup.cfg pyproject.to
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-test.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e . --config-settings editable_mode=compat
 	@touch $@
+
+mutants: venv ## break 200 formulas, one at a time: which of them do the unit tests not notice (half an hour)
+	$(BIN)/python benchmarks/mutants.py
 
 clean: ## remove what was built, keep the virtual environment
 	rm -rf build install log dist out *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .import_linter_cache
