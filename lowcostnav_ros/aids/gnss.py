@@ -170,6 +170,14 @@ class SatelliteAid(Aid):
             return "no usable satellite"
         return Innovation(obs.y, obs.H, noise_covariance(obs.r, obs.common), np.array([float(len(obs.rows))]))
 
+    def seen_by(self, host: Host, measurement: GnssEpoch) -> Innovation | str:
+        """Those satellites that were used; a clock that was sought, or has jumped, is moved alike."""
+        obs = self.observations(measurement, host)
+        if obs.clock_step is not None:
+            self._move_clock(obs.clock_step, host)
+        rows = np.searchsorted(obs.rows, self.used)
+        return Innovation(obs.y[rows], obs.H[rows], obs.covariance(rows), np.array([float(len(rows))]))
+
     def process(self, measurement: GnssEpoch, host: Host) -> bool:
         """Judge and fuse one epoch; return whether anything of it was used."""
         status, self.used, self.applied, self.decision = self.status, NOTHING, None, None
@@ -259,10 +267,13 @@ class SatelliteAid(Aid):
         if self.receiver.clock_known[self.clock_state]:
             self.status.rejected["clock jump followed"] += 1
             self.receiver.integrity.clock_jumped(self.status.stamp_ns)
-        row = self._clock + self.clock_state
-        host.core.estimate[row] += obs.clock_step
-        kalman.reset_block(host.P, slice(row, row + 1), np.array([[self.clock_sigma**2]]), host.core.history)
+        self._move_clock(obs.clock_step, host)
         self.receiver.clock_known[self.clock_state] = True
+
+    def _move_clock(self, step: float, host: Host) -> None:
+        row = self._clock + self.clock_state
+        host.core.estimate[row] += step
+        kalman.reset_block(host.P, slice(row, row + 1), np.array([[self.clock_sigma**2]]), host.core.history)
 
     def _stepped(self, obs: Observations, host: Host) -> Observations:
         """Observations with the step of the clock they ask for."""

@@ -173,7 +173,8 @@ def heading_shown(F, P, sums, psd):
 def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track):
     """Carry P over the interval gathered in ``sums`` and clear it; estimates of Gauss-Markov states decay, those of a chain add up.
 
-    ``sums`` (21,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3); the horizontal force smoothed (2) stays.
+    ``sums`` (23,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3); the horizontal force smoothed (2) stays, and so do the
+    integral of what of it shows the heading and its time (:meth:`InertialCore.shown`).
     ``track``: see :func:`.kalman.lead`.
     """
     dt = sums[0]
@@ -182,6 +183,8 @@ def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track):
     C = sums[4:13].reshape(3, 3) / dt
     F = inertial_dynamics(nav, sums[1:4] / dt, sums[13:16] / dt, sums[16:19] / dt, C, kind, axis, rate)
     share = heading_shown(F, P, sums, psd)
+    sums[21] += share * dt
+    sums[22] += dt
     F[3, 8] *= share
     F[4, 8] *= share
     Phi = kalman.transition(F, dt)
@@ -333,7 +336,7 @@ class InertialCore:
         self._newest: ImuBlock | None = None
         self.rest()
         self._last = np.zeros(6)
-        self._sums = np.zeros(21)
+        self._sums = np.zeros(23)
         self._motion: LastMotion | None = None  # that a hole began with
         self._floor = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2
         self._ceiling = np.full(layout.size, 1e14) if variance_ceiling is None else variance_ceiling
@@ -380,6 +383,12 @@ class InertialCore:
 
     def arrive(self, t_ns: int) -> None:
         """Come to a time that no sample bears: as they are pieced together, one always does."""
+
+    def shown(self) -> float:
+        """Mean share 0..1 of the horizontal force that has shown the heading since this was asked last (:func:`heading_shown`)."""
+        share = self._sums[21] / self._sums[22] if self._sums[22] > 0.0 else 0.0
+        self._sums[21:] = 0.0
+        return float(share)
 
     def become(self, other: "InertialCore") -> None:
         """Take over the state of another core of the same layout and time."""

@@ -208,6 +208,8 @@ class Aid(ABC):
         Whether an accepted measurement holds the position as GPS does.
     last_resort : bool
         Limit an innovation beyond the gate instead of rejecting it while nothing else holds the solution (see :meth:`is_last`).
+    keeps_slots : bool
+        Whether it assigns states to stations or channels: it waits while a navigator tries several headings.
     thins_itself : bool
         Whether :meth:`due` keeps the period (of each station, say) rather than the sensor's channel.
     needs_rate : bool
@@ -240,6 +242,7 @@ class Aid(ABC):
     teaches: ClassVar[tuple[str, ...]] = ()
     is_fix: ClassVar[bool] = False
     last_resort: ClassVar[bool] = False
+    keeps_slots: ClassVar[bool] = False
     thins_itself: ClassVar[bool] = False
     needs_rate: ClassVar[bool] = False
     updates_alone: ClassVar[bool] = False
@@ -384,6 +387,10 @@ class Aid(ABC):
     def doubt(self, stamp_ns: int, host: Host) -> str:
         """Why its host is not to recover to it, though it has been rejected for long; empty: it may."""
         return ""
+
+    def seen_by(self, host: Host, measurement: Any) -> Innovation | str:
+        """The innovation of a measurement that was used just now, for a host with another core."""
+        return self.innovation(measurement, host)
 
     def prepare(self, measurement: Any, innovation: Innovation, host: Host) -> Innovation:
         """Called once a measurement is to be used: may assign a state to its station; returns the innovation to fuse."""

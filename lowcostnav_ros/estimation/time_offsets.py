@@ -187,6 +187,11 @@ class TimeOffsets:
         self._corrected = np.zeros(3)
         self.way.clear()
 
+    def rest(self, t_ns: int) -> None:
+        """Learn nothing for a while: the state was none that a linear filter has led to."""
+        self.V = np.zeros((self.size, len(self.known)))
+        self._settled_ns = max(self._settled_ns or 0, t_ns + SETTLING_NS)
+
     # what a core reports -----------------------------------------------------------------------------------------------------
 
     def begin(self, P: np.ndarray) -> np.ndarray:

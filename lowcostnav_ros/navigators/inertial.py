@@ -11,7 +11,7 @@ from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
-from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
@@ -23,6 +23,7 @@ from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.channel import Channel
+from lowcostnav_ros.navigators.headings import UNSEEN, Headings
 from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
 from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.physics.earth import displace
@@ -66,6 +67,10 @@ class InertialNavigator(Navigator):
     ----------
     core : InertialCore
     layout : Layout
+    headings : Headings
+        The cores of several headings while it does not know its own.
+    tries_headings : bool
+        Whether it ever has several.
     lever_b, imu_arm_b : ndarray (3,)
         GPS antenna relative to the IMU, IMU relative to base_link, m.
     fix_word : str
@@ -74,14 +79,18 @@ class InertialNavigator(Navigator):
 
     inertial = IMU
     smooths = True
+    tries_headings = True
     fix_word = "GPS fix"
 
     def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
         super().__init__(settings, stations, latency_s)
+        if settings.alignment.any_heading and not self.tries_headings:
+            raise SettingsError(f"{self.name} does not try several headings: 'alignment.any_heading' is for ins_gps and ins_gnss.")
         gps, layout = getattr(settings, "gps", None), Layout(self.blocks())
         self.imu_arm_b = np.array(settings.imu.lever_arm_m, dtype=float)
         self._is_off_base = bool(self.imu_arm_b.any())
         self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float) - self.imu_arm_b
+        self.headings = Headings()
         self._attach(layout, InertialCore(layout))
         self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
         self.slope = SlopeVelocity()
@@ -112,6 +121,7 @@ class InertialNavigator(Navigator):
     def return_to(self, core: InertialCore) -> None:
         """As every navigator; what was learnt of the IMU was learnt of GPS."""
         super().return_to(core)
+        self._close_headings()
         self.recovery.acquit()
         self.inertial_is_suspect = False
 
@@ -119,7 +129,7 @@ class InertialNavigator(Navigator):
         """As every navigator; after an alignment without it the magnetometer waits until GPS has shown the heading."""
         if isinstance(aid, MagneticAid) and self.recovery.compass_waits(self.core.t_ns, self.P):
             return "heading comes from GPS"
-        return super().excluded(aid)
+        return UNSEEN if self.headings.cores and aid.keeps_slots else super().excluded(aid)
 
     def recovery_s(self, aid: Aid, stamp_ns: int) -> float:
         """A second recovery to GPS within a minute comes sooner, and is another one."""
@@ -135,6 +145,7 @@ class InertialNavigator(Navigator):
 
     def _restart(self) -> None:
         self._aligned = self._led_away = False
+        self.headings.close()
         self.axes.clear()
         self.recovery.restart()
         self._emitted = -1
@@ -155,6 +166,7 @@ class InertialNavigator(Navigator):
             self._begin_with(item)
         else:
             self.core.settle()
+            self.headings.settle()
             self._aid(item)
             if self._levelling_until_ns:
                 self._level_again(item)
@@ -194,6 +206,7 @@ class InertialNavigator(Navigator):
         self.restarts["re-aligned in motion"] += 1
         if self.history is not None:
             self.history.cut()
+        self.headings.close()
         self.core.start(start.stamp_ns, start.nav, start.covariance)
         if self.offsets is not None:
             self.offsets.restart()
@@ -217,6 +230,7 @@ class InertialNavigator(Navigator):
         if not self._aligned:
             return
         while first < len(block):
+            self.headings.advance(block, first, self.output_period_ns)
             first = self.core.advance(block, first, self.output_period_ns)
             self._sampled_ns = self.core.t_ns
             if self.core.t_ns // self.output_period_ns != self._emitted:
@@ -263,6 +277,7 @@ class InertialNavigator(Navigator):
         if t_ns - self._sampled_ns > COAST_NS:
             self.realign(f"inertial data missing for more than {1e-9 * COAST_NS:.0f} s")
             return False
+        self._close_headings()  # of a turn in a hole nothing is known: what comes after it is cut anew
         while self.core.t_ns < t_ns:
             self.core.bridge(min(t_ns, (self.core.t_ns // self.output_period_ns + 1) * self.output_period_ns))
             if self.core.t_ns // self.output_period_ns != self._emitted:
@@ -272,6 +287,8 @@ class InertialNavigator(Navigator):
     def _put_out(self) -> None:
         """Give out the solution of an output period."""
         self._emitted = self.core.t_ns // self.output_period_ns
+        if self.headings.cores:
+            self._show_headings()
         for channel in self.clocked:
             self.use_channel(channel, Measurement(self.core.t_ns, IMU))
         self.trust.look(self.core.t_ns)
@@ -279,8 +296,38 @@ class InertialNavigator(Navigator):
         self.publish(self._solution(self.core.t_ns, self.core.nav, self.P, self.core.force_b, self.core.rate_b))
 
     def _aid(self, item: Measurement) -> None:
+        if self.tries_headings and not self._levelling_until_ns and self._holds_position(item):
+            self.headings.divide(self.core)
         if any(aid.is_fix for aid in self.use(item)):
             self._fused_fix_ns = item.stamp_ns
+
+    def _holds_position(self, item: Measurement) -> bool:
+        return any(aid.is_fix for channel in self.channels.get(item.source, ()) for aid in channel.aids)
+
+    def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
+        """As every navigator; while it tries several headings, each takes the measurement."""
+        used = super().use_aid(aid, measurement)
+        if used and self.headings.cores:
+            self.headings.take(aid, measurement, self)
+            self._show_headings()
+        return used
+
+    # several headings --------------------------------------------------------------------------------------------------------
+
+    def _show_headings(self) -> None:
+        """Hold what all headings together say; with fixes no longer there to tell them apart, go on with that alone."""
+        last = self._fused_fix_ns
+        lost = last is not None and self.core.t_ns - last > 1e9 * self.settings.gps.timeout_s
+        if self.history is not None:
+            self.history.cut()  # what moves the state now is no linear filter's
+        if self.headings.show(self.core) or lost:
+            self._close_headings()
+
+    def _close_headings(self) -> None:
+        """Go on with one core."""
+        self.headings.close()
+        if self.offsets is not None:
+            self.offsets.rest(self.core.t_ns)
 
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """As every navigator; where a rate of turn is needed, that of the newest sample is taken."""
@@ -343,6 +390,8 @@ class InertialNavigator(Navigator):
         if imu is not None and imu != self.settings.imu:
             self._fly_on(imu)
         self.begin(start.stamp_ns, start.nav, start.covariance)
+        if start.headings:
+            self.headings.begin(self.core, start.headings)
         if self.start.force_b is not None:
             self.axes.begin(start.stamp_ns, self.start.force_b[2])
         if self.start.turned is not None:
@@ -383,6 +432,7 @@ class InertialNavigator(Navigator):
         if self._aligned:
             self.trust.witness.disturb(jolt, self.core.t_ns)
             self.core.disturb(jolt.kick, jolt.variance)
+            self.headings.disturb(jolt)
 
     # outputs -----------------------------------------------------------------------------------------------------------------
 

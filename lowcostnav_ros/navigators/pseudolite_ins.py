@@ -42,6 +42,7 @@ class PseudoliteIns(InertialNavigator):
     needs = ("gps", "pseudolite")
     required = (IMU, RAW)
     fix_word = "transmitter"
+    tries_headings = False  # ambiguities of carriers are of one state
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether the solution is held, by GPS or by transmitters."""

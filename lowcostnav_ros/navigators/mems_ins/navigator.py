@@ -127,8 +127,7 @@ class MemsIns(ReckoningNavigator):
         return out
 
     def _restart(self) -> None:
-        self.core = self._new_core(self.layout)
-        self._report_to_history()
+        self._take(self._new_core(self.layout))
         self._last_out_ns: int | None = None
         self.watch, self._doubt, self._doubted_ns = OffsetWatch(), "", 0
         self._slope = SlopeVelocity()
