@@ -364,9 +364,9 @@ class MemsIns(ReckoningNavigator):
         q_nb, cov_att = core.attitude()
         held, doubt = core.held, self.trust.doubt(core.t_ns)
         if isinstance(core, CascadeCore):
-            (cov_pos, cov_vel), rows = core.covariances(), range(core.layout.size)
+            (cov_pos, cov_vel), first = core.covariances(), 0
         else:
-            cov_pos, cov_vel, rows = core.P[POS, POS], core.P[VEL, VEL], range(CORE, core.layout.size)
+            cov_pos, cov_vel, first = core.P[POS, POS], core.P[VEL, VEL], CORE
         return NavSolution(
             *(core.t_ns, self.name, float(core.nav[0]), float(core.nav[1]), float(core.nav[2]), core.nav[3:6].copy()),
             q_nb=q_nb,
@@ -376,7 +376,7 @@ class MemsIns(ReckoningNavigator):
             cov_vel=cov_vel + doubt[3:6, 3:6],
             cov_att=cov_att,
             mode=self.mode,
-            states=self._states(core.P, rows),
+            states=self._states(core.P, first),
         )
 
     def _sigmas(self) -> dict[str, float]:
