@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint unit config docs docs-check venv clean
+.PHONY: demo test lint unit config docs docs-check site mutants venv clean
 
 demo: venv ## fly a whole mission and write the page
 	$(BIN)/lowcostnav demo
@@ -22,9 +22,15 @@ unit: venv
 config: venv ## write the parameter files from the settings that the code declares
 	$(BIN)/python docs/make_config.py
 
-docs: venv ## write docs/interfaces.md
+docs: venv ## write docs/interfaces.md, the fields in docs/convert.md, the verdicts in README.md
 	$(BIN)/python docs/make_interfaces.py
 	$(BIN)/python docs/make_convert.py
+	$(BIN)/python docs/make_verdicts.py
+
+site: venv ## the documentation as a site in out/site, to be read without a network; a link that leads nowhere fails it
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "mkdocs-material>=9.5,<10"
+	mkdir -p out/site_source && cp -r README.md CONTRIBUTING.md QUALITY_DECLARATION.md CHANGELOG.rst LICENSE docs config package.xml out/site_source/
+	$(BIN)/mkdocs build --strict --quiet
 
 docs-check: venv ## run every command of README and docs in its printed order (ten minutes)
 	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python docs/commands.py
@@ -39,6 +45,9 @@ $(STAMP): requirements.txt requirements-test.txt setup.py setup.cfg pyproject.to
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-test.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e . --config-settings editable_mode=compat
 	@touch $@
+
+mutants: venv ## break 200 formulas, one at a time: which of them do the unit tests not notice (half an hour)
+	$(BIN)/python benchmarks/mutants.py
 
 clean: ## remove what was built, keep the virtual environment
 	rm -rf build install log dist out *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .import_linter_cache

@@ -52,7 +52,7 @@ data_files = [("share/ament_index/resource_index/packages", [f"resource/{NAME}"]
 if "editable_wheel" not in sys.argv:  # an editable installation reads these where they are edited
     data_files += [
         (f"share/{NAME}", ["package.xml"]),
-        *shared_files("config", ("*.yaml", "*.csv", "*.xml", "*.npz")),
+        *shared_files("config", ("*.yaml", "*.csv", "*.xml", "*.npz", "*.rules", "*.json", "*.service")),
         *shared_files("launch", ("*.launch.py",)),
     ]
 
@@ -64,6 +64,7 @@ setup(
     maintainer="lowcostnav_ros maintainers",
     maintainer_email="maintainers@lowcostnav-ros.example",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={f"{NAME}.report": ["*.css", "*.js"], f"{NAME}.graph.page": ["assets/*"]},
     python_requires=">=3.11",
     zip_safe=False,
     data_files=data_files,
@@ -87,6 +88,7 @@ setup(
         "bags": ["mcap>=1.2"],
         "drivers": ["pyserial>=3.5"],
         "logs": ["pyulog>=1.2"],
+        "foxglove": ["foxglove-sdk>=0.30"],
         "cluster": ["dask[distributed]>=2024.5"],
         "test": [
             "pytest>=8",

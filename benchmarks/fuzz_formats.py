@@ -16,7 +16,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from common import run
 
-from lowcostnav_ros.formats import mavlink, nmea, ubx
+from lowcostnav_ros.convert.profile import load_profile
+from lowcostnav_ros.convert.stream import TableParser
+from lowcostnav_ros.formats import arinc429, crossbow, dme, mavlink, netfix, nmea, ubx
 from lowcostnav_ros.formats.mavlink_messages import CHECK_BYTES
 from lowcostnav_ros.formats.parser import Parser
 from lowcostnav_ros.formats.records import CheckedRecords
@@ -94,8 +96,57 @@ def mavlink_frames() -> list[bytes]:
     return frames
 
 
+def crossbow_frame(counts: dict[str, int], packet: str = "angle") -> bytes:
+    """A packet of counts; words that are not named are zero."""
+    names = crossbow.LAYOUTS[packet]
+    words = struct.pack(f">{len(names)}h", *(counts.get(name, 0) for name in names))
+    return crossbow.HEADER + words + bytes([sum(words) & 0xFF])
+
+
+def crossbow_frames() -> list[bytes]:
+    """A unit at rest, 62 packets a second."""
+    still = {"roll": 350, "pitch": -50, "heading": 18_400, "p": 15, "q": -51, "r": -6, "x": 40, "y": 364, "z": 10_990}
+    still |= {"mx": 4000, "mz": 7000}
+    turn = [(20_000 - 20_253 * k) % 65_536 for k in range(12)]
+    return [crossbow_frame({**still, "time": count - 65_536 if count > 32_767 else count}) for count in turn]
+
+
+def arinc_frames() -> list[bytes]:
+    """Both label sets and a DME, two rounds."""
+    values = {
+        0o370: 472.0, 0o247: 20.0, 0o136: 30.0, 0o110: 0.65787, 0o120: 1e-6, 0o111: -2.12616, 0o121: 2e-6, 0o165: 2.0, 0o166: 40.0,
+        0o174: -30.0, 0o327: 0.01, 0o326: -0.02, 0o330: 0.03, 0o331: 0.2, 0o332: -0.3, 0o333: -9.8, 0o325: 0.1, 0o324: 0.05, 0o320: 1.8,
+        0o035: 16.8, 0o201: 43_429.4,
+    }  # fmt: skip
+    return [arinc429.frame_of(arinc429.encoded(label, value)) for _ in range(2) for label, value in values.items()]
+
+
+def dme_frames() -> list[bytes]:
+    """Sentences of two stations."""
+    return [sentence(body) for body in ("PLDME,OAK,23.45,A", "PLDME,SJC,7.02,A,0.05", "PLDME,OAK,,V", "PLDME,OAK,23.46,A")]
+
+
+def netfix_frames() -> list[bytes]:
+    """Values of a gateway."""
+    values = (("AIRPRESS", 95_460.0), ("DIFFAIRPRESS", 1400.0), ("OAT", 14.5), ("IAS", 95.1), ("LAT", 37.6933), ("LONG", -121.82),
+              ("TALT", 1640.0), ("LAT", 37.6934), ("LONG", -121.82), ("GS", 95.0), ("TRACK", 273.4), ("TAS", 101.2))  # fmt: skip
+    return [*(f"{key};{value};00000\n".encode() for key, value in values), b"@sOAT\n"]
+
+
+def table_frames() -> list[bytes]:
+    """Rows of an IMU."""
+    return [f"{1000 + 10 * k},0.02,-0.11,9.81,0.001,-0.002,0.000\n".encode() for k in range(12)]
+
+
 def again_sound(frame: bytes) -> bytes:
-    """The frame with a right check sum."""
+    """The frame with a right check sum, where its protocol has one."""
+    if frame[:2] == arinc429.SYNC:
+        word = int.from_bytes(frame[3:7], "little") & 0x7FFF_FFFF
+        return arinc429.frame_of(word | (0 if arinc429.parity_is_odd(word) else 1 << 31), frame[2])
+    if frame[:1] == crossbow.HEADER:
+        return frame[:-1] + bytes([sum(frame[1:-1]) & 0xFF])
+    if frame[-1:] == b"\n" and frame[:1] != b"$":
+        return frame
     if frame[:2] == b"\xb5\x62":
         return frame[:-2] + ubx.checksum(frame[2:-2])
     if frame[:1] == b"$":
@@ -107,7 +158,7 @@ def again_sound(frame: bytes) -> bytes:
     return frame[:1] + body + mavlink.check_sum(body + bytes((CHECK_BYTES.get(number, 0),))).to_bytes(2, "little")
 
 
-HEADS = {b"\xb5": 6, b"$": 6, b"\xfe": 6, b"\xfd": 10}
+HEADS = {b"\xb5": 6, b"$": 6, b"\xfe": 6, b"\xfd": 10, b"\xff": 1, b"\xa4": 4}
 """Bytes that say which message follows: left alone where the content is mutated."""
 
 
@@ -117,12 +168,13 @@ def mutated(frames: list[bytes], rng: np.random.Generator, is_sound: bool) -> by
         frames = list(frames)
         for _ in range(rng.integers(1, 9)):
             k = int(rng.integers(len(frames)))
-            frame, head = bytearray(frames[k]), HEADS[frames[k][:1]]
-            end = len(frame) - (5 if frame[:1] == b"$" else 2)
+            frame, head = bytearray(frames[k]), HEADS.get(frames[k][:1], 0)
+            is_text = frame[-1:] == b"\n"
+            end = len(frame) - (5 if frame[:1] == b"$" else 1 if is_text or head < 5 else 2)
             for _ in range(rng.integers(1, 9)):
                 at = int(rng.integers(head, end))
-                text = b"0123456789.,-+eENWMnaif"
-                frame[at] = text[rng.integers(len(text))] if frame[:1] == b"$" else rng.choice([0, 0x7F, 0x80, 0xFF, rng.integers(256)])
+                text = b"0123456789.,-+eENWMnaif;"
+                frame[at] = text[rng.integers(len(text))] if is_text else rng.choice([0, 0x7F, 0x80, 0xFF, rng.integers(256)])
             frames[k] = again_sound(bytes(frame))
         return b"".join(frames)
     stream = bytearray(b"".join(frames))
@@ -147,6 +199,11 @@ PARSERS: dict[str, tuple[Callable[[], Parser], Callable[[], list[bytes]]]] = {
     "nmea": (nmea.NmeaParser, nmea_frames),
     "ubx": (ubx.UbloxParser, ubx_frames),
     "mavlink": (mavlink.MavlinkParser, mavlink_frames),
+    "crossbow": (lambda: crossbow.CrossbowParser(crossbow.CrossbowUnit()), crossbow_frames),
+    "arinc": (lambda: arinc429.ArincParser({11_680: "OAK"}), arinc_frames),
+    "dme": (dme.DmeParser, dme_frames),
+    "netfix": (netfix.NetfixParser, netfix_frames),
+    "table": (lambda: TableParser(load_profile("imu_stream")), table_frames),
 }
 
 
@@ -164,12 +221,13 @@ def fuzz(name: str, streams: int, seed: int = 1) -> dict[str, object]:
     make, frames_of = PARSERS[name]
     rng, frames, checked = np.random.default_rng(seed), frames_of(), CheckedRecords()
     raised: list[str] = []
-    lost, measurements, began = 0, 0, time.perf_counter()
+    lost, measurements, began, began_ns = 0, 0, time.perf_counter(), 1_754_049_600 * 10**9
     for k in range(streams):
         parser = make()
         stream = mutated(frames, rng, is_sound=bool(k % 2))
         try:
             for piece in pieces(stream, rng):
+                parser.arrived_ns = began_ns = began_ns + 10**7
                 for one in parser.feed(piece):
                     measurements += len(checked.of(one))
             before = sum(parser.framer.frames.values())

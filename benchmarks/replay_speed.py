@@ -1,7 +1,8 @@
 """How fast a recording is replayed, decoding included, per navigator, and whether memory stays flat in the length of the flight.
 
 A simulated 100 Hz flight is recorded, then replayed in fresh processes: each navigator alone (with those it listens to), and all together;
-the memory of all together is compared between a short recording and the whole one.
+the memory of all together is compared between a short recording and the whole one.  Whole processes of the command are timed too: loading,
+reading, flying, judging, printing.
 """
 
 import json
@@ -11,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from common import run
+from common import process, run
 
 NAVIGATORS = ("ahrs", "ins_gps", "dead_reckoning", "supervisor")
 
@@ -53,6 +54,9 @@ def measure(options) -> dict:
         replayed(short)  # load or compile the kernels before the clock counts
         all_short, all_long = replayed(short), replayed(whole)
         alone = {name: replayed(whole, name) for name in ("ahrs", "ins_gps")}
+        command = [sys.executable, "-m", "lowcostnav_ros.cli.main", "replay", str(whole)]
+        processes = {name: process([*command, *further]) for name, further in (("ins_gps", ["--navigators", "ins_gps"]), ("all", []))}
+        first_line = {name: process([*command[:3], *name.split()])["cpu_s"] for name in ("--help", "replay --help", "list")}
     return {
         "flight_s": long_s,
         "real_time_factor": {name: round(all_long["factor"][name], 1) for name in NAVIGATORS},
@@ -61,6 +65,8 @@ def measure(options) -> dict:
         "rss_mb": round(all_long["rss_mb"], 1),
         "rss_mb_short_flight": round(all_short["rss_mb"], 1),
         "short_flight_s": short_s,
+        "whole_process": processes,
+        "cpu_s_to_the_first_line": first_line,
     }
 
 

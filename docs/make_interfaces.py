@@ -55,7 +55,8 @@ started alone, their parameter `further` names them.
 (`<node>: input <topic>`: rate_hz, age_s, count, gaps, last_reject, rejected[reason]), per output, per aid (`<node>: aid <name>`:
 observation, innovation, test_ratio, accepted, reason, age, counters) and per navigator (`<node>: navigator`: mode, reason, sigmas,
 `approach_category`: the strictest precision approach that twice its own sigmas allow, `I`, `II`, `III` or `none`).
-Values are plain scalars, so that plotting tools read them.
+Values are plain scalars as text; the node `display` publishes them as numbers, `display/<node>/<quantity>` (`std_msgs/Float64`), with
+paths and markers for tools that draw ([live](live.md)).
 """
 
 

@@ -11,11 +11,11 @@ from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity
 from lowcostnav_ros.estimation.aiding import NO_CORRECTION, CorrectionNotFinite
 from lowcostnav_ros.messages.decode import RULES, Rejected, decode
 from lowcostnav_ros.messages.encode import encode_cdr
-from lowcostnav_ros.navigators.base import is_sound
 from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss, InsGnssSettings
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
+from lowcostnav_ros.navigators.solutions import is_sound
 
 RANK_ONE = np.outer([2.0, 2.0, 5.0], [2.0, 2.0, 5.0])
 COVARIANCES = [RANK_ONE, 1e28 * RANK_ONE, np.full((3, 3), 5e-324), 1e-18 * np.eye(3), np.diag([4.0, 4.0, 5e-324]), 1e29 * np.eye(3)]

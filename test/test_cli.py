@@ -219,3 +219,9 @@ def test_every_module_of_the_room_is_a_job_or_a_helper():
     from lowcostnav_ros.cli.jobs import JOBS
 
     assert all(callable(JOBS[name].run) and JOBS[name].text.endswith(".") for name in JOBS.own())
+
+
+def test_a_command_whose_reader_has_read_enough_says_nothing():
+    shell = f"{sys.executable} -m lowcostnav_ros.cli.main list | head -1; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "") and done.stdout.startswith("scenarios")

@@ -1,5 +1,6 @@
 """The documentation says what the code does."""
 
+import importlib
 import re
 import subprocess
 import sys
@@ -23,11 +24,26 @@ def test_every_link_and_picture_of_a_page_exists(page):
     assert not missing
 
 
-def test_the_page_on_logs_says_what_a_table_may_hold():
+def script(name):
     sys.path.insert(0, str(ROOT / "docs"))
     try:
-        import make_convert
+        return importlib.import_module(name)
     finally:
         sys.path.remove(str(ROOT / "docs"))
+
+
+@pytest.mark.parametrize("study", ["gebre", "solimeno", "eggers", "kawecki"])
+def test_readme_says_how_many_results_came_out_how(study):
+    make_verdicts = script("make_verdicts")
+    text, page = make_verdicts.README.read_text(encoding="utf-8"), (make_verdicts.PAGES / f"{study}.md").read_text(encoding="utf-8")
+    assert text == make_verdicts.readme(text), "run python docs/make_verdicts.py"
+    head = page.partition(". A number marked")[0]
+    counted = make_verdicts.counts(page)
+    assert counted in head.replace("**", ""), "the head of the page does not agree with its rows"
+    assert sum(int(n) for n in re.findall(r"\d+", counted)) == len(re.findall(r"^## [A-Z]+\d", page, re.MULTILINE))
+
+
+def test_the_page_on_logs_says_what_a_table_may_hold():
+    make_convert = script("make_convert")
     text = make_convert.PAGE.read_text(encoding="utf-8")
     assert text == make_convert.page(text), "run python docs/make_convert.py"

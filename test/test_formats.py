@@ -68,6 +68,7 @@ def test_a_time_of_day_after_midnight_belongs_to_the_next_day():
         ("GPGGA,120000.00,3741.6000,N,12149.2000,W,6,09,0.9,500.0,M,-28.0,M,,", "position is dead reckoning of the receiver"),
         ("GPGGA,120000.00,3761.6000,N,12149.2000,W,1,09,0.9,500.0,M,-28.0,M,,", "NMEA GGA with a field that is no number"),
         ("GPGGA,126000.00,3741.6000,N,12149.2000,W,1,09,0.9,500.0,M,-28.0,M,,", "NMEA GGA with a field that is no number"),
+        ("GPZDA,120001.00,01,08,99999999999999999999,00,00", "NMEA ZDA with a field that is no number"),
         ("GPRMC,120001.00,A,3741.6,N,12149.2,W,9500.0,273.4,010825,,,A", "velocity implausible"),
         ("GPRMC,120001.00,A,3741.6,N,12149.2,W,95.0,273.4,320825,,,A", "NMEA RMC with a field that is no number"),
     ],

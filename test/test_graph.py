@@ -6,7 +6,7 @@ import pytest
 
 from lowcostnav_ros.graph import wiring as graph_nodes
 from lowcostnav_ros.graph.description import GraphError, graph_names, load_graph, parse_graph
-from lowcostnav_ros.graph.domain import free_domain, node_environment
+from lowcostnav_ros.graph.domain import discovery, free_domain, node_environment
 from lowcostnav_ros.graph.executables import EXECUTABLES
 
 
@@ -89,6 +89,15 @@ def test_node_processes_stay_on_this_machine(monkeypatch, tmp_path):
     environment = node_environment(7, tmp_path)
     assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST" and environment["ROS_DOMAIN_ID"] == "7"
     assert "ROS_LOCALHOST_ONLY" not in environment and environment["ROS_LOG_DIR"] == str(tmp_path)
+
+
+@pytest.mark.parametrize("peers", ["ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER"])
+def test_who_names_other_machines_is_not_kept_to_this_one(monkeypatch, peers):
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
+    monkeypatch.setenv(peers, "192.168.1.7")
+    assert discovery() == {}
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    assert discovery()["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
 
 
 @pytest.mark.parametrize(("asked", "range_"), [("", "LOCALHOST"), ("off", "LOCALHOST"), ("SUBNET", "SUBNET")])

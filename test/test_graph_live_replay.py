@@ -19,13 +19,17 @@ GRAPH = {"scenario": "livermore", "lossless": True, "nodes": [TRUTH, *SENSORS, I
 
 LIVERMORE = parse_graph(GRAPH, "live")
 RANGE = load_graph("pseudolite_range").with_parameters("truth_source", duration_s=8.0)
+CARRIED = {"executable": "mems_ins", "parameters": {"horizon.lag_s": 3.0}}
+AHRS = {"executable": "ahrs", "parameters": {"horizon.lag_s": 2.0}}
+MEMS = parse_graph({**GRAPH, "nodes": [TRUTH, *SENSORS[:2], SENSORS[3], AHRS, CARRIED, "recorder"]}, "mems")
+MEMS = MEMS.with_parameters("truth_source", duration_s=16.0)
 CANYON = load_graph("gnss_canyon").with_parameters("truth_source", duration_s=16.0)
 
 
 @pytest.mark.parametrize(
     ("graph", "navigators"),
-    [(LIVERMORE, ["ins_gps"]), (CANYON, ["gnss_only", "ins_gnss"]), (RANGE, ["pseudolite_ins"])],
-    ids=["gps", "gnss", "pseudolite"],
+    [(LIVERMORE, ["ins_gps"]), (CANYON, ["gnss_only", "ins_gnss"]), (RANGE, ["pseudolite_ins"]), (MEMS, ["mems_ins"])],
+    ids=["gps", "gnss", "pseudolite", "mems"],
 )
 def test_the_fused_solution_is_the_same_to_the_last_bit(tmp_path, graph, navigators):
     with GraphRunner(graph, out=tmp_path, log_dir=tmp_path / "log") as runner:

@@ -12,6 +12,7 @@ pytest.importorskip("rclpy")
 from lowcostnav_ros.graph.description import GraphError, parse_graph
 from lowcostnav_ros.graph.process import Event, NodeProcess, What, describe_exit
 from lowcostnav_ros.graph.runner import GraphRunner
+from lowcostnav_ros.graph.wiring import with_page
 from lowcostnav_ros.messages.bag import BagReader
 
 TRUTH = {"executable": "truth_source", "parameters": {"kind": "dataset", "name": "LD", "duration_s": 4.0}}
@@ -22,9 +23,11 @@ def alive(pid: int) -> bool:
     return os.path.exists(f"/proc/{pid}") and "Z" not in open(f"/proc/{pid}/stat").read().rpartition(")")[2].split()[0]
 
 
-def test_a_flight_is_recorded_whole_and_nothing_is_left_behind(tmp_path):
-    with GraphRunner(parse_graph(SMALL, "small"), out=tmp_path, log_dir=tmp_path / "log") as runner:
-        assert runner.wait_until_finished(45.0), runner.rows
+def test_a_flight_is_recorded_whole_while_a_page_watches_and_nothing_is_left_behind(tmp_path):
+    graph = with_page(parse_graph(SMALL, "small"), "127.0.0.1:0")
+    with GraphRunner(graph, out=tmp_path, log_dir=tmp_path / "log") as runner:
+        assert runner.wait_until_finished(90.0), runner.rows
+        assert runner.page.startswith("http://127.0.0.1:")
         pids = [process.process.pid for process in runner.processes.values()]
         counts = runner.counts()
     assert runner.events == [] and not any(alive(pid) for pid in pids)
@@ -85,3 +88,17 @@ def test_events_are_sentences_only_as_text():
     again = Event("ahrs", What.STARTED_AGAIN, restarts=1)
     assert str(again) == "ahrs started again (restart 1)." and not again.is_trouble
     assert str(Event("ahrs", What.KILLED, "did not end within 5 s")) == "ahrs did not end within 5 s and was killed."
+
+
+def test_a_page_that_no_longer_can_run_ends_no_flight(tmp_path):
+    class Gone(NodeProcess):
+        def watch(self):
+            return None
+
+    runner = GraphRunner(with_page(parse_graph({"nodes": ["gps_simulator"]}, "one")), log_dir=tmp_path)
+    page = runner.processes["page"] = Gone("page", "page", [], {}, tmp_path / "page.log")
+    page.given_up, page.exit_code, page.restarts = True, 2, 1
+    assert runner.watch() == []
+    page.restarts = 0  # at the start it is a setting that can be put right
+    with pytest.raises(GraphError, match="page cannot run"):
+        runner.watch()

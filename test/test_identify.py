@@ -101,5 +101,6 @@ def test_travelling_time_of_the_source_and_its_odd_double_counting():
     assert straight == pytest.approx(math.sqrt(2.0) * 100.0)  # steady flight counts twice, as printed
     assert travelling_time(np.array([0.0, 0.0, 300.0]), np.array([0.0, 0.0, 0.0]), 10.0) == 10.0
     assert wind_change_sigma(0.0) == 0.0
-    assert wind_change_sigma(1e9) == pytest.approx(5.0 * math.sqrt(2.0))
+    assert wind_change_sigma(1e9) == pytest.approx(5.0)
+    assert wind_change_sigma(400.0) == pytest.approx(5.0 * math.sqrt(1.0 - math.exp(-2.0)))
     assert wind_change_sigma(4.0) == pytest.approx(5.0 * math.sqrt(2.0 * 4.0 / 400.0), rel=0.01)

@@ -110,3 +110,9 @@ def test_every_shipped_profile_makes_a_filter_that_can_be_written_and_read(tmp_p
     for name in imu_profile_names():
         values = dataclasses.asdict(profile_settings(name))
         assert from_mapping(ImuSettings, yaml.safe_load(yaml.safe_dump(values)), name) == profile_settings(name)
+
+
+def test_every_navigator_may_be_reset_before_it_has_started():
+    for name, navigator in build_navigators(list(NAVIGATORS), NAVIGATORS, None).items():
+        navigator.reset("time base jumped")  # as a first stamp that all others contradict does
+        assert navigator.restarts["time base jumped"] == 1, name

@@ -79,6 +79,12 @@ def fed(stream, settings=GPS_ONLY):
     return navigator, navigator.feed_all(stream)
 
 
+def test_a_core_that_other_settings_of_the_imu_make_still_reports_the_offsets_of_stamps():
+    navigator = InsGps(GPS_ONLY)
+    navigator._fly_on(navigator.settings.imu)
+    assert navigator.core.history is navigator.offsets is not None
+
+
 def test_is_accurate_and_its_sigma_honest_over_several_flights(truth):
     position, attitude, scores = [], [], []
     for seed in range(6):

@@ -208,3 +208,23 @@ def test_nees_of_matched_errors_falls_inside_its_band():
 def test_gate_equals_the_chi_square_quantile(dof):
     for probability in (0.5, 0.95, 0.9995, 0.9999999):
         assert chi_square.threshold(probability, dof) == pytest.approx(chi2.ppf(probability, dof), rel=1e-7)
+
+
+def test_what_a_parameter_does_to_the_error_after_an_update_is_the_difference_that_it_makes():
+    rng = np.random.default_rng(4)
+    root, H, D, V = (rng.standard_normal(shape) for shape in ((4, 4), (2, 4), (2, 1), (4, 1)))
+    P, y, R, p = root @ root.T, rng.standard_normal(2), np.diag([0.5, 0.2]), 0.7
+    moved = V.copy()
+    without = kalman.update_with_parameters(P.copy(), y, H, R, np.ones(4), D, moved, np.zeros((1, 2)))
+    shifted = kalman.update(P.copy(), y + ((H @ V + D) * p)[:, 0], H, R, np.ones(4))
+    assert moved[:, 0] * p == pytest.approx(V[:, 0] * p - (shifted - without), abs=1e-12)
+
+
+def test_a_variance_above_its_ceiling_comes_down_to_it_and_correlations_stay():
+    P = np.array([[400.0, 10.0], [10.0, 1.0]])
+    assert kalman.guard_covariance(P, np.full(2, 1e-12), np.array([100.0, 100.0])) == 1
+    assert pytest.approx(np.array([[100.0, 5.0], [5.0, 1.0]])) == P
+
+
+def test_sigmas_of_some_states_are_those_states():
+    assert kalman.root_of_diagonal(np.diag([1.0, 4.0, 9.0, 16.0]), 1, 3) == pytest.approx([2.0, 3.0])

@@ -1,11 +1,16 @@
 """The cache of compiled kernels follows the sources that are inside the machine code."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
+
+import numpy as np
 
 import lowcostnav_ros
 from lowcostnav_ros.base import kernels
 from lowcostnav_ros.cores import inertial
+from lowcostnav_ros.physics.rotation import quat_rotate
 
 PACKAGE = Path(lowcostnav_ros.__file__).parent
 
@@ -31,6 +36,20 @@ def test_a_change_two_imports_away_changes_the_cache_folder(monkeypatch):
 def test_compiled_kernels_lie_under_the_cache_root():
     path = Path(inertial.covariance_step.stats.cache_path)
     assert kernels.cache_root() in path.parents
+
+
+SECOND = """
+import numpy as np
+from lowcostnav_ros.physics.rotation import quat_rotate
+quat_rotate(np.array([1.0, 0.0, 0.0, 0.0]), np.ones(3))
+print(sum(quat_rotate.stats.cache_hits.values()), sum(quat_rotate.stats.cache_misses.values()))
+"""
+
+
+def test_a_second_process_loads_what_a_first_has_compiled():
+    quat_rotate(np.array([1.0, 0.0, 0.0, 0.0]), np.ones(3))
+    found = subprocess.run([sys.executable, "-c", SECOND], check=True, capture_output=True, text=True).stdout
+    assert found.split() == ["1", "0"]
 
 
 def test_a_folder_that_others_could_fill_is_no_cache(tmp_path, monkeypatch):

@@ -45,7 +45,7 @@ def test_a_copy_flies_through_its_window_as_a_replay_from_the_start_does_to_the_
     replayed = {}
     take = NavigatorRun.take
     monkeypatch.setattr(
-        NavigatorRun, "take", lambda run, s, message: (replayed.setdefault(run.navigator.name, []).append(s), take(run, s, message))[1]
+        NavigatorRun, "take", lambda run, s: (replayed.setdefault(run.navigator.name, []).append(s), take(run, s))[1]
     )
     replay_bag(REFERENCE, ReplayOptions(withhold=(Withhold(GPS, start_s, start_s + length_s),)))
     with BagReader(REFERENCE) as reader, BagReader(REFERENCE) as reference:

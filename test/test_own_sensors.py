@@ -184,15 +184,15 @@ def test_a_graph_without_a_simulator_flies_on_the_users_domain_and_records(monke
     graph = load_graph("navigators_only")
     assert not graph.has_source and "recorder" in [node.name for node in graph.nodes] and load_graph("livermore").has_source
     monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
-    for stated, domain, title in (("", 0, "domain 0, subnet"), ("72", 72, "domain 72, subnet")):
+    for stated, domain, title in (("", 0, "domain 0, this machine"), ("72", 72, "domain 72, this machine")):
         monkeypatch.setenv("ROS_DOMAIN_ID", stated)
         runner = GraphRunner(graph, log_dir=tmp_path)
         environment = runner._environment()
         assert environment["ROS_DOMAIN_ID"] == str(domain) and title in runner.title
-        assert "ROS_AUTOMATIC_DISCOVERY_RANGE" not in environment, "as ROS finds it"
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
     runner._environment()
-    assert runner.title.endswith("domain 72, this machine")
+    assert runner.title.endswith("domain 72, subnet")
     monkeypatch.setenv("ROS_DOMAIN_ID", "many")
     with pytest.raises(GraphError, match="ROS_DOMAIN_ID is 'many'"):
         runner._environment()

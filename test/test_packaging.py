@@ -6,11 +6,13 @@ import os
 import re
 import subprocess
 import sys
+import types
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
 
+from lowcostnav_ros.graph.description import load_graph
 from lowcostnav_ros.graph.executables import EXECUTABLES, settings_of
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -65,7 +67,8 @@ def test_package_xml_is_valid_and_agrees_with_setup():
 
 def test_the_installed_files_hold_every_configuration(installed):
     files = {f for _, files in installed["data_files"] for f in files}
-    shipped = {str(p.relative_to(ROOT)) for p in (ROOT / "config").rglob("*") if p.suffix in (".yaml", ".csv")}
+    shipped = {str(p.relative_to(ROOT)) for p in (ROOT / "config").rglob("*") if p.suffix in (".yaml", ".csv", ".json", ".xml", ".service")}
+    assert installed["package_data"] == {"lowcostnav_ros.graph.page": ["assets/*"]}
     assert shipped <= files and "resource/lowcostnav_ros" in files and "launch/lowcostnav.launch.py" in files
 
 
@@ -75,6 +78,36 @@ def test_the_launch_file_says_what_to_use_where_ros2_launch_is_missing():
     spec = importlib.util.spec_from_file_location("launch_file", ROOT / "launch" / "lowcostnav.launch.py")
     with pytest.raises(ImportError, match="lowcostnav up"):
         spec.loader.exec_module(importlib.util.module_from_spec(spec))
+
+
+def test_the_launch_file_starts_the_nodes_of_a_graph_with_its_arguments(monkeypatch):
+    class Made:
+        def __init__(self, *args, **kwargs):
+            self.args, self.kwargs = args, kwargs
+
+    class Context:
+        launch_configurations = {}
+
+    names = ("launch", "launch.actions", "launch_ros", "launch_ros.actions")
+    modules = {name: types.ModuleType(name) for name in names}
+    modules["launch"].LaunchDescription = modules["launch_ros.actions"].Node = Made
+    for name in ("DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable"):
+        setattr(modules["launch.actions"], name, type(name, (Made,), {}))
+    for name, module in modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    spec = importlib.util.spec_from_file_location("launch_file", ROOT / "launch" / "lowcostnav.launch.py")
+    launch_file = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(launch_file)
+    (entries,) = launch_file.generate_launch_description().args
+    defaults = {one.args[0]: one.kwargs["default_value"] for one in entries if "default_value" in one.kwargs}
+    Context.launch_configurations = defaults | {"graph": "sensors_only", "namespace": "plane1", "page": "false", "params_file": "mine.yaml"}
+    nodes = {node.kwargs["name"]: node.kwargs for node in launch_file._nodes(Context)}
+    assert {node.name for node in load_graph("sensors_only").nodes} <= set(nodes) and "page" not in nodes
+    gps = nodes["gps_simulator"]
+    assert gps["namespace"] == "plane1" and gps["parameters"][-2:] == [{"use_sim_time": False}, "mine.yaml"]
+    assert any(isinstance(one, dict) and one.get("scenario") == load_graph("sensors_only").scenario for one in gps["parameters"])
+    Context.launch_configurations = defaults | {"graph": "sensors_only"}
+    assert "page" in {node.kwargs["name"] for node in launch_file._nodes(Context)}
 
 
 def test_pinned_versions_are_those_of_the_ros_extra():

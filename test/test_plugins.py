@@ -154,7 +154,9 @@ def test_a_plugin_that_fails_is_named_with_the_line_to_correct(plugged, tmp_path
 def test_names_labels_and_light_nodes_need_no_compiler():
     pytest.importorskip("rclpy")
     light = [name for name in EXECUTABLES.own() if not needs_compiler(name)]
-    others = {"monitor", "player", "recorder", "air_data_computer", "nmea_driver", "mavlink_driver"}
+    others = {"monitor", "player", "recorder", "air_data_computer", "page", "display", "foxglove"}
+    others |= {f"{name}_driver" for name in ("nmea", "mavlink", "crossbow", "arinc", "dme", "csv", "netfix")}
+    others |= {f"{name}_output" for name in ("gdl90", "nmea", "xplane", "netfix")}
     assert {name for name in light if not name.endswith("_simulator")} == others
     code = (
         "import os, sys\n"

@@ -13,6 +13,7 @@ from lowcostnav_ros.estimation.aiding import AidStatus, Reason
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.navigators.base import HorizonSettings
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
+from lowcostnav_ros.replay.columns import columns_of
 from lowcostnav_ros.replay.digest import Comparison, imu_record, odometry_record
 from lowcostnav_ros.replay.links import in_order
 from lowcostnav_ros.replay.result import plain
@@ -145,9 +146,9 @@ def test_a_recorder_that_starts_late_and_stops_early_is_no_difference(tmp_path, 
 def test_messages_missing_inside_either_side_are_a_difference():
     comparison = Comparison()
     for stamp in (1, 2, 4):
-        comparison.add_replayed(stamp, bytes([stamp]))
+        comparison.add_replayed(np.array([stamp]), np.array([[float(stamp)]]))
     for stamp in (1, 3, 4):
-        comparison.add_recorded(stamp, bytes([stamp]))
+        comparison.add_recorded(np.array([stamp]), np.array([[float(stamp)]]))
     comparison.finish()
     assert comparison.equals_recorded is False
     assert (comparison.equal_count, comparison.missing_count, comparison.first_difference_ns) == (2, 1, 2)
@@ -259,9 +260,9 @@ def test_truth_that_steps_back_with_the_clock_is_not_compared_with_the_flight_be
 
     session = Session({}, has_truth=True)
     for second in (78.0, 79.0, 80.0):
-        session.feed_truth(state(second, 0.1))
+        session.feed_truth(columns_of([state(second, 0.1)]))
     for second in (75.0, 76.0, 77.0):
-        session.feed_truth(state(second, 0.2))
+        session.feed_truth(columns_of([state(second, 0.2)]))
     session.flush()
     assert session.truth.newest_ns == 77_000_000_000
     assert session.truth.at(np.array([75_500_000_000])).position[0, 0] == pytest.approx(0.2)

@@ -18,8 +18,8 @@ from lowcostnav_ros.replay.session import replay_stream
 from lowcostnav_ros.replay.withhold import parse_withhold
 from lowcostnav_ros.replay.words import distance, error_over_sigma, sentence
 from lowcostnav_ros.report import svg
-from lowcostnav_ros.report.chart import BOTTOM, LEFT, RIGHT, TOP, Band, Curve, Frame, TimeAxis, time_chart
-from lowcostnav_ros.report.decimate import thin, thin_envelope
+from lowcostnav_ros.report.chart import BOTTOM, LEFT, LEVELS, RIGHT, TOP, UNITS, Band, Curve, Frame, TimeAxis, time_chart
+from lowcostnav_ros.report.decimate import straightened, thin, thin_envelope
 from lowcostnav_ros.report.flight.map_chart import Track, map_chart
 from lowcostnav_ros.report.flight.page import page_of
 from lowcostnav_ros.report.flight.result_folder import read_result, read_table
@@ -73,7 +73,7 @@ def _points(data):
 def test_paths_decode_to_the_points_they_were_made_of(points):
     x, y = np.array(points).T
     decoded = _points(svg.path_data(x, y))
-    expected = list(zip(np.round(x * 10).astype(int).tolist(), np.round(y * 10).astype(int).tolist(), strict=True))
+    expected = list(zip(np.round(x).astype(int).tolist(), np.round(y).astype(int).tolist(), strict=True))
     assert decoded == [p for k, p in enumerate(expected) if k == 0 or p != expected[k - 1]]
 
 
@@ -93,28 +93,52 @@ def test_tick_labels_have_the_decimals_their_spacing_needs():
     assert svg.tick_label(0.02, (0.0, 0.02, 0.04)) == "0.02"
 
 
+def _plot(root):
+    """The inside of a drawing, which the page's script stretches."""
+    return next(e for e in root.iter("svg") if e.get("class") == "plot")
+
+
 def test_a_chart_places_its_corners_where_the_frame_says():
     axis = TimeAxis(100.0, 200.0, [(120.0, 150.0)])
-    frame = Frame(axis, -1.0, 1.0, 960, 150)
-    assert (frame.x(100.0), frame.x(200.0)) == (LEFT, 960 - RIGHT)
-    assert (frame.y(-1.0), frame.y(1.0)) == (150 - BOTTOM, TOP)
+    frame = Frame(axis, 960, 150, -1.0, 1.0)
+    assert (frame.pixel_x(100.0), frame.pixel_x(200.0)) == (LEFT, 960 - RIGHT)
+    assert (frame.y(-1.0), frame.y(1.0)) == (LEVELS, 0)
     drawn = time_chart("Error [m]", axis, [Curve(np.array([100.0, 200.0]), np.array([-1.0, 1.0]), "#000")], limits=(-1.0, 1.0))
     root = ET.fromstring(drawn)
-    (curve,) = root.findall("path")
-    assert _points(curve.get("d")) == [(LEFT * 10, (150 - BOTTOM) * 10), ((960 - RIGHT) * 10, TOP * 10)]
-    shaded = next(r for r in root.findall("rect") if r.get("class") == "outage")
-    assert float(shaded.get("x")) == pytest.approx(frame.x(120.0), abs=0.06)
-    assert float(shaded.get("width")) == pytest.approx(0.3 * (960 - LEFT - RIGHT), abs=0.06)
+    plot = _plot(root)
+    box = {"x": LEFT, "y": TOP, "width": 960 - LEFT - RIGHT, "height": 150 - TOP - BOTTOM}
+    assert {key: float(plot.get(key)) for key in box} == box and plot.get("viewBox") == f"0 0 {UNITS} {LEVELS}"
+    (curve,) = plot.findall("path")
+    assert _points(curve.get("d")) == [(0, LEVELS), (UNITS, 0)]
+    shaded = next(r for r in plot.findall("rect") if r.get("class") == "outage")
+    assert (float(shaded.get("x")), float(shaded.get("width"))) == (0.2 * UNITS, 0.3 * UNITS)
+    assert (root.get("data-low"), root.get("data-high"), root.get("data-unit")) == ("-1", "1", "m")
 
 
 def test_bands_are_one_and_two_sigma():
     axis = TimeAxis(0.0, 10.0)
-    t = np.array([0.0, 10.0])
-    drawn = time_chart("e", axis, [Band(t, np.array([1.0, 1.0]), "#00f"), Curve(t, np.zeros(2), "#000")], limits=(-4.0, 4.0))
-    rows = [[y for _, y in _points(path.get("d"))] for path in ET.fromstring(drawn).findall("path")]
-    heights = [max(y) - min(y) for y in rows]
-    inner = (150 - TOP - BOTTOM) * 10
-    assert heights[:2] == [pytest.approx(inner / 2.0, abs=2), pytest.approx(inner / 4.0, abs=2)]
+    t, one = np.array([0.0, 10.0]), np.ones(2)
+    band = _plot(ET.fromstring(time_chart("e", axis, [Band(t, one, "#00f")], limits=(-4.0, 4.0)))).find("g")
+    rows = [y for _, y in _points(band.find("path").get("d"))]
+    assert (min(rows), max(rows)) == (LEVELS * 3 // 8, LEVELS // 2)  # from one sigma down to zero
+    middle = [[float(v) for v in use.get("transform")[7:-1].split()] for use in band.findall("use")]
+    assert sorted(k * min(rows) + shift for _, _, _, k, _, shift in middle) == [LEVELS * f / 8 for f in (2, 5, 6)]
+    about = _plot(ET.fromstring(time_chart("e", axis, [Band(t, one, "#00f", 1.0 + one)], limits=(-4.0, 4.0)))).find("g")
+    spans = [[y for _, y in _points(path.get("d"))] for path in about.findall("path")]
+    assert [(max(s), min(s)) for s in spans] == [(LEVELS // 2, 0), (LEVELS * 3 // 8, LEVELS // 8)]
+
+
+@given(st.integers(3, 400), st.integers(0, 2**31), st.floats(0.5, 20.0))
+def test_straightening_stays_within_what_it_may(n, seed, most):
+    rng = np.random.default_rng(seed)
+    x, y = np.cumsum(rng.integers(1, 5, n)).astype(float), np.round(np.cumsum(rng.normal(0.0, 3.0, n)))
+    y[rng.random(n) < 0.05] = np.nan
+    kept_x, kept_y = straightened(x, y, most)
+    assert (kept_x[0], kept_x[-1]) == (x[0], x[-1]) and np.isnan(kept_y).sum() == np.isnan(y).sum()
+    known = np.isfinite(y)
+    assert np.all(np.abs(np.interp(x, kept_x, kept_y) - y)[known] <= most + 1e-9)
+    stepped = straightened(np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 0.0, 9.0, 9.0]))
+    assert stepped[1].tolist() == [0.0, 0.0, 9.0, 9.0]
 
 
 def test_nothing_to_draw_is_an_empty_string():
@@ -126,12 +150,12 @@ def test_the_map_has_the_same_scale_both_ways_and_north_up():
     side = 1852.0 * 4 / 6.371e6
     lat = np.degrees(np.array([0.6, 0.6 + side, 0.6 + side, 0.6]))
     lon = np.degrees(np.array([1.0, 1.0, 1.0 + side / np.cos(0.6), 1.0 + side / np.cos(0.6)]))
-    root = ET.fromstring(map_chart([Track(lat, lon, "#123456", "square")]))
-    (path,) = [p for p in root.findall("path") if p.get("stroke") == "#123456"]
+    root = ET.fromstring(f'<div>{map_chart([Track(lat, lon, "#123456", "square")])}</div>')
+    (path,) = [p for p in root.iter("path") if p.get("stroke") == "#123456"]
     (x0, y0), (x1, y1), (x2, y2), _ = _points(path.get("d"))
     assert y1 < y0 and x2 > x1
     assert (x2 - x1) / (y0 - y1) == pytest.approx(1.0, abs=0.01)
-    labels = [t.text for t in root.findall("text")]
+    labels = [t.text for t in root.iter("text")]
     assert any(t.endswith(" NM") for t in labels) and any(t.endswith(" km") for t in labels) and "N" in labels
 
 
@@ -161,7 +185,7 @@ def part_of(largest, p95, ratio):
 class _Checker(HTMLParser):
     """Fails on unbalanced tags and collects every address a browser would fetch."""
 
-    VOID = {"meta", "line", "path", "rect", "circle", "ellipse", "polygon"}
+    VOID = {"meta", "line", "path", "rect", "circle", "ellipse", "polygon", "input"}
 
     def __init__(self):
         super().__init__()
@@ -184,7 +208,7 @@ def test_the_page_stands_alone_and_says_what_was_found(folder):
     page = page_of(read_result(folder), "Flight <7>")
     checker = _Checker()
     checker.feed(page)
-    assert checker.open == [] and checker.fetched == []
+    assert checker.open == [] and all(address.startswith("#") for address in checker.fetched)
     assert "@import" not in page and "Flight &lt;7&gt;" in page and len(page) < 3_000_000
     assert re.search(r"</b>: 10 s without GPS, worst \d+ m, 95 % within \d+ m, sigma too small", page)
     assert "NaN" not in page and ">nan<" not in page
@@ -194,10 +218,10 @@ def test_the_page_stands_alone_and_says_what_was_found(folder):
 
 def test_every_figure_is_well_formed_and_decimated(folder):
     page = page_of(read_result(folder))
-    figures = re.findall(r"<svg.*?</svg>", page, re.S)
+    figures = re.findall(r'<svg class="(?:chart|map).*?</svg>.*?</svg>', page, re.S)
     assert len(figures) > 10
     for figure in figures:
-        for path in ET.fromstring(figure).iter("path"):
+        for path in _plot(ET.fromstring(figure)).iter("path"):
             assert len(_points(path.get("d"))) < 4000 or path.get("class")
 
 

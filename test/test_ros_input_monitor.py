@@ -117,6 +117,26 @@ def test_a_flood_is_named_and_what_is_beyond_a_processes_means_is_shed():
     assert all(lossless.arrived() for _ in range(5000))
 
 
+def test_an_input_that_starts_a_minute_after_its_node_is_no_flood():
+    clock = Clock()
+    monitor = InputMonitor("imu/data_raw", clock=clock)
+    for second in range(60):  # the diagnostics look once a second, and one message may be sent long before the others
+        clock.now += 1.0
+        if second == 30:
+            monitor.arrived()
+        monitor.status("n")
+    for second in range(60):
+        for _ in range(100 if second else 3):  # they begin between two looks
+            clock.now += 0.01
+            monitor.arrived()
+        clock.now += 0.0 if second else 0.97
+        assert monitor.status("n").level == OK, monitor.status("n").message
+    for _ in range(1000):
+        clock.now += 0.001
+        monitor.arrived()
+    assert "flood: 1000 Hz, usually 100 Hz" in monitor.status("n").message
+
+
 def test_a_flood_of_nearly_equal_stamps_does_not_make_gaps_of_what_follows():
     monitor, _ = fed(100.0, 10)
     for k in range(500):

@@ -1,5 +1,6 @@
 """A stop may fall anywhere in the executor's cycle."""
 
+import os
 import subprocess
 import sys
 
@@ -35,3 +36,10 @@ def test_a_parameter_file_that_holds_none_is_a_sentence_and_exit_status_2(tmp_pa
     command = [sys.executable, "-m", "lowcostnav_ros.nodes.dispatch", "monitor", "--ros-args", "--params-file", str(tmp_path / "p.yaml")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2 and str(tmp_path) in done.stderr and "Traceback" not in done.stderr
+
+
+def test_security_that_cannot_be_had_is_a_sentence_and_exit_status_2(tmp_path):
+    environment = {**os.environ, "ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce", "ROS_SECURITY_KEYSTORE": str(tmp_path)}
+    command = [sys.executable, "-m", "lowcostnav_ros.nodes.dispatch", "monitor"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 2 and "ROS_SECURITY_ENABLE is true" in done.stderr and "Traceback" not in done.stderr

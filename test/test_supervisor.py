@@ -135,6 +135,12 @@ def outage_flight(**settings):
     return supervisor, fly(supervisor, (0.0, 120.0), ins, dr, lambda t: gps(t, 30.0, 90.0))
 
 
+def test_it_begins_anew_without_a_core():
+    supervisor = Supervisor()
+    supervisor.reset("time base jumped")
+    assert supervisor.mode == "initialising" and supervisor.restarts["time base jumped"] == 1
+
+
 def test_modes_of_an_outage_in_order():
     _, out = outage_flight()
     assert [mode for mode, _ in itertools.groupby(s.mode for s in out)] == ["calibrating", "coasting", "re_acquiring", "calibrating"]

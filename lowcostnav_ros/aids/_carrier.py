@@ -125,7 +125,7 @@ class CarrierAid(Aid):
     labels = ("mean_range_m",)
     measurement, views, is_fix, thins_itself = CarrierEpoch, (Place,), True, True
     few_slots: ClassVar[int] = 12
-    updates_alone = True
+    updates_alone, keeps_slots = True, True
 
     def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
         super().__init__(settings, key, stations)

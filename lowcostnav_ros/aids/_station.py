@@ -15,7 +15,7 @@ class StationAid(Aid):
     A new station is tested with its slow error as noise; once its reading is to be used, it takes the state of the one idle for longest.
     """
 
-    views = (Place,)
+    views, keeps_slots = (Place,), True
     bias_block: str
     _used_ns: dict[str, int] = {}
 

@@ -20,6 +20,7 @@ from lowcostnav_ros.cores.inertial import POS, VEL
 from lowcostnav_ros.cores.views import Place, Velocity
 from lowcostnav_ros.estimation import aiding, kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings
+from lowcostnav_ros.estimation.cross_checks.receiver import middle
 from lowcostnav_ros.estimation.error_state import Block, Kind, chain, random_walk
 from lowcostnav_ros.estimation.satellite_integrity import (
     EXCLUDED_BY_TEST,
@@ -169,6 +170,14 @@ class SatelliteAid(Aid):
             return "no usable satellite"
         return Innovation(obs.y, obs.H, noise_covariance(obs.r, obs.common), np.array([float(len(obs.rows))]))
 
+    def seen_by(self, host: Host, measurement: GnssEpoch) -> Innovation | str:
+        """Those satellites that were used; a clock that was sought, or has jumped, is moved alike."""
+        obs = self.observations(measurement, host)
+        if obs.clock_step is not None:
+            self._move_clock(obs.clock_step, host)
+        rows = np.searchsorted(obs.rows, self.used)
+        return Innovation(obs.y[rows], obs.H[rows], obs.covariance(rows), np.array([float(len(rows))]))
+
     def process(self, measurement: GnssEpoch, host: Host) -> bool:
         """Judge and fuse one epoch; return whether anything of it was used."""
         status, self.used, self.applied, self.decision = self.status, NOTHING, None, None
@@ -177,7 +186,7 @@ class SatelliteAid(Aid):
         obs = self.observations(measurement, host)
         if host.offsets is not None:
             host.offsets.take_back(self, obs, host)
-        self._usual += (1.0 / USUAL_EPOCHS if self._usual else 1.0) * (float(np.median(obs.stated)) - self._usual) if obs.rows.size else 0.0
+        self._usual += (1.0 / USUAL_EPOCHS if self._usual else 1.0) * (middle(obs.stated) - self._usual) if obs.rows.size else 0.0
         self.count(measurement, obs.excluded)
         if not obs.rows.size:
             return self.refuse("no usable satellite")
@@ -192,10 +201,10 @@ class SatelliteAid(Aid):
         if not np.isfinite(S).all():
             return self.refuse(aiding.NOT_FINITE)
         ratios = obs.y**2 / (S * self.threshold) if self.settings.screening else np.zeros(len(S))
-        if host.offsets is not None and np.median(ratios) > 1.0:
+        if host.offsets is not None and middle(ratios) > 1.0:
             late = host.offsets.uncertainty(self, obs, host).diagonal()
             widened = obs.y**2 / ((S + late) * self.threshold)
-            if np.median(widened) <= 1.0 and host.offsets.is_likely(self.source):
+            if middle(widened) <= 1.0 and host.offsets.is_likely(self.source):
                 obs.late, ratios = late, widened
         self._report(obs, ratios, ~excluded, host)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
@@ -258,10 +267,13 @@ class SatelliteAid(Aid):
         if self.receiver.clock_known[self.clock_state]:
             self.status.rejected["clock jump followed"] += 1
             self.receiver.integrity.clock_jumped(self.status.stamp_ns)
-        row = self._clock + self.clock_state
-        host.core.estimate[row] += obs.clock_step
-        kalman.reset_block(host.P, slice(row, row + 1), np.array([[self.clock_sigma**2]]), host.core.history)
+        self._move_clock(obs.clock_step, host)
         self.receiver.clock_known[self.clock_state] = True
+
+    def _move_clock(self, step: float, host: Host) -> None:
+        row = self._clock + self.clock_state
+        host.core.estimate[row] += step
+        kalman.reset_block(host.P, slice(row, row + 1), np.array([[self.clock_sigma**2]]), host.core.history)
 
     def _stepped(self, obs: Observations, host: Host) -> Observations:
         """Observations with the step of the clock they ask for."""
@@ -280,7 +292,7 @@ class SatelliteAid(Aid):
         known = self.receiver.clock_known[self.clock_state]
         if known and abs(float(np.sort(y)[(len(y) - 1) // 2])) < JUMP_SIGMAS * math.sqrt(r.min()):
             return None  # nearly always; the tests below cost time
-        common = float(np.median(y))
+        common = middle(y)
         if not known:
             return common
         together = np.abs(y - common) <= JUMP_SIGMAS * np.sqrt(r)
@@ -301,7 +313,7 @@ class SatelliteAid(Aid):
         tests = (
             ("not valid", valid),
             ("not finite", np.isfinite(observed) & np.isfinite(sin_elevation)),
-            ("system not used", np.char.find(settings.systems, epoch.system.astype(str)) >= 0),
+            ("system not used", np.array([system in settings.systems for system in epoch.system.tolist()], dtype=bool)),
             ("below the mask", sin_elevation >= math.sin(settings.mask_deg * DEGREE)),
             ("signal too weak", (epoch.cn0 == 0.0) | (epoch.cn0 >= settings.minimum_cn0)),
         )

@@ -26,6 +26,10 @@ class Measurement:
 
     part = ""  # separates measurements of one stamp and source, where a kind has several
 
+    def __deepcopy__(self, memo: dict) -> "Measurement":
+        """Return itself: nobody changes it, so a copy of a navigator shares what it holds."""
+        return self
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuBlock(Measurement):

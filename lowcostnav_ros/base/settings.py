@@ -96,6 +96,14 @@ def declared(cls: Any, prefix: str = "") -> Iterator[Declared]:
             yield Declared(f"{prefix}{field.name}", value, **field.metadata)
 
 
+def parts_of(settings: Any) -> Iterator[Any]:
+    """Settings with all their groups, however deep."""
+    yield settings
+    for field in dataclasses.fields(settings):
+        if dataclasses.is_dataclass(part := getattr(settings, field.name)):
+            yield from parts_of(part)
+
+
 def from_mapping(cls: type[S], values: Mapping[str, Any], where: str = "settings") -> S:
     """Build a settings object from nested or dotted names, refusing unknown names.
 

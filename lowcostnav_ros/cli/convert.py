@@ -31,13 +31,14 @@ def add_arguments(convert: argparse.ArgumentParser) -> None:
     text = "bag of ROS 1, or of another system: read this recorded topic as one of ours; may be given more than once"
     convert.add_argument("--map", action="append", default=[], metavar="RECORDED=OURS", help=text)
     text = "rotation from the axes of the inertial sensor to those of the aircraft, deg"
-    convert.add_argument("--mounting", type=_angles, metavar="ROLL,PITCH,YAW", help=text)
+    convert.add_argument("--mounting", type=angles, metavar="ROLL,PITCH,YAW", help=text)
     text = "RINEX navigation files: SOURCE is then an observation file, and the bag gets gnss/raw"
     convert.add_argument("--navigation", nargs="+", metavar="NAV", help=text)
     convert.add_argument("--at-rest", action="store_true", help="RINEX: the header's coordinates are the truth, recorded as truth/odometry")
 
 
-def _angles(text: str) -> tuple[float, float, float]:
+def angles(text: str) -> tuple[float, float, float]:
+    """Three angles of ROLL,PITCH,YAW, deg."""
     roll, pitch, yaw = (float(part) for part in text.split(","))
     return roll, pitch, yaw
 

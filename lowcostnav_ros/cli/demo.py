@@ -19,6 +19,8 @@ from lowcostnav_ros.graph.description import Graph, GraphError, graph_names, loa
 from lowcostnav_ros.graph.monitor import number
 from lowcostnav_ros.graph.process import Event
 from lowcostnav_ros.graph.runner import GraphRunner
+from lowcostnav_ros.graph.up import once_shown
+from lowcostnav_ros.graph.wiring import with_page
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
 from lowcostnav_ros.replay.result import ReplayResult
@@ -49,7 +51,7 @@ def demo(arguments: argparse.Namespace) -> int:
     check_folder(arguments.out)
     if arguments.real_time_factor:
         graph = dataclasses.replace(graph, real_time_factor=arguments.real_time_factor)
-    return _demonstrate(graph, _emptied(Path(arguments.out)), result_console())
+    return _demonstrate(with_page(graph), _emptied(Path(arguments.out)), result_console())
 
 
 def _emptied(out: Path) -> Path:
@@ -99,11 +101,13 @@ class _Narrator:
     def __init__(self, runner: GraphRunner, console: Console) -> None:
         self._runner, self._console = runner, console
         self._printed, self._next = ("", ""), 0.0
+        self._show = once_shown(runner, lambda words: console.print(f"  {words}", highlight=False))
 
     def __call__(self) -> None:
         if time.monotonic() < self._next:
             return
         self._next = time.monotonic() + DRAW_S
+        self._show()
         source = self._runner.rows.get("truth_source: source", {})
         flown = number(source, "flown_s") or 0.0
         row = self._runner.navigator("supervisor")

@@ -90,7 +90,7 @@ def check_environment() -> Finding:
         domain = users_domain()
     except ValueError as error:
         return Finding(False, str(error))
-    heard = "this machine only" if discovery() else f"the network ({os.environ.get(RANGE) or 'SUBNET, the default'})"
+    heard = f"this machine only (more: {RANGE}=SUBNET)" if discovery() else f"the network ({os.environ.get(RANGE) or 'its peers'})"
     return Finding(True, f"your own sensors are heard on ROS domain {domain} from {heard}; a simulated graph takes a free domain")
 
 

@@ -6,15 +6,23 @@ import math
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.calibration.identification import identify_static
 from lowcostnav_ros.cli import calibrate_charts as charts
+from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli import calibrate_rest as rest
+from lowcostnav_ros.cli.calibrate_reference import identified
 from lowcostnav_ros.cli.jobs import job
 
-EXAMPLE = "example: lowcostnav identify flight   what the IMU shows: rate, jitter, noise, units, axes; at rest its error model"
+EXAMPLE = """examples:
+  lowcostnav identify flight                   what the IMU shows: rate, jitter, noise, units, axes; at rest its error model
+  lowcostnav identify bench --topic gps/fix    variance of the fixes
+  lowcostnav identify bench --topic imu/data   nine channels of an attitude reference, and the sign of its accelerometers"""
 
 
 @job("What an IMU shows: rate, noise, units, axes; at rest its error model, as numbers of a profile.", rest.add_arguments, EXAMPLE)
 def identify(arguments: argparse.Namespace) -> int:
     """Mean, scatter, correlation time of every column."""
+    other = None if files.is_table(arguments.source) or arguments.topic == "imu/data_raw" else identified(arguments)
+    if other is not None:
+        return other
     columns, rate_hz = rest.inertial(arguments)
     look = rest.look(columns)
     if look is not None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from lowcostnav_ros.base.registry import Registry
 
-HELPERS = ("calibrate_charts", "calibrate_input", "calibrate_rest", "jobs", "main", "options", "progress")
+HELPERS = ("calibrate_charts", "calibrate_input", "calibrate_reference", "calibrate_rest", "jobs", "main", "options", "progress")
 """Modules of this package that are no jobs."""
 
 

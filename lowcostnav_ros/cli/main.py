@@ -1,6 +1,7 @@
 """The ``lowcostnav`` command: one word per job, exit status 0 pass, 1 worse or failed, 2 cannot run."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -13,6 +14,7 @@ _EPILOG = """\
 exit status: 0 pass, 1 worse than the baseline or a failed check, 2 cannot run (one sentence on stderr says what to do)
 
 examples:
+  lowcostnav open flight.ulg                               any log, as it is, to a page in the browser
   lowcostnav demo                                          a whole mission with a GPS outage, and its report
   lowcostnav simulate livermore -o flight                  a simulated flight as a bag
   lowcostnav replay flight --withhold gps/fix,gps/vel@60-120 --out result
@@ -50,6 +52,8 @@ def main(argv: Sequence[str] | None = None, registry: Any = None) -> int:
     """
     try:
         given = list(sys.argv[1:] if argv is None else argv)
+        if argv is None and not {"-h", "--help"}.isdisjoint(given):
+            os.environ["LOWCOSTNAV_KERNELS"] = "interpreted"  # a process that only shows its options needs no compiler
         arguments = parser(given[0] if given else "").parse_args(given, argparse.Namespace(registry=registry))
         return JOBS[arguments.job].run(arguments)
     except SystemExit as leaving:
@@ -61,6 +65,9 @@ def main(argv: Sequence[str] | None = None, registry: Any = None) -> int:
         if not type(error).__module__.startswith("lowcostnav_ros"):
             raise  # one of ours is a sentence for the user; any other is a defect and must show its traceback
         print(error, file=sys.stderr)
+    except BrokenPipeError:  # what it was piped into has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return Exit.OK
     except OSError as error:
         print(f"{error.filename or arguments.job}: {error.strerror or error}; check the path and its permissions.", file=sys.stderr)
     return Exit.CANNOT_RUN

@@ -17,6 +17,12 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frame", action="append", default=[], metavar="FRAME", help=text)
 
 
+def add_tracks(parser: argparse.ArgumentParser) -> None:
+    """Add the options that write tracks for other viewers."""
+    parser.add_argument("--kml", metavar="FILE", help="write the tracks as KML, for Google Earth, too")
+    parser.add_argument("--gpx", metavar="FILE", help="write the tracks as GPX too")
+
+
 def check_files(*paths: str | None) -> None:
     """Refuse, before the work, files that cannot be written.
 

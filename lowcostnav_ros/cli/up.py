@@ -1,6 +1,7 @@
 """The up job: a graph of nodes on a terminal."""
 
 import argparse
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,8 @@ from lowcostnav_ros.cli.options import between
 from lowcostnav_ros.graph import up as graph_up
 from lowcostnav_ros.graph.description import load_graph
 from lowcostnav_ros.graph.domain import HIGHEST
-from lowcostnav_ros.graph.wiring import completed
+from lowcostnav_ros.graph.page.server import TOKEN, parse_listen, token_for
+from lowcostnav_ros.graph.wiring import completed, with_nodes, with_page
 
 
 def add_arguments(up: argparse.ArgumentParser) -> None:
@@ -20,12 +22,18 @@ def add_arguments(up: argparse.ArgumentParser) -> None:
     up.add_argument("--domain", type=int, metavar="N", help=text)
     up.add_argument("--out", metavar="DIR", help="where the graph's recorder writes (default: the folder of the logs)")
     up.add_argument("--until-finished", action="store_true", help="stop when the flight is over")
+    text = "address and port of the page that shows the flight (default: 127.0.0.1:8040); beyond this machine it asks for a token"
+    up.add_argument("--listen", metavar="ADDRESS", default="", help=text)
+    up.add_argument("--with", nargs="+", dest="further", metavar="NODE", default=[], help="further nodes: display, foxglove")
+    up.add_argument("--no-page", action="store_true", help="without that page")
     up.add_argument("--no-table", action="store_true", help="print events line by line, even on a terminal")
 
 
 EXAMPLE = """\
 examples:
   lowcostnav up livermore --until-finished --out runs/1   a simulated flight, live, with a table
+  lowcostnav up livermore --listen 0.0.0.0:8040           the page of the flight for a tablet, too; the address is printed
+  lowcostnav up livermore --with display foxglove         for Foxglove, RViz, PlotJuggler: config/layouts
   ROS_DOMAIN_ID=7 lowcostnav up navigators_only           the navigators and a recorder on your own sensors' topics"""
 
 
@@ -37,4 +45,8 @@ def up(arguments: argparse.Namespace) -> int:
     graph = load_graph(arguments.graph)
     if arguments.domain is not None:
         graph = replace(graph, domain=round(between("--domain", arguments.domain, 0, HIGHEST)))
-    return graph_up.up(completed(graph), out=out, show=show, until_finished=arguments.until_finished)
+    if arguments.listen:
+        os.environ[TOKEN] = token_for(parse_listen(arguments.listen)[0])  # known here, so that it can be printed
+    graph = with_nodes(completed(graph), arguments.further)
+    graph = graph if arguments.no_page else with_page(graph, arguments.listen)
+    return graph_up.up(graph, out=out, show=show, until_finished=arguments.until_finished)

@@ -137,37 +137,52 @@ def _records(path: Path, profile: TableProfile, report: ConversionReport) -> lis
         raise ConvertError(f"{path}: the profile leaves no row; relax 'keep' or correct the time.")
     records: list[Record] = []
     for topic in profile.topics:
-        there = rising.copy()
-        for one in topic.fields.values():  # a cell that is empty or no number costs its own topic, not the row
-            for name in one.columns:
-                there &= np.isfinite(table.numbers[name])
-        columns = {name: _values(one, table, there) for name, one in topic.fields.items()}
+        there, columns = topic_columns(topic, table, rising)
         _refuse_no_place(columns, table, there, f"{path}, {topic.topic}")
         if there.any():
-            kind = spec(topic.topic)
-            records += _topic_records(topic, stamps[there], derived.complete(kind.name, kind, columns, int(there.sum())))
+            records += _topic_records(topic, stamps[there], completed(topic, columns, int(there.sum())))
     if not records:
         raise ConvertError(f"{path}: no row has all the numbers of a topic; {_first_malformed(table)}.")
     return records
+
+
+def topic_columns(topic: TopicProfile, table: Table, rows: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return which of some rows have all the numbers of a topic, and its fields of those, SI and NED/FRD."""
+    there = rows.copy()
+    for one in topic.fields.values():  # a cell that is empty or no number costs its own topic, not the row
+        for name in one.columns:
+            there &= np.isfinite(table.numbers[name])
+    return there, {name: _values(one, table, there) for name, one in topic.fields.items()}
+
+
+def completed(topic: TopicProfile, columns: dict[str, np.ndarray], rows: int) -> dict[str, np.ndarray]:
+    """Return all fields of a topic: those given, those made of others, and the usual sigmas."""
+    kind = spec(topic.topic)
+    return derived.complete(kind.name, kind, columns, rows)
 
 
 def _first_malformed(table: Table) -> str:
     return f"the first that fails is line {table.malformed[0][0]}: {table.malformed[0][1]}" if table.malformed else "their cells are empty"
 
 
-def _topic_records(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Record]:
+def built(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Any]:
+    """Yield what a topic's kind makes of complete columns: one block, or a measurement or message for every row."""
     kind = spec(topic.topic)
     build: Any = kind.from_row  # the profile refuses a topic that has none
     rows = TableRow((stamps, topic.topic), columns, topic.mounting_deg, topic.station)
     if kind.encode_many is not None:
-        yield from encode_cdr(build(rows))
+        yield build(rows)
         return
     for k, stamp_ns in enumerate(stamps.tolist()):
-        built = build(replace(rows, head=(stamp_ns, topic.topic), values={name: column[k] for name, column in columns.items()}))
-        if isinstance(built, Measurement):
-            yield from encode_cdr(built)
+        yield build(replace(rows, head=(stamp_ns, topic.topic), values={name: column[k] for name, column in columns.items()}))
+
+
+def _topic_records(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Record]:
+    for k, one in enumerate(built(topic, stamps, columns)):
+        if isinstance(one, Measurement):
+            yield from encode_cdr(one)
         else:
-            yield stamp_ns, topic.topic, kind.msgtype, to_cdr(built)
+            yield int(stamps[k]), topic.topic, spec(topic.topic).msgtype, to_cdr(one)
 
 
 def _kept(table: Table, profile: TableProfile) -> np.ndarray:

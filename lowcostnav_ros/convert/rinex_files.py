@@ -39,6 +39,14 @@ def is_rinex(path: str | Path) -> bool:
         return False
 
 
+def holds(path: str | Path) -> str:
+    """What a RINEX file holds by its header: ``O`` observations, ``N`` ephemerides of a system that is used, else empty."""
+    first = _text(Path(path)).partition("\n")[0].ljust(60).upper()
+    if first[20] == "N" and first[40] in " GEM":
+        return "N"
+    return "O" if first[20] == "O" else ""
+
+
 def _parsed(path: str | Path, parse: Callable[[str], T]) -> T:
     text = _text(Path(path))
     try:

@@ -65,24 +65,39 @@ class Summary:
         """Number written by topic."""
         return {topic: one.messages for topic, one in self.found.items()}
 
-    def __str__(self) -> str:
-        """Return lines for a terminal."""
+    @property
+    def heading(self) -> str:
+        """Format, duration, start and time base."""
         first, last = min(one.first_ns for one in self.found.values()), max(one.last_ns for one in self.found.values())
-        origins = self.account.origins
         when = datetime.fromtimestamp(first // 10**9, tz=UTC)
-        lines = [f"{self.format}: {1e-9 * (last - first):.1f} s from {when:%Y-%m-%d %H:%M:%S}, {self.time_base}"]
-        lines.append("messages       Hz  longest gap  topic                from")
+        return f"{self.format}: {1e-9 * (last - first):.1f} s from {when:%Y-%m-%d %H:%M:%S}, {self.time_base}"
+
+    def rows(self) -> list[tuple[str, str, str, str, str]]:
+        """What was written: topic, number, rate in Hz, longest gap in s, and of what it was made."""
+        origins, rows = self.account.origins, []
         for topic, one in sorted(self.found.items()):
-            gap = f"{1e-9 * one.longest_ns:9.2f} s" if one.messages > 1 else "          -"
+            gap = f"{1e-9 * one.longest_ns:.2f}" if one.messages > 1 else "-"
             origin = origins.get(topic) or origins.get(topic.partition("/")[0]) or origins.get(f"{topic}_fused", "")
-            lines.append(f"{one.messages:8d} {one.hertz:8.1f}  {gap}  {topic:19s}  {origin}")
+            rows.append((topic, f"{one.messages}", f"{one.hertz:.1f}", gap, origin))
+        return rows
+
+    def notes(self) -> list[str]:
+        """What was refused, what was left out, and what else there is to say."""
+        lines = []
         if self.account.refused or self.rejected:
             lines.append(f"refused: {counted({**self.account.refused, **self.rejected})}")
         if self.account.left_out:
             names = sorted(self.account.left_out.items(), key=lambda item: -item[1])
             shown = ", ".join(f"{name} ({count})" for name, count in names[:12])
             lines.append(f"left out, no topic is made of it: {shown}{f' and {len(names) - 12} more' if len(names) > 12 else ''}")
-        return "\n".join([*lines, *self.account.remarks])
+        return [*lines, *self.account.remarks]
+
+    def __str__(self) -> str:
+        """Return lines for a terminal."""
+        lines = [self.heading, "messages       Hz  longest gap  topic                from"]
+        for topic, count, hertz, gap, origin in self.rows():
+            lines.append(f"{count:>8s} {hertz:>8s}  {f'{gap} s' if gap != '-' else gap:>11s}  {topic:19s}  {origin}")
+        return "\n".join([*lines, *self.notes()])
 
 
 class Standard:

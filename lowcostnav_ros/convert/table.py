@@ -71,10 +71,10 @@ def read_table(path: Path, profile: TableProfile) -> Table:
         if len(cells) < len(names):
             table.malformed.append((number, f"{len(cells)} columns instead of {len(names)}"))
             continue
-        values, reason = _numbers(cells, where, wanted)
+        values, reason = numbers_of(cells, where, wanted)
         is_timed = all(math.isfinite(values[k]) for k in time_places)
         if text_places and is_timed:
-            written, bad = _written(" ".join(cells[k] for k in text_places), profile.time.text_format)
+            written, bad = written_ns(" ".join(cells[k] for k in text_places), profile.time.text_format)
             reason, is_timed = bad or reason, not bad
         if reason or not is_timed:
             table.malformed.append((number, reason or "no time"))
@@ -126,7 +126,7 @@ def _places(wanted: list[str] | tuple[str, ...], names: tuple[str, ...], path: P
     return [names.index(name) for name in wanted]
 
 
-def _numbers(cells: list[str], where: list[int], wanted: list[str]) -> tuple[list[float], str]:
+def numbers_of(cells: list[str], where: list[int], wanted: list[str]) -> tuple[list[float], str]:
     """The numbers of a row, NaN where a cell is empty or no number, and what is wrong with the first that is neither empty nor one."""
     values, reason = [], ""
     for name, k in zip(wanted, where, strict=True):
@@ -142,7 +142,7 @@ def _numbers(cells: list[str], where: list[int], wanted: list[str]) -> tuple[lis
     return values, reason
 
 
-def _written(text: str, text_format: str) -> tuple[int, str]:
+def written_ns(text: str, text_format: str) -> tuple[int, str]:
     try:
         read = datetime.strptime(text, text_format)
         since = (read if read.tzinfo else read.replace(tzinfo=UTC)) - _EPOCH  # a stated zone is part of the time

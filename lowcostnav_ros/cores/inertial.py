@@ -17,7 +17,7 @@ import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import ImuBlock
-from lowcostnav_ros.base.small_matrices import matvec, turned
+from lowcostnav_ros.base.small_matrices import matmul, turned
 from lowcostnav_ros.cores.bridging import LastMotion
 from lowcostnav_ros.cores.views import Motion, VelocitySeen
 from lowcostnav_ros.estimation import kalman
@@ -25,7 +25,7 @@ from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.physics.earth import EARTH_RATE, STANDARD_GRAVITY, displace, gravity, radii
-from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_to_dcm, skew
+from lowcostnav_ros.physics.rotation import quat_apply_phi_n, quat_rotate, quat_to_dcm, rotated, rows_of, skew
 from lowcostnav_ros.physics.strapdown import strapdown_step
 
 POS, VEL, ATT = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -131,10 +131,11 @@ def sensor_errors(estimate, kind, axis):
 
 
 @kernel
-def without_errors(f, w, estimate, kind, axis):
-    """Specific force and rate (3,) of a sample with the estimated sensor errors taken out."""
+def without_errors(f, w, estimate, kind, axis, out):
+    """Specific force and rate of a sample with the estimated sensor errors taken out, into ``out`` (2, 3)."""
     errors = sensor_errors(estimate, kind, axis)
-    return (f - errors[0]) / (1.0 + errors[2]), (w - errors[1]) / (1.0 + errors[3])
+    out[0] = (f - errors[0]) / (1.0 + errors[2])
+    out[1] = (w - errors[1]) / (1.0 + errors[3])
 
 
 @kernel
@@ -172,7 +173,8 @@ def heading_shown(F, P, sums, psd):
 def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track):
     """Carry P over the interval gathered in ``sums`` and clear it; estimates of Gauss-Markov states decay, those of a chain add up.
 
-    ``sums`` (21,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3); the horizontal force smoothed (2) stays.
+    ``sums`` (23,): elapsed s, then integrals of f_n (3), C_nb (9), f_b (3), w_b (3); the horizontal force smoothed (2) stays, and so do the
+    integral of what of it shows the heading and its time (:meth:`InertialCore.shown`).
     ``track``: see :func:`.kalman.lead`.
     """
     dt = sums[0]
@@ -181,6 +183,8 @@ def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track):
     C = sums[4:13].reshape(3, 3) / dt
     F = inertial_dynamics(nav, sums[1:4] / dt, sums[13:16] / dt, sums[16:19] / dt, C, kind, axis, rate)
     share = heading_shown(F, P, sums, psd)
+    sums[21] += share * dt
+    sums[22] += dt
     F[3, 8] *= share
     F[4, 8] *= share
     Phi = kalman.transition(F, dt)
@@ -197,9 +201,24 @@ def covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track):
 @kernel
 def mean_step(nav, last, f, w, dt):
     """One strapdown step from mean specific force and rate; ``last`` (6,) holds the previous sample's for coning and sculling."""
-    strapdown_step(nav, f * dt, w * dt, last[0:3] * dt, last[3:6] * dt, dt)
-    last[0:3] = f
-    last[3:6] = w
+    before_f, before_w = (last[0] * dt, last[1] * dt, last[2] * dt), (last[3] * dt, last[4] * dt, last[5] * dt)
+    strapdown_step(nav, (f[0] * dt, f[1] * dt, f[2] * dt), (w[0] * dt, w[1] * dt, w[2] * dt), before_f, before_w, dt)
+    for r in range(3):
+        last[r] = f[r]
+        last[3 + r] = w[r]
+
+
+@kernel
+def gather(sums, q, f, w, dt):
+    """Add a sample to the integrals of :func:`covariance_step`, ``q`` (4,) the attitude at its end."""
+    C = rows_of(q)
+    sums[0] += dt
+    for r in range(3):
+        sums[1 + r] += (C[r][0] * f[0] + C[r][1] * f[1] + C[r][2] * f[2]) * dt
+        sums[13 + r] += f[r] * dt
+        sums[16 + r] += w[r] * dt
+        for j in range(3):
+            sums[4 + 3 * r + j] += C[r][j] * dt
 
 
 @kernel
@@ -208,21 +227,14 @@ def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, 
 
     Returns the index of the next sample and the stamp reached.  Covariance steps fall on a grid of stamps, never on the cut of a block.
     """
-    errors = sensor_errors(estimate, kind, axis)
+    errors, f, w = sensor_errors(estimate, kind, axis), np.empty(3), np.empty(3)
     for k in range(start, stamps.shape[0]):
         dt = (stamps[k] - t_ns) * 1e-9
-        f = (f_m[k] - errors[0]) / (1.0 + errors[2])
-        w = (w_m[k] - errors[1]) / (1.0 + errors[3])
-        mean_step(nav, last, f, w, dt)
-        C = quat_to_dcm(nav[6:10])
-        sums[0] += dt
-        f_n = matvec(C, f)
         for r in range(3):
-            sums[1 + r] += f_n[r] * dt
-            sums[13 + r] += f[r] * dt
-            sums[16 + r] += w[r] * dt
-            for j in range(3):
-                sums[4 + 3 * r + j] += C[r, j] * dt
+            f[r] = (f_m[k, r] - errors[0, r]) / (1.0 + errors[2, r])
+            w[r] = (w_m[k, r] - errors[1, r]) / (1.0 + errors[3, r])
+        mean_step(nav, last, f, w, dt)
+        gather(sums, nav[6:10], f, w, dt)
         due = stamps[k] // output_ns != t_ns // output_ns
         if due or stamps[k] // step_ns != t_ns // step_ns:
             covariance_step(nav, sums, P, estimate, kind, axis, rate, psd, track)
@@ -252,6 +264,46 @@ def turn_covariance(P, heading):
         north, east = P[i, 6], P[i, 7]
         P[i, 6], P[i, 7] = c * north - s * east, s * north + c * east
     P[7, 6] = P[6, 7]
+
+
+@kernel
+def inject(nav, estimate, P, dx, floor, ceiling):
+    """Move the state by a correction (n,), in place, and turn and guard its covariance; return how often the guard had to act."""
+    nav[0], nav[1], nav[2] = displace(nav[0], nav[1], nav[2], dx[0:3])
+    nav[3:6] += dx[3:6]
+    nav[6:10] = quat_apply_phi_n(nav[6:10], dx[6:9])
+    turn_covariance(P, dx[8])
+    estimate[CORE:] += dx[CORE:]
+    return kalman.guard_covariance(P, floor, ceiling)
+
+
+@kernel
+def rate_of(nav, last, force_b, rate_b, out):
+    """Velocity, acceleration over ground and rate of turn into the first nine of ``out``; by ``last`` (6,) where there is such a sample."""
+    moved = False
+    for k in range(6):
+        moved = moved or last[k] != 0.0
+    force_n = rotated(nav[6:10], last[0:3] if moved else force_b)
+    rate_n = rotated(nav[6:10], last[3:6] if moved else rate_b)
+    for k in range(3):
+        out[k], out[3 + k], out[6 + k] = nav[3 + k], force_n[k], rate_n[k]
+    out[5] += STANDARD_GRAVITY
+
+
+@kernel
+def swing(q, rate_b, arm_b, kind, axis, H):
+    """What a lever arm adds to a velocity, C (w x l), shape (3,); its Jacobian and the velocity's into ``H`` (3, n) of zeros."""
+    w, a = rate_b, arm_b
+    out = np.array(rotated(q, (w[1] * a[2] - w[2] * a[1], w[2] * a[0] - w[0] * a[2], w[0] * a[1] - w[1] * a[0])))
+    by_attitude, by_rate = skew(out), matmul(quat_to_dcm(q), skew(arm_b))
+    for i in range(3):
+        H[i, 3 + i] = 1.0
+        for j in range(3):
+            H[i, 6 + j] = -by_attitude[i, j]
+        for j in range(CORE, kind.shape[0]):
+            if kind[j] == GYRO_BIAS:
+                H[i, j] = by_rate[i, axis[j]]
+    return out
 
 
 class InertialCore:
@@ -284,7 +336,7 @@ class InertialCore:
         self._newest: ImuBlock | None = None
         self.rest()
         self._last = np.zeros(6)
-        self._sums = np.zeros(21)
+        self._sums = np.zeros(23)
         self._motion: LastMotion | None = None  # that a hole began with
         self._floor = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2
         self._ceiling = np.full(layout.size, 1e14) if variance_ceiling is None else variance_ceiling
@@ -331,6 +383,12 @@ class InertialCore:
 
     def arrive(self, t_ns: int) -> None:
         """Come to a time that no sample bears: as they are pieced together, one always does."""
+
+    def shown(self) -> float:
+        """Mean share 0..1 of the horizontal force that has shown the heading since this was asked last (:func:`heading_shown`)."""
+        share = self._sums[21] / self._sums[22] if self._sums[22] > 0.0 else 0.0
+        self._sums[21:] = 0.0
+        return float(share)
 
     def become(self, other: "InertialCore") -> None:
         """Take over the state of another core of the same layout and time."""
@@ -397,17 +455,11 @@ class InertialCore:
 
     def correct(self, dx: np.ndarray) -> None:
         """Inject a correction (n,): the estimate moves, the error state is zero again."""
-        nav = self.nav
-        nav[0], nav[1], nav[2] = displace(nav[0], nav[1], nav[2], dx[POS])
-        nav[3:6] += dx[VEL]
-        nav[6:10] = quat_apply_phi_n(nav[6:10], dx[ATT])
         if self.history is not None:
             self.history.correct(dx)
             track, c, s = self.history.begin(self.P), np.cos(dx[8]), np.sin(dx[8])
             track[6:8] = c * track[6] - s * track[7], s * track[6] + c * track[7]
-        turn_covariance(self.P, dx[8])
-        self.estimate[CORE:] += dx[CORE:]
-        self.guard_actions += kalman.guard_covariance(self.P, self._floor, self._ceiling)
+        self.guard_actions += inject(self.nav, self.estimate, self.P, dx, self._floor, self._ceiling)
         if self.history is not None:
             self.history.end(self.P)
 
@@ -417,7 +469,9 @@ class InertialCore:
 
     def corrected(self, specific_force_b: np.ndarray, angular_rate_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Take the estimated sensor errors out of a sample."""
-        return without_errors(specific_force_b, angular_rate_b, self.estimate, self.layout.kind, self.layout.axis)
+        out = np.empty((2, 3))
+        without_errors(specific_force_b, angular_rate_b, self.estimate, self.layout.kind, self.layout.axis, out)
+        return out[0], out[1]
 
     def predicted(self, block: ImuBlock | None) -> tuple[int, np.ndarray, np.ndarray]:
         """Mean state and covariance at the end of ``block`` (samples beyond the horizon, or None), leaving this state alone."""
@@ -458,10 +512,8 @@ class InertialCore:
 
     def state_rate(self) -> np.ndarray:
         """How fast the true state moves, in the coordinates of the error state (n,) per second; by the last sample that was run."""
-        out, C, last = np.zeros(self.layout.size), self.C_nb(), self._last
-        force_b, rate_b = (last[0:3], last[3:6]) if last.any() else (self.force_b, self.rate_b)
-        out[POS], out[VEL], out[ATT] = self.nav[3:6], C @ force_b, C @ rate_b
-        out[5] += STANDARD_GRAVITY
+        out = np.zeros(self.layout.size)
+        rate_of(self.nav, self._last, self.force_b, self.rate_b, out)
         return out
 
     def output_rows(self) -> dict[str, np.ndarray]:
@@ -482,7 +534,7 @@ class InertialCore:
 
     def lever_n(self, lever_b: np.ndarray) -> np.ndarray:
         """Lever arm (3,), m, turned to n."""
-        return self.C_nb() @ lever_b
+        return quat_rotate(self.nav[6:10], lever_b)
 
     def height_residual(self, height: float, bias: float) -> float:
         """A height, m, less the estimated one and an estimated bias."""
@@ -490,11 +542,8 @@ class InertialCore:
 
     def velocity_at(self, lever_b: np.ndarray) -> VelocitySeen | str:
         """Velocity of an antenna: v + C (w x l); what the lever arm adds depends on attitude and gyro bias, too."""
-        C, w, arm = self.C_nb(), self.rate_b, lever_b
-        swing_n = C @ np.array([w[1] * arm[2] - w[2] * arm[1], w[2] * arm[0] - w[0] * arm[2], w[0] * arm[1] - w[1] * arm[0]])
         H = np.zeros((3, self.layout.size))
-        H[:, VEL], H[:, ATT] = np.eye(3), -skew(swing_n)
-        self.layout.fill(H, Kind.GYRO_BIAS, C @ skew(lever_b))
+        swing_n = swing(self.nav[6:10], self.rate_b, lever_b, self.layout.kind, self.layout.axis, H)
         return VelocitySeen(self.nav[3:6], swing_n, H)
 
     def wind_n(self) -> np.ndarray:

@@ -208,6 +208,8 @@ class Aid(ABC):
         Whether an accepted measurement holds the position as GPS does.
     last_resort : bool
         Limit an innovation beyond the gate instead of rejecting it while nothing else holds the solution (see :meth:`is_last`).
+    keeps_slots : bool
+        Whether it assigns states to stations or channels: it waits while a navigator tries several headings.
     thins_itself : bool
         Whether :meth:`due` keeps the period (of each station, say) rather than the sensor's channel.
     needs_rate : bool
@@ -240,6 +242,7 @@ class Aid(ABC):
     teaches: ClassVar[tuple[str, ...]] = ()
     is_fix: ClassVar[bool] = False
     last_resort: ClassVar[bool] = False
+    keeps_slots: ClassVar[bool] = False
     thins_itself: ClassVar[bool] = False
     needs_rate: ClassVar[bool] = False
     updates_alone: ClassVar[bool] = False
@@ -292,6 +295,7 @@ class Aid(ABC):
                 what = (view.__doc__ or view.__name__).splitlines()[0].rstrip(".").lower()
                 raise SettingsError(f"{host.name} cannot take the aid '{self.status.name}': it does not estimate {what}.")
         self._teaching = host.layout.mask(*map(self.own, self.teaches)) if self.teaches else None
+        self._all = np.ones(host.layout.size)
         self.restart()
 
     def restart(self) -> None:
@@ -384,6 +388,10 @@ class Aid(ABC):
         """Why its host is not to recover to it, though it has been rejected for long; empty: it may."""
         return ""
 
+    def seen_by(self, host: Host, measurement: Any) -> Innovation | str:
+        """The innovation of a measurement that was used just now, for a host with another core."""
+        return self.innovation(measurement, host)
+
     def prepare(self, measurement: Any, innovation: Innovation, host: Host) -> Innovation:
         """Called once a measurement is to be used: may assign a state to its station; returns the innovation to fuse."""
         return innovation
@@ -396,7 +404,7 @@ class Aid(ABC):
         """Update the covariance; return the correction (n,)."""
         free = innovation.free
         if free is None:
-            free = np.ones(len(host.P)) if host.movable is None else host.movable
+            free = self._all if host.movable is None else host.movable
         if host.offsets is None:
             return kalman.update(host.P, innovation.y, innovation.H, innovation.R, free)
         return host.offsets.update(self, innovation, free, host, learn=self.decision is Decision.FUSE)
@@ -415,16 +423,15 @@ class Aid(ABC):
             return self.refuse(innovation)
         if host.offsets is not None:
             host.offsets.take_back(self, innovation, host)
-        if not math.isfinite(innovation.y.sum() + innovation.H.sum() + innovation.R.sum()):
+        is_finite, S, nis, self.size = kalman.tested(host.P, innovation.y, innovation.H, innovation.R)
+        if not is_finite:
             return self.refuse(NOT_FINITE)
-        S = kalman.innovation_covariance(host.P, innovation.H, innovation.R)
-        nis = kalman.normalised_innovation_squared(innovation.y, S)
         if nis > self.threshold and host.offsets is not None:
             S, nis = self._considered(innovation, S, nis, host.offsets, host)
-        status.observation, status.innovation, status.innovation_variance = innovation.observation, innovation.y.copy(), np.diag(S).copy()
+        status.observation, status.innovation = innovation.observation, innovation.y.copy()
+        status.innovation_variance = S.diagonal().copy()
         status.innovation_covariance = S
         status.nis, status.test_ratio = nis, nis / self.threshold
-        self.size = math.sqrt(float(innovation.y @ (innovation.y / (innovation.R.diagonal() + 1e-300))) / len(innovation.y))
         decision, reason = self.control(measurement.stamp_ns, status.test_ratio, host)
         self.decision = decision
         if decision is Decision.REJECT:

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.estimation.aiding import Reason
 
@@ -106,6 +107,15 @@ class Clock:
         return self.last_ns is not None and base_ns - self.last_ns <= max(LIVE_NS, 5.0 * self.pace_ns)
 
 
+@kernel
+def goes_on(stamps_ns, longest_ns):
+    """Whether every stamp comes after the one before, and no later than ``longest_ns``."""
+    usual = True
+    for k in range(1, stamps_ns.shape[0]):
+        usual = usual and 0 < stamps_ns[k] - stamps_ns[k - 1] <= longest_ns
+    return usual
+
+
 class Clocks:
     """The time base and the clocks of all inputs.
 
@@ -142,12 +152,11 @@ class Clocks:
 
     def pieces(self, measurement: Measurement) -> Iterator[Measurement]:
         """A measurement as it is judged: a block is cut where its stamps do not go on as usual, so that no cut of blocks matters."""
-        if isinstance(measurement, ImuBlock) and len(measurement) > 1:
+        if isinstance(measurement, ImuBlock) and len(measurement) > 1 and not goes_on(measurement.stamps_ns, self._near_ns):
             steps = np.diff(measurement.stamps_ns)
-            if steps.min() <= 0 or steps.max() > self._near_ns:
-                cuts = [0, *(np.flatnonzero((steps <= 0) | (steps > self._near_ns)) + 1).tolist(), len(measurement)]
-                yield from (measurement[a:b] for a, b in zip(cuts, cuts[1:], strict=False))
-                return
+            cuts = [0, *(np.flatnonzero((steps <= 0) | (steps > self._near_ns)) + 1).tolist(), len(measurement)]
+            yield from (measurement[a:b] for a, b in zip(cuts, cuts[1:], strict=False))
+            return
         yield measurement
 
     def judge(self, measurement: Measurement, passed_ns: int | None) -> str:
@@ -192,13 +201,12 @@ class Clocks:
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """Inputs whose clocks are off, each with the input it is compared with, and by how much."""
-        off = [(c, (c.source, self._reference(c))) for c in self._clocks.values() if c.steady and c.is_off]
-        if not off:
-            return ()
-        return tuple(
-            Contradiction(CLOCK_OFFSET, parties, abs(self._offset_s(c)), "s", c.since_ns, c.source, f"{self.words(c)}: not used")
-            for c, parties in off
-        )
+        off = [c for c in self._clocks.values() if c.steady and c.is_off]
+        return tuple([self._contradiction(c) for c in off]) if off else ()
+
+    def _contradiction(self, c: Clock) -> Contradiction:
+        parties, advice = (c.source, self._reference(c)), f"{self.words(c)}: not used"
+        return Contradiction(CLOCK_OFFSET, parties, abs(self._offset_s(c)), "s", c.since_ns, c.source, advice)
 
     def sentences(self) -> list[str]:
         """What is wrong with which clock, for people."""

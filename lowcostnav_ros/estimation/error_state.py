@@ -71,6 +71,10 @@ class Block:
         """Number of states."""
         return len(self.labels)
 
+    def __deepcopy__(self, memo: dict) -> "Block":
+        """Return itself: it does not change."""
+        return self
+
 
 PerState = float | Sequence[float] | np.ndarray
 """One number for all states of a block, or one for each."""

@@ -169,7 +169,7 @@ class FusionHorizon:
         if held is None:
             return
         stamps = held.stamps_ns
-        n = int(np.searchsorted(stamps, stamp, side="right"))
+        n = int(stamps.searchsorted(stamp, side="right"))
         if n:
             self._carried_ns = int(stamps[n - 1])
             yield from unbroken(held[:n])

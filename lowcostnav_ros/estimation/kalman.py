@@ -112,6 +112,28 @@ def innovation_covariance(P, H, R):
 
 
 @kernel
+def tested(P, y, H, R):
+    """What is asked of every innovation y (m,) with H (m, n) and R (m, m), at once.
+
+    Returns
+    -------
+    is_finite : bool
+        Whether all numbers of the three are.
+    S : ndarray, shape (m, m)
+        Its covariance.
+    nis : float
+        Its normalised square.
+    size : float
+        Root mean square over its components, in sigmas of their own noise.
+    """
+    S, total = innovation_covariance(P, H, R), 0.0
+    for i in range(y.shape[0]):
+        total += y[i] * y[i] / (R[i, i] + 1e-300)
+    is_finite = np.isfinite(y.sum() + H.sum() + R.sum())
+    return is_finite, S, normalised_innovation_squared(y, S), np.sqrt(total / y.shape[0])
+
+
+@kernel
 def normalised_innovation_squared(y, S):
     """y' S^-1 y by the pivots of S, without an inverse; infinite where S claims to know exactly what y contradicts."""
     parts, _, variances = independent(y, np.zeros((y.shape[0], 0)), S)
@@ -277,12 +299,12 @@ def are_sound(pos, vel, att, wind, v0, v1, v2, v3, v4):
 
 
 @kernel
-def root_of_diagonal(P, start, stop):
-    """Sigmas of some states; 0 for a variance below."""
-    out = np.zeros(stop - start)
-    for i in range(start, stop):
-        out[i - start] = np.sqrt(max(P[i, i], 0.0))
-    return out
+def three_blocks(P, added, third, out):
+    """The first two, or three, blocks on the diagonal of P, each with that of ``added``, into ``out`` (3, 3, 3)."""
+    for b in range(3 if third else 2):
+        for i in range(3):
+            for j in range(3):
+                out[b, i, j] = P[3 * b + i, 3 * b + j] + added[3 * b + i, 3 * b + j]
 
 
 @kernel

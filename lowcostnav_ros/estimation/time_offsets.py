@@ -163,6 +163,7 @@ class TimeOffsets:
     def __init__(self, size: int, rows: slice | None) -> None:
         self.size, self.rows, self.known = size, rows, dict[str, TimeOffset]()
         self.history: Any = None
+        self._likely: list[int] = []
         self._learned, self._scatter = np.zeros((0, 1)), np.zeros((0, 0))
         self.way = Way()
         self.restart()
@@ -174,6 +175,7 @@ class TimeOffsets:
         if offset.late_s not in (0.0, late_s):
             raise SettingsError(f"'late_s' is one for all topics of a device; {offset.device} has {offset.late_s:g} and {late_s:g}.")
         offset.late_s = late_s
+        self._look()
 
     def restart(self) -> None:
         """Begin with a state that is new; what is known of the stamps stays."""
@@ -184,6 +186,11 @@ class TimeOffsets:
         self._begun = self._learned.copy()
         self._corrected = np.zeros(3)
         self.way.clear()
+
+    def rest(self, t_ns: int) -> None:
+        """Learn nothing for a while: the state was none that a linear filter has led to."""
+        self.V = np.zeros((self.size, len(self.known)))
+        self._settled_ns = max(self._settled_ns or 0, t_ns + SETTLING_NS)
 
     # what a core reports -----------------------------------------------------------------------------------------------------
 
@@ -244,12 +251,12 @@ class TimeOffsets:
         """Fuse as :func:`.kalman.update` does, carry V along and learn."""
         D = self._direct(aid, innovation, host)
         learn = learn and aid.status.stamp_ns > (self._settled_ns or 0)
-        learned, idle = (self._learned if learn else np.zeros_like(self._learned)), np.zeros_like(self._learned)
+        learned = self._learned if learn else np.zeros_like(self._learned)
         P, y, H, R = host.P, innovation.y, innovation.H, innovation.R
         if innovation.late is None:
             return kalman.update_with_parameters(P, y, H, R, free, D, self.V, learned)
         kalman.update_with_parameters(P.copy(), y, H, R, free, D, self.V.copy(), learned)
-        return kalman.update_with_parameters(P, y, H, R + innovation.late, free, D, self.V, idle)
+        return kalman.update_with_parameters(P, y, H, R + innovation.late, free, D, self.V, np.zeros_like(self._learned))
 
     def uncertainty(self, aid: Any, innovation: Any, host: Any) -> np.ndarray:
         """Covariance (m, m) of an innovation by the offsets as far as they are not known or not corrected yet."""
@@ -312,13 +319,16 @@ class TimeOffsets:
             self.known[device].sources.append(source)
         return list(self.known).index(device)
 
+    def _look(self) -> None:
+        """Note the columns of the offsets that are likely; looked at when one may have changed, not at every output."""
+        self._likely = [k for k, device in enumerate(self.known) if self.is_likely(device)]
+
     def doubt(self) -> np.ndarray | None:
         """What the offsets that were corrected or are likely may still do to the state: covariance (n, n); None for nothing."""
-        likely = [k for k, device in enumerate(self.known) if self.is_likely(device)]
-        if not likely:
+        if not self._likely:
             return None
-        offsets = [list(self.known.values())[k] for k in likely]
-        by = self.V[:, likely]
+        offsets = [list(self.known.values())[k] for k in self._likely]
+        by = self.V[:, self._likely]
         return (by * [o.sigma_s**2 + o.rest_s**2 for o in offsets]) @ by.T
 
     # what is known -----------------------------------------------------------------------------------------------------------
@@ -331,6 +341,7 @@ class TimeOffsets:
         if self._span is not None:
             self._sum_up()
         changed = [offset for offset in self.known.values() if corrects and self._changed(offset, host)]
+        self._look()
         self._span, self._begun = span, self._learned.copy()
         return changed
 

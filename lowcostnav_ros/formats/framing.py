@@ -1,4 +1,4 @@
-"""A stream of bytes cut into frames of the protocols it may hold; what belongs to none is skipped and counted.
+"""A stream of bytes cut into frames of the protocols it may hold, or into lines; what belongs to none is skipped and counted.
 
 A frame whose check sum is wrong costs one byte: the search goes on inside it, so that a good frame that a broken header claimed for its own
 is not lost with it.
@@ -79,3 +79,40 @@ class Framer:
         end = len(self._buffer)
         keep = end > at and not is_last and any(len(p.sync) > 1 and self._buffer[-1] == p.sync[0] for p in self.protocols)
         return end - keep
+
+
+@dataclass(slots=True)
+class LineFramer:
+    """Cuts a stream of text into lines, as :class:`Framer` does with frames; what is no line of the protocol is skipped and counted.
+
+    Attributes
+    ----------
+    name : str
+        Of the protocol.
+    is_sound : callable
+        Whether a line, without its end, is one of the protocol.
+    longest : int
+        Bytes after which what has no end is no line.
+    """
+
+    name: str
+    is_sound: Callable[[bytes], bool]
+    longest: int = 2000
+    frames: Counter = field(default_factory=Counter)
+    broken: Counter = field(default_factory=Counter)
+    skipped: int = 0
+    _rest: bytes = b""
+
+    def feed(self, data: bytes, is_last: bool = False) -> Iterator[tuple[str, bytes]]:
+        """Take bytes and yield (protocol, line) of every whole line; the last bytes need no end."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if is_last or len(self._rest) > self.longest:
+            lines, self._rest = [*lines, self._rest], b""
+        for line in lines:
+            text = line.strip(b"\r \t\0")
+            if text and len(line) <= self.longest and self.is_sound(text):
+                self.frames[self.name] += 1
+                yield self.name, text
+            elif text:
+                self.broken[self.name] += 1
+                self.skipped += len(line)

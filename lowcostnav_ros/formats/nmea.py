@@ -85,7 +85,7 @@ class NmeaParser(Parser):
             return
         try:
             yield from reader(cells)
-        except (ValueError, IndexError):
+        except (ValueError, IndexError, OverflowError):
             self.account.refused[f"NMEA {name} with a field that is no number"] += 1
 
     def close(self) -> Iterator[Measurement]:

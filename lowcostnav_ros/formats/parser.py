@@ -6,10 +6,10 @@ from typing import ClassVar
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
 from lowcostnav_ros.base.tally import Tally
-from lowcostnav_ros.formats.framing import Framer, Protocol
+from lowcostnav_ros.formats.framing import Framer, LineFramer, Protocol
 
-UTC, BOOT = "UTC", "time since start of the device"
-"""Clocks that stamps may be in."""
+UTC, BOOT, ARRIVAL = "UTC", "time since start of the device", "time of arrival"
+"""Clocks that stamps may be in; of a protocol that carries no time, a message is stamped when it came."""
 
 STEP_NS = 5 * 10**9
 """A stamp this far behind the newest is a clock that stepped, not a late message."""
@@ -44,15 +44,18 @@ class Account:
 class Parser:
     """Base of the parsers of streams.
 
-    A subclass lists the ``protocols`` of its stream and gives :meth:`take`.  Stamps are in the device's ``clock``; ``utc_offset_ns`` is
-    what to add for UTC, None while that is not known.
+    A subclass lists the ``protocols`` of its stream, or makes a framer of its own, and gives :meth:`take`.  Stamps are in the device's
+    ``clock``; ``utc_offset_ns`` is what to add for UTC, None while that is not known.  ``arrived_ns`` is when the bytes now fed came, by
+    the clock of whoever feeds them, 0 where they are read from a file; ``greeting`` is what the device waits for before it says anything.
     """
 
     protocols: ClassVar[tuple[Protocol, ...]] = ()
     clock: ClassVar[str] = UTC
+    greeting: bytes = b""
 
     def __init__(self) -> None:
-        self.framer = Framer(self.protocols)
+        self.framer: Framer | LineFramer = Framer(self.protocols)
+        self.arrived_ns = 0
         self.account = Account()
         self._newest: dict[str, int] = {}
         self.utc_offset_ns: int | None = 0 if self.clock == UTC else None

@@ -15,6 +15,7 @@ INSTALL_ROS = "pip install '.[ros]' in the folder of this package, or source /op
 DOMAINS = range(1, 101)
 HIGHEST = 232  # of the ports that DDS derives from a domain
 RANGE, LOCALHOST, PROFILE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST", "FASTRTPS_DEFAULT_PROFILES_FILE"
+PEERS = ("ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")  # by these the environment names other machines
 FIRST_PORT = 32768  # domain d is taken while port 32768 + d is bound; other ROS test tools use the same rule
 
 
@@ -73,20 +74,22 @@ def users_domain() -> int:
     return int(stated)
 
 
-def discovery(usual: str = "") -> dict[str, str]:
-    """Return the variables that limit discovery to this machine, where the environment asks for that, or for nothing and it is ``usual``.
+def discovery() -> dict[str, str]:
+    """Return the variables that limit discovery to this machine, where the environment asks for that, or for nothing.
 
-    Limited to this machine a node receives on the loopback interface only, unless a profile of Fast DDS is given.
+    Nodes of others on this machine are heard whatever their own range is.  Limited to this machine a node receives on the loopback
+    interface only, unless a profile of Fast DDS is given.
     """
+    usual = "" if any(os.environ.get(name) for name in PEERS) else LOCALHOST
     asked = LOCALHOST if os.environ.get("ROS_LOCALHOST_ONLY") == "1" else os.environ.get(RANGE, "").upper() or usual
     if asked not in ("OFF", LOCALHOST):  # OFF stops discovery on this machine, too
         return {}
     return {RANGE: LOCALHOST, PROFILE: os.environ.get(PROFILE) or str(config_dir() / "loopback.xml")}
 
 
-def node_environment(domain: int, log_dir: Path | None = None, usual: str = LOCALHOST) -> dict[str, str]:
+def node_environment(domain: int, log_dir: Path | None = None) -> dict[str, str]:
     """Return the environment node processes run in: this one's, on the given domain, discovered as :func:`discovery` says."""
-    environment = {**os.environ, **discovery(usual)}
+    environment = {**os.environ, **discovery()}
     environment.pop("ROS_LOCALHOST_ONLY", None)  # deprecated; it would override the range
     environment |= {
         "ROS_DOMAIN_ID": str(domain),

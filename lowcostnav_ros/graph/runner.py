@@ -14,11 +14,12 @@ from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode
 from lowcostnav_ros.graph.domain import LOCALHOST, RANGE, free_domain, node_environment, require_ros, users_domain
-from lowcostnav_ros.graph.executables import KINDS, RECORDER, SOURCE, kind_of
+from lowcostnav_ros.graph.executables import KINDS, MONITOR, RECORDER, SOURCE, kind_of
 from lowcostnav_ros.graph.monitor import MonitorProcess, Reports
+from lowcostnav_ros.graph.page.server import TOKEN, with_token
 from lowcostnav_ros.graph.process import Event, NodeProcess, What, write_parameters
 from lowcostnav_ros.graph.watchdog import Watchdog
-from lowcostnav_ros.graph.wiring import flown_settings, shared_parameters
+from lowcostnav_ros.graph.wiring import PAGE, flown_settings, shared_parameters
 
 STOP_S = 5.0
 WATCH_S = 0.1
@@ -81,14 +82,14 @@ class GraphRunner:
         self.stop()
 
     def _environment(self) -> dict[str, str]:
-        """That of the node processes: a graph without sensors of its own hears what this environment hears."""
+        """That of the node processes: a graph without sensors of its own flies on the domain of this environment."""
         graph = self.graph
         try:
             wanted = graph.domain if graph.domain is not None or graph.has_source else users_domain()
         except ValueError as error:
             raise GraphError(str(error)) from error
         self.domain = self._domain.enter_context(free_domain(wanted))
-        environment = node_environment(self.domain, self.log_dir, usual=LOCALHOST if graph.has_source else "")
+        environment = node_environment(self.domain, self.log_dir)
         heard = environment.get(RANGE, "").upper()
         self.title = f"{graph.name} on ROS domain {self.domain}, {'this machine' if heard == LOCALHOST else heard.lower() or 'subnet'}"
         return environment
@@ -105,7 +106,8 @@ class GraphRunner:
         for event in happened:
             self._note(event)
         for process in self._running():
-            if process.given_up and process.exit_code == Exit.CANNOT_RUN:
+            only_watched = kind_of(process.executable) == MONITOR and process.restarts > 0  # that no longer can is no reason to land
+            if process.given_up and process.exit_code == Exit.CANNOT_RUN and not only_watched:
                 raise GraphError(f"{process.name} cannot run: {process.last_line() or f'see {process.log}.'}")
         return happened
 
@@ -185,6 +187,13 @@ class GraphRunner:
         recorders = [node.name for node in self.graph.nodes if kind_of(node.executable) == RECORDER]
         paths = (self.rows.get(f"{name}: recording", {}).get("values", {}).get("path") for name in recorders)
         return next((Path(path) for path in paths if path and Path(path).exists()), None)
+
+    @property
+    def page(self) -> str:
+        """Address of the page that shows the flight, empty before there is one."""
+        pages = (self.rows.get(f"{node.name}: page", {}) for node in self.graph.nodes if node.executable == PAGE)
+        address: str = next((row["values"].get("address", "") for row in pages if row), "")
+        return with_token(address, os.environ.get(TOKEN, ""))
 
     def _running(self) -> list[NodeProcess]:
         return [*self.processes.values(), *([self._monitor] if self._monitor else [])]

@@ -1,8 +1,9 @@
-"""A running graph at a glance: one line a node."""
+"""A running graph at a glance: one line a node, the navigators first."""
 
 from typing import TYPE_CHECKING
 
 from lowcostnav_ros.base.modes import Level
+from lowcostnav_ros.graph.executables import NAVIGATOR, kind_of
 from lowcostnav_ros.graph.monitor import number
 from lowcostnav_ros.graph.runner import GraphRunner
 from lowcostnav_ros.graph.watchdog import SILENT_S
@@ -24,13 +25,14 @@ def table(runner: GraphRunner) -> "Table":
     for title in ("CPU %", "MB", "restarts"):
         view.add_column(title, justify="right")
     total = 0.0
-    for name, process in runner.processes.items():
+    for name, process in sorted(runner.processes.items(), key=lambda item: kind_of(item[1].executable) != NAVIGATOR):
         cpu = 100.0 * process.cpu_share()
         total += cpu
         level, state = state_of(runner, name)
         figures = f"{cpu:.1f}", f"{process.rss_mb():.0f}", str(process.restarts)
         view.add_row(name, Text(state, COLOURS[level]), Text(inputs_of(runner, name)), *figures)
-    view.caption = f"processor together {total:.0f} % of one core; logs in {runner.log_dir}"
+    page = f"; the flight is shown at {runner.page}" if runner.page else ""
+    view.caption = f"processor together {total:.0f} % of one core; logs in {runner.log_dir}{page}"
     return view
 
 

@@ -80,7 +80,7 @@ def _raise_stop(*_: object) -> None:
 
 def _watch(runner: GraphRunner, show: bool, until_finished: bool) -> None:
     if not show:
-        _follow(runner, until_finished, lambda: None)
+        _follow(runner, until_finished, once_shown(runner, _say))
         return
     from rich.live import Live
 
@@ -93,6 +93,18 @@ def _watch(runner: GraphRunner, show: bool, until_finished: bool) -> None:
                 live.update(_drawn(runner))
 
         _follow(runner, until_finished, draw)
+
+
+def once_shown(runner: GraphRunner, say: Callable[[str], None]) -> Callable[[], None]:
+    """Return what is to be called again and again to say, once, where the flight is shown."""
+    said: list[str] = []
+
+    def look() -> None:
+        if not said and runner.page:
+            said.append(runner.page)
+            say(f"the flight is shown at {runner.page}")
+
+    return look
 
 
 def _drawn(runner: GraphRunner) -> Any:

@@ -4,6 +4,7 @@ A flight starts when all its subscribers are there; the graph runner counts them
 """
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,6 +23,7 @@ PACED = ("truth/imu", "truth/odometry", "imu/data_raw", "air/velocity", "air/dyn
 """Topics that never pause in a simulated flight: on these a node reports how far it has come to a lossless source."""
 
 LONGEST_LAG_S = 10.0
+PAGE = "page"
 
 
 def recorded_topics() -> list[str]:
@@ -83,6 +85,8 @@ def shared_parameters(graph: Graph, node: GraphNode) -> dict[str, Any]:
         values["start.expected_subscribers"] = expected_subscribers(graph)
         if graph.lossless:
             values["flow.listeners"] = sum(bool(set(PACED) & set(inputs_of(other))) for other in graph.nodes)
+    if node.executable in (PAGE, "display"):
+        values["stations"] = station_tables(graph)
     if kind_of(node.executable) == NAVIGATOR and graph.real_time_factor > 1.0:
         # transport takes wall time, the horizon counts stamps: flying faster needs a longer lag (it delays, it changes no solution)
         values["horizon.lag_s"] = min(setting_of(node, "horizon.lag_s") * graph.real_time_factor, LONGEST_LAG_S)
@@ -107,6 +111,28 @@ def _parameters_of(node: GraphNode) -> set[str]:
     if settings is None:
         return set()
     return {entry.name for entry in declared(chosen_class(settings, _given(node)))}
+
+
+def station_tables(graph: Graph) -> list[str]:
+    """Return the station tables that the navigators of a graph fly with."""
+    settings = [to_mapping(_navigator_settings(node)) for node in graph.nodes if kind_of(node.executable) == NAVIGATOR]
+    return sorted({file for one in settings for name, file in one.items() if name.endswith("stations_file") and file})
+
+
+def with_page(graph: Graph, listen: str = "") -> Graph:
+    """Return a graph with a page that shows its flight, unless it has one; ``listen`` is where, empty for this machine only."""
+    node = made_node(PAGE, graph)
+    if any(other.executable == PAGE or other.name == PAGE for other in graph.nodes):
+        return graph
+    return replace(graph, nodes=(*graph.nodes, replace(node, parameters={"listen": listen} if listen else {})))
+
+
+def with_nodes(graph: Graph, names: Sequence[str]) -> Graph:
+    """Return a graph with further executables as they are shipped, those that it has already left out."""
+    there = {node.executable for node in graph.nodes} | {node.name for node in graph.nodes}
+    for name in names:
+        EXECUTABLES[name]  # refuses one that does not exist
+    return replace(graph, nodes=(*graph.nodes, *(made_node(name, graph) for name in dict.fromkeys(names) if name not in there)))
 
 
 def completed(graph: Graph) -> Graph:

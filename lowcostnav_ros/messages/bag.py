@@ -1,6 +1,8 @@
 """Recordings: write them, check them, and read them as the ordered stream of measurements that a live navigator would have seen."""
 
+import copy
 import hashlib
+import itertools
 import logging
 import shutil
 from collections import Counter
@@ -21,13 +23,14 @@ from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.arrival import ArrivalReader
 from lowcostnav_ros.messages.checks import WRONG_FRAME
-from lowcostnav_ros.messages.decode import Decoder, Rejected
+from lowcostnav_ros.messages.decode import Decoder, imu_block
 from lowcostnav_ros.messages.foreign import mapped, offers, options
 from lowcostnav_ros.messages.inputs import Inputs, inputs_in
 from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.messages.storage import SafeWriter
 from lowcostnav_ros.messages.store import STORE, full_type
 from lowcostnav_ros.messages.unclosed import UnclosedReader, files_of
+from lowcostnav_ros.messages.windows import Window
 
 _STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 _NEVER = QosTime(0, 0)
@@ -39,6 +42,8 @@ class BagError(ValueError):
     """A recording that cannot be used; the message is one sentence that says what to do."""
 
 
+LARGEST_WINDOW = 16_384
+"""Messages that are decoded together at most, however large the chunks of a file are."""
 SETTINGS_FOLDER = "settings"
 """Inside a recording's directory: the settings, <navigator>.yaml, it was flown with or is to be replayed with."""
 
@@ -211,6 +216,12 @@ class BagReader:
         if not self.is_closed:
             _note_once(self.path, self.duration_s)
 
+    def with_decoder(self, decoder: Decoder) -> "BagReader":
+        """The same recording, its files shared, with a decoder that learns and counts on its own; close only one of them."""
+        other = copy.copy(self)
+        other.decoder = decoder
+        return other
+
     def _refuse_double_names(self) -> None:
         recorded = {topics.source_of(c.topic) for c in self._reader.connections}
         missing = [name for name in self.maps if not any(r == name or (name.endswith("/") and r.startswith(name)) for r in recorded)]
@@ -271,16 +282,26 @@ class BagReader:
         BagError
             For a missing topic, or when the recording breaks off.
         """
-        wanted = None if sources is None else {topics.source_of(s) for s in sources}
-        for source in wanted or ():
+        for window in self.windows(sources):
+            yield from window.messages()
+
+    def windows(self, sources: Iterable[str] | None = None) -> Iterator[Window]:
+        """Yield what :meth:`stream` does, many messages at a time.
+
+        Raises
+        ------
+        BagError
+            For a missing topic, or when the recording breaks off.
+        """
+        wanted = set(self.types) if sources is None else {topics.source_of(s) for s in sources}
+        for source in wanted:
             if source not in self.types:
                 raise BagError(f"{self.path} has no topic '{source}'{nearest(source, self.types)}.")
-        connections = [c for c in self._reader.connections if wanted is None or mapped(c.topic, self.maps) in wanted]
-        names = {c.topic: mapped(c.topic, self.maps) for c in connections}
+        names = {(c.topic, c.msgtype): name for c in self._reader.connections if (name := mapped(c.topic, self.maps)) in wanted}
         try:
-            if connections:
-                for connection, stamp_ns, raw in self._reader.messages(connections):
-                    yield names[connection.topic], stamp_ns, raw
+            for window in self._reader.windows(names) if names else ():
+                for first in range(0, len(window), LARGEST_WINDOW):
+                    yield window[first : first + LARGEST_WINDOW]
         except GeneratorExit:
             raise
         except Exception as error:  # the storage layers raise errors of many types on damaged files
@@ -297,17 +318,33 @@ class BagReader:
         sources : iterable of str, optional
             Topics to read; all that have a decoder where None.
         chunk_s : float
-            Seconds of recording decoded together; bounds memory, changes no value.
+            Longest block of samples, s; changes no value.
         """
         names = self.decodable() if sources is None else [topics.source_of(s) for s in sources]
         self.require(names)
-        chunk: list[tuple[str, int, bytes]] = []
-        for record in self.stream(names):
-            if chunk and not 0 <= record[1] - chunk[0][1] < chunk_s * 1e9:
-                yield from self._decoded(chunk)
-                chunk = []
-            chunk.append(record)
-        yield from self._decoded(chunk)
+        for window in self.windows(names):
+            yield from self.decoded(window, chunk_s)
+
+    def decoded(self, window: Window, chunk_s: float = 1.0) -> Iterator[Measurement]:
+        """Yield the measurements of a window as :meth:`measurements` does; all of its sources are to have a decoder."""
+        for part in _between_origins(window):
+            others: dict[int, Measurement] = {}
+            inertial = []
+            for source, rows in part.by_source():
+                found, rest = self.decoder.decode_many(part, rows, self.types[source])
+                if topics.spec(source, self.decoder.rules).measurement is ImuBlock:
+                    inertial.append(imu_block(found, rest))
+                    continue
+                others.update(rest)
+                for columns in found:
+                    others.update(zip(columns.rows.tolist(), columns.measurements(), strict=True))
+            yield from _in_order(others, [one for one in inertial if one[0] is not None], _cuts(part.stamps_ns, round(1e9 * chunk_s)))
+
+    def topics_of(self, window: Window) -> Iterator[tuple[Window, str, np.ndarray]]:
+        """Yield the messages of each topic, as parts of a window and rows in them, so that origins come before what they place."""
+        for part in _between_origins(window):
+            for source, rows in part.by_source():
+                yield part, source, rows
 
     def decodable(self) -> list[str]:
         """List the sources of this recording that are measurements, with the type they ought to have."""
@@ -343,56 +380,47 @@ class BagReader:
     def identity(self) -> str:
         """Return the SHA-256 over topic, receive stamp and bytes of every message in order: the same for either storage."""
         digest = hashlib.sha256()
-        for source, stamp_ns, raw in self.stream():
-            digest.update(f"{source} {stamp_ns} {len(raw)} ".encode())
-            digest.update(raw)
+        for window in self.windows():
+            window.update(digest)
         return digest.hexdigest()
 
-    def _decoded(self, chunk: list[tuple[str, int, bytes]]) -> Iterator[Measurement]:
-        inertial = _RunsOfSamples(chunk, self.decoder)
-        for k, (source, _stamp_ns, raw) in enumerate(chunk):
-            if source in inertial.sources:
-                inertial.add(source, k)
-                continue
-            result = self.decoder.decode(source, self.types[source], raw)
-            if not isinstance(result, Rejected):
-                yield from inertial.take()
-                yield result
-        yield from inertial.take()
+
+def _between_origins(window: Window) -> Iterator[Window]:
+    """Cut before and behind every message that tells what the next odometries mean."""
+    origins = [k for k, source in enumerate(window.sources) if source.endswith("/origin")]
+    at = np.flatnonzero(np.isin(window.of, origins)) if origins else np.zeros(0, np.int64)
+    edges = np.unique(np.concatenate([[0], at, at + 1, [len(window)]]))
+    for first, last in itertools.pairwise(edges.tolist()):
+        yield window[first:last]
 
 
-class _RunsOfSamples:
-    """Inertial samples of one chunk, decoded in columns at first use and handed out in runs."""
-
-    def __init__(self, chunk: list[tuple[str, int, bytes]], decoder: Decoder) -> None:
-        self.sources = {s for s in {s for s, _, _ in chunk} if topics.spec(s, decoder.rules).measurement is ImuBlock}
-        self._columns = {s: _Columns(s, chunk, decoder) for s in self.sources}
-        self._open: dict[str, list[int]] = {}
-
-    def add(self, source: str, record: int) -> None:
-        """Append the sample of a record to the open run of its source."""
-        row = self._columns[source].row_of.get(record)
-        if row is None:
-            return
-        run = self._open.setdefault(source, [row, row])
-        run[1] = row + 1
-
-    def take(self) -> Iterator[ImuBlock]:
-        """Yield the open runs and close them."""
-        for source, (first, last) in self._open.items():
-            block = self._columns[source].block
-            if block is not None:
-                yield block[first:last]
-        self._open.clear()
+def _cuts(stamps_ns: np.ndarray, longest_ns: int) -> list[int]:
+    """Rows before which blocks of samples end for their length: that much later than the last such row, or earlier."""
+    cuts, first = [], 0
+    back = np.flatnonzero(np.diff(stamps_ns) < 0) + 1
+    for last in [*back.tolist(), len(stamps_ns)]:
+        while first < last:
+            cuts.append(first)
+            first += int(np.searchsorted(stamps_ns[first:last], stamps_ns[first] + longest_ns))
+        first = last
+    return cuts[1:]
 
 
-class _Columns:
-    """The decoded block of one inertial source and the row of each usable record."""
-
-    def __init__(self, source: str, chunk: list[tuple[str, int, bytes]], decoder: Decoder) -> None:
-        records = [k for k, record in enumerate(chunk) if record[0] == source]
-        self.block, good = decoder.decode_imu_block([chunk[k][2] for k in records], source)
-        self.row_of = dict(zip(np.array(records)[good].tolist(), range(int(good.sum())), strict=True))
+def _in_order(others: dict[int, Measurement], inertial: list[tuple[Any, np.ndarray]], cuts: list[int]) -> Iterator[Measurement]:
+    """Yield measurements by their rows; blocks of samples end where another measurement stands, or at a cut."""
+    ends = sorted({*others, *cuts})
+    ends.append(2**62)
+    inertial = sorted(inertial, key=lambda one: int(one[1][0]))
+    runs = [np.searchsorted(rows, ends).tolist() for _, rows in inertial]
+    begun = [0] * len(runs)
+    for k, row in enumerate(ends):
+        for source, run in enumerate(runs):
+            first, last = begun[source], run[k]
+            if last > first:
+                begun[source] = last
+                yield inertial[source][0][first:last]
+        if row in others:
+            yield others[row]
 
 
 def recover(path: str | Path, out: str | Path) -> "BagWriter":

@@ -59,11 +59,25 @@ def quat_from_ros(x: float, y: float, z: float, w: float) -> np.ndarray:
     return np.array([k * (w + z), k * (x + y), k * (x - y), k * (w - z)])
 
 
+def quats_from_ros(xyzw: np.ndarray) -> np.ndarray:
+    """:func:`quat_from_ros` of rows (n, 4), to the same bits."""
+    x, y, z, w = xyzw.T
+    k = HALF_SQRT2 / np.sqrt(w * w + x * x + y * y + z * z)
+    return np.stack([k * (w + z), k * (x + y), k * (x - y), k * (w - z)], axis=1)
+
+
 def quat_to_ros(q_nb: np.ndarray) -> tuple[float, float, float, float]:
     """Turn ``q_nb`` (4,), scalar first, FRD to NED, into the ROS orientation (x, y, z, w), FLU to ENU, normalised."""
     w, x, y, z = (float(part) for part in q_nb)
     k = HALF_SQRT2 / math.sqrt(w * w + x * x + y * y + z * z)
     return k * (x + y), k * (x - y), k * (w - z), k * (w + z)
+
+
+def quats_to_ros(q_nb: np.ndarray) -> np.ndarray:
+    """:func:`quat_to_ros` of rows (n, 4), to the same bits."""
+    w, x, y, z = q_nb.T
+    k = HALF_SQRT2 / np.sqrt(w * w + x * x + y * y + z * z)
+    return np.stack([k * (x + y), k * (x - y), k * (w - z), k * (w + z)], axis=1)
 
 
 def heading_of_yaw(yaw: float) -> float:
@@ -107,6 +121,20 @@ def body_velocity(vel_n, cov_vel, q_nb):
 
 
 @kernel
+def maps_from_local(places, q_nb, cov_pos, cov_att, vel_n, cov_vel, xyz_0, C_0e):
+    """:func:`map_from_local` and :func:`body_velocity` of n rows: positions, ``q_map`` (n, 4), velocities (n, 3), variances (n, 9)."""
+    n = len(places)
+    positions, q_map, velocities, variances = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 9))
+    for k in range(n):
+        lat, lon, height = places[k]
+        positions[k], q_map[k], first, second = map_from_local(lat, lon, height, q_nb[k], cov_pos[k], cov_att[k], xyz_0, C_0e)
+        velocities[k], third = body_velocity(vel_n[k], cov_vel[k], q_nb[k])
+        for i in range(3):
+            variances[k, i], variances[k, 3 + i], variances[k, 6 + i] = first[i, i], second[i, i], third[i, i]
+    return positions, q_map, velocities, variances
+
+
+@kernel
 def local_from_map(position_enu, q_map, cov_pos_enu, cov_att_enu, xyz_0, C_0e):
     """Undo :func:`map_from_local`: returns (lat, lon, height), ``q_nb`` (4,), ``cov_pos``, ``cov_att`` (3, 3) NED at the aircraft."""
     ned = np.array([position_enu[1], position_enu[0], -position_enu[2]])
@@ -114,6 +142,19 @@ def local_from_map(position_enu, q_map, cov_pos_enu, cov_att_enu, xyz_0, C_0e):
     turn = matmul_transposed(dcm_ne(lat, lon), C_0e)
     swap = matmul(turn, np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
     return (lat, lon, height), dcm_to_quat(matmul(turn, quat_to_dcm(q_map))), turned(swap, cov_pos_enu), turned(swap, cov_att_enu)
+
+
+@kernel
+def locals_from_map(positions, q_map, cov_pos, cov_att, vel_flu, cov_vel, xyz_0, C_0e):
+    """:func:`local_from_map` and :func:`local_velocity` of n rows: places (n, 3), ``q_nb`` (n, 4), velocities (n, 3), three covariances."""
+    n = len(positions)
+    places, q_nb, vel_n = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3))
+    covariances = np.empty((3, n, 3, 3))
+    for k in range(n):
+        place, q_nb[k], covariances[0, k], covariances[2, k] = local_from_map(positions[k], q_map[k], cov_pos[k], cov_att[k], xyz_0, C_0e)
+        places[k, 0], places[k, 1], places[k, 2] = place
+        vel_n[k], covariances[1, k] = local_velocity(vel_flu[k], cov_vel[k], q_nb[k])
+    return places, q_nb, vel_n, covariances
 
 
 @kernel

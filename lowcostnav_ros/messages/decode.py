@@ -4,16 +4,19 @@ Live nodes hand over the bytes of raw subscriptions, a replay the bytes of a bag
 """
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.tally import OTHERS, Tally
-from lowcostnav_ros.messages import checks, imu_columns, topics
+from lowcostnav_ros.messages import checks, topics
+from lowcostnav_ros.messages.columns import Columns, decoded
 from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.messages.map_frames import MapFrame
 from lowcostnav_ros.messages.rules import RULES, DecodeRules, Refusal, Rejected
 from lowcostnav_ros.messages.store import from_cdr, full_type
+from lowcostnav_ros.messages.windows import Window
 from lowcostnav_ros.physics.earth import LocalFrame
 
 __all__ = ["RULES", "DecodeRules", "Decoder", "Rejected", "decode", "decode_imu_block"]
@@ -67,25 +70,53 @@ def decode_imu_block(raws: list[bytes], source: str = "imu/data_raw", rules: Dec
         The usable samples in the order given, bit-equal to decoding one by one; None where there is none.
     rejected : list of Rejected
     """
-    block, rejected, _good = _imu_rows(raws, source, rules)
-    return block, rejected
+    window = Window.of_messages([(source, 0, raw) for raw in raws])
+    found, rest = decode_many(window, np.arange(len(raws)), topics.spec(source, rules), rules)
+    return imu_block(found, rest)[0], [result for _, result in rest if isinstance(result, Rejected)]
 
 
-def _imu_rows(raws: list[bytes], source: str, rules: DecodeRules) -> tuple[ImuBlock | None, list[Rejected], np.ndarray]:
-    kind = topics.spec(source, rules)
-    stamps, force, rate, good = imu_columns.many(raws, kind, rules)
-    rejected = []
-    for row in np.flatnonzero(~good):
-        result = _carefully(raws[row], kind, rules, Counter())
-        if isinstance(result, Rejected):
-            rejected.append(result)
-        elif isinstance(result, ImuBlock):
-            stamps[row], force[row], rate[row], good[row] = result.stamp_ns, result.specific_force_b[0], result.angular_rate_b[0], True
-    if not good.any():
-        return None, rejected, good
-    if rejected:
-        stamps, force, rate = stamps[good], force[good], rate[good]
-    return ImuBlock.of(source, stamps, force, rate), rejected, good
+def decode_many(
+    window: Window, rows: np.ndarray, kind: Kind, rules: DecodeRules = RULES, notes: Notes | None = None, msgtype: str = ""
+) -> tuple[list[Columns], list[tuple[int, Measurement | Rejected]]]:
+    """Turn the messages of one topic in a window into measurements, bit-equal to decoding one by one.
+
+    Parameters
+    ----------
+    window : Window
+    rows : ndarray of int64
+        Those of the topic.
+    kind : Kind
+        Of the topic.
+    msgtype : str
+        Of its messages; empty for what the kind expects.
+
+    Returns
+    -------
+    columns : list of Columns
+        What is clean at first sight.
+    rest : list of (int, Measurement or Rejected)
+        Row and result of every other message.
+    """
+    notes = Counter() if notes is None else notes
+    msgtype = full_type(msgtype or kind.msgtype)
+    found = decoded(window, rows, kind, rules, notes) if msgtype == kind.msgtype and len(rows) else []
+    done = np.concatenate([columns.rows for columns in found]) if found else rows[:0]
+    left = rows if not found else np.setdiff1d(rows, done) if len(done) < len(rows) else rows[:0]
+    return found, [(row, decode(kind.name, msgtype, window.raw(row), rules, notes)) for row in left.tolist()]
+
+
+def imu_block(found: Sequence[Columns], rest: Sequence[tuple[int, Measurement | Rejected]]) -> tuple[ImuBlock | None, np.ndarray]:
+    """Join the inertial samples of :func:`decode_many` in the order of their messages; return the block and the row of each sample."""
+    parts = [(columns.rows, columns.stamps_ns, *columns.fields) for columns in found]
+    single = [(row, one) for row, one in rest if isinstance(one, ImuBlock)]
+    parts += [(np.array([row]), one.stamps_ns, one.specific_force_b, one.angular_rate_b) for row, one in single]
+    if not parts:
+        return None, np.zeros(0, np.int64)
+    rows, *columns = parts[0] if len(parts) == 1 else (np.concatenate(column) for column in zip(*parts, strict=True))
+    if len(parts) > 1:
+        order = np.argsort(rows)
+        rows, columns = rows[order], [column[order] for column in columns]
+    return ImuBlock.of(found[0].kind.name if found else single[0][1].source, *columns), rows
 
 
 class Decoder:
@@ -120,6 +151,25 @@ class Decoder:
         self.count(result, source)
         return result
 
+    def decode_many(self, window: Window, rows: np.ndarray, msgtype: str) -> tuple[list[Columns], list[tuple[int, Measurement]]]:
+        """Decode the messages of one topic in a window as :func:`decode_many` does, and count them; what is rejected is left out.
+
+        Raises
+        ------
+        ValueError
+            For a topic that is none.
+        """
+        source = window.sources[window.of[rows[0]]]
+        kind = topics.spec(source, self.rules)
+        if source.endswith("/origin"):  # what the next odometry means depends on it
+            rest = [(row, self.decode(source, msgtype, window.raw(row))) for row in rows.tolist()]
+            return [], [(row, one) for row, one in rest if not isinstance(one, Rejected)]
+        found, others = decode_many(window, rows, kind, self.rules, self.notes, msgtype)
+        self.accepted[source] += sum(map(len, found))
+        for _, one in others:
+            self.count(one, source)
+        return found, [(row, one) for row, one in others if not isinstance(one, Rejected)]
+
     def decode_imu_block(self, raws: list[bytes], source: str) -> tuple[ImuBlock | None, np.ndarray]:
         """Decode consecutive inertial messages in columns, count them, and return which were usable.
 
@@ -128,10 +178,9 @@ class Decoder:
         block : ImuBlock or None
         good : ndarray of bool, shape (len(raws),)
         """
-        block, rejected, good = _imu_rows(raws, source, self.rules)
-        self.accepted[source] += int(good.sum())
-        for one in rejected:
-            self.count(one, source)
+        window, good = Window.of_messages([(source, 0, raw) for raw in raws]), np.zeros(len(raws), bool)
+        block, rows = imu_block(*self.decode_many(window, np.arange(len(raws)), topics.spec(source, self.rules).msgtype))
+        good[rows] = True
         return block, good
 
     def count(self, result: Measurement | Rejected, source: str) -> None:

@@ -1,4 +1,4 @@
-"""The fast way through Imu messages: the fixed CDR layout read by offset, one message or many at a time.
+"""The fast way through single Imu messages: the fixed CDR layout read by offset.
 
 Little-endian CDR of sensor_msgs/Imu: 4 bytes of encapsulation, then sec (int32), nanosec (uint32), length of frame_id with its zero
 (uint32), the text, padding to 8, and 37 doubles: orientation 4, covariance 9, angular rate 3, covariance 9, acceleration 3,
@@ -7,7 +7,6 @@ Of the last two covariances, which no filter uses, only the mark of an absent da
 """
 
 import struct
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,9 +21,8 @@ _HEAD = struct.Struct("<iII")
 _TO_RATE = struct.Struct("<13d")
 _RATE_TO_END = struct.Struct("<24d")
 _DOUBLES = 37
-_RATE, _RATE_COV, _FORCE, _FORCE_COV = slice(13, 16), 16, slice(25, 28), 28
+_RATE = 13
 _ABSENT = -1.0
-_TO_FRD = np.array([1.0, -1.0, -1.0])
 
 
 def one(raw: bytes | memoryview, kind: Kind, rules: DecodeRules) -> ImuBlock | None:
@@ -33,7 +31,7 @@ def one(raw: bytes | memoryview, kind: Kind, rules: DecodeRules) -> ImuBlock | N
     if head is None:
         return None
     stamp, start = head
-    v = _RATE_TO_END.unpack_from(raw, start + 8 * _RATE.start)
+    v = _RATE_TO_END.unpack_from(raw, start + 8 * _RATE)
     if not _sound_vectors(v, rules):
         return None
     f, w = np.array(((v[12], -v[13], -v[14]),)), np.array(((v[0], -v[1], -v[2]),))
@@ -47,7 +45,7 @@ def attitude(raw: bytes | memoryview, kind: Kind, rules: DecodeRules) -> Attitud
         return None
     stamp, start = head
     x, y, z, w, *cov = _TO_RATE.unpack_from(raw, start)
-    v = _RATE_TO_END.unpack_from(raw, start + 8 * _RATE.start)
+    v = _RATE_TO_END.unpack_from(raw, start + 8 * _RATE)
     norm2 = x * x + y * y + z * z + w * w
     if not _sound_vectors(v, rules) or not 0.981 < norm2 < 1.019:
         return None
@@ -81,42 +79,6 @@ def _sound_vectors(v: tuple[float, ...], rules: DecodeRules) -> bool:
     small = -rate <= v[0] <= rate and -rate <= v[1] <= rate and -rate <= v[2] <= rate
     light = -force <= v[12] <= force and -force <= v[13] <= force and -force <= v[14] <= force
     return small and light and v[3] != _ABSENT and v[15] != _ABSENT
-
-
-def many(raws: Sequence[bytes], kind: Kind, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (stamps_ns, specific force FRD, angular rate FRD, good) for all messages; rows that are not good hold zeros."""
-    n = len(raws)
-    stamps, force, rate, good = np.zeros(n, np.int64), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, bool)
-    sizes = {len(raw) for raw in raws}
-    for size in sizes:  # one size, save where messages with frame ids of different length are mixed
-        same = [raw for raw in raws if len(raw) == size] if len(sizes) > 1 else raws
-        columns = _columns(same, size, kind, rules)
-        if columns is None:
-            continue
-        if len(sizes) == 1:
-            return columns
-        rows = [k for k, raw in enumerate(raws) if len(raw) == size]
-        stamps[rows], force[rows], rate[rows], good[rows] = columns
-    return stamps, force, rate, good
-
-
-def _columns(raws: Sequence[bytes], size: int, kind: Kind, rules: DecodeRules) -> tuple | None:
-    if size < 16 + 8 * _DOUBLES:
-        return None
-    table = np.frombuffer(b"".join(raws), np.uint8).reshape(len(raws), size)
-    frame_size = _HEAD.unpack_from(raws[0], 4)[2]
-    start = _doubles_start(frame_size)
-    if not 0 <= size - start - 8 * _DOUBLES <= 3 or not _frame_is_known(raws[0], frame_size, kind):
-        return None
-    sec_nanosec = np.ascontiguousarray(table[:, 4:12])
-    sec = sec_nanosec.view("<i4")[:, 0].astype(np.int64)
-    nanosec = sec_nanosec.view("<u4")[:, 1].astype(np.int64)
-    v = np.ascontiguousarray(table[:, start : start + 8 * _DOUBLES]).view("<f8")
-    good = (table[:, 0] == 0) & (table[:, 1] == 1) & (table[:, 12 : 16 + frame_size] == table[0, 12 : 16 + frame_size]).all(axis=1)
-    good &= (sec >= 0) & (nanosec < 1_000_000_000) & ((sec > 0) | (nanosec > 0))
-    good &= (np.abs(v[:, _RATE]) <= rules.max_angular_rate).all(axis=1) & (np.abs(v[:, _FORCE]) <= rules.max_specific_force).all(axis=1)
-    good &= (v[:, _RATE_COV] != _ABSENT) & (v[:, _FORCE_COV] != _ABSENT)
-    return sec * 1_000_000_000 + nanosec, v[:, _FORCE] * _TO_FRD, v[:, _RATE] * _TO_FRD, good
 
 
 def _doubles_start(frame_size: int) -> int:

@@ -4,7 +4,7 @@ Topics, frames, default variances, decoding and encoding, what a table must hold
 every list of them is derived from the descriptions found here.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +65,7 @@ class Kind(TopicSpec):
     by_type : encodes measurements of its class from sources that are no topic of this package, too
     fast : (bytes, kind, rules) to measurement, or to None where ``decode`` has to look
     also : other message types that carry the same, each with what makes the expected one of its message objects
+    many : :class:`~lowcostnav_ros.messages.columns.Rows` of messages to the fields of the measurement behind stamp and source, in columns
     encode_many : measurement of several samples, with ``stamps_ns``, to the CDR bytes of each
     """
 
@@ -81,6 +82,7 @@ class Kind(TopicSpec):
     recorded: bool = True
     by_type: bool = True
     fast: "Callable[[Any, Kind, Any], Measurement | None] | None" = None
+    many: Callable[[Any], Sequence[Any]] | None = None
     encode_many: Callable[[Any], list[bytes]] | None = None
     also: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
 

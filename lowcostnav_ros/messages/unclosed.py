@@ -20,7 +20,8 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_mcap import ChunkInfo, decompress, read_string
 
-from lowcostnav_ros.messages.arrival import ArrivalMcap, ArrivalSqlite3
+from lowcostnav_ros.messages.arrival import ArrivalMcap, ArrivalSqlite3, Names
+from lowcostnav_ros.messages.windows import Window
 
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _RECORD = 9  # opcode and length
@@ -232,12 +233,10 @@ class UnclosedReader:
         """Topics, of every file on its own."""
         return [connection for storage in self._storages for connection in storage.connections]
 
-    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yield (connection, stamp ns, CDR bytes) in order."""
+    def windows(self, names: Names) -> Iterator[Window]:
+        """Yield all messages of some topics in windows, in order."""
         for storage in self._storages:
-            wanted = [connection for connection in connections if connection.owner is storage]
-            if wanted:
-                yield from storage.messages(wanted)
+            yield from storage.windows(names)
 
     def close(self) -> None:
         """Close the files."""

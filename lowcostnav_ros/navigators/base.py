@@ -18,14 +18,16 @@ from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.calibration.imu_look import look_at
 from lowcostnav_ros.cores.imu_errors import AUTO, as_seen, times_the_profile
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import NO_CORRECTION, RECOVERED, SLACK_NS, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
+from lowcostnav_ros.estimation.aiding import NO_CORRECTION, RECOVERED, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
 from lowcostnav_ros.estimation.clocks import HELD
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.horizon import HOLE_NS, TIME_JUMPED, FusionHorizon, unbroken
 from lowcostnav_ros.estimation.inertial_spikes import InertialSpikes, Jolt
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.estimation.time_offsets import TimeOffsets
+from lowcostnav_ros.navigators.channel import Channel
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
+from lowcostnav_ros.navigators.solutions import is_sound
 from lowcostnav_ros.navigators.trust import Trust
 from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.physics.mounting import mounted, mounting_dcm
@@ -90,30 +92,6 @@ class NavigatorStatus:
     integrity: Integrity | None = None
     details: Mapping[str, str] = field(default_factory=dict)
     contradictions: tuple[Contradiction, ...] = ()
-
-
-class Channel:
-    """One topic of one sensor: the aids that its measurements go to, thinned to a period together."""
-
-    def __init__(self, aids: list[Aid]) -> None:
-        self.aids = aids
-        self.period_s: float = 0.0 if aids[0].thins_itself else aids[0].period_s
-        self._used_ns = -(10**18)
-
-    def begin(self, stamp_ns: int = -(10**18)) -> None:
-        """Count the period from here; without a stamp, take the next measurement whenever it comes."""
-        self._used_ns = stamp_ns
-
-    def is_due(self, stamp_ns: int) -> bool:
-        """Whether a period has passed since the last one: errors are slow, so that more would not add information."""
-        return stamp_ns - self._used_ns >= 1e9 * self.period_s - SLACK_NS
-
-    def due(self, stamp_ns: int) -> bool:
-        """Take one, if it is due."""
-        if not self.is_due(stamp_ns):
-            return False
-        self._used_ns = stamp_ns
-        return True
 
 
 class Navigator(ABC):
@@ -290,9 +268,18 @@ class Navigator(ABC):
         self.layout, self.core = layout, core
         shared = all(not aid.updates_alone for aid in self.aids)
         if shared and self.settings.horizon.stamps != "trust" and hasattr(core, "state_rate"):
-            self.offsets = core.history = self._declared_offsets()
+            self.offsets = self._declared_offsets()
+        self._take(core)
         for aid in self.aids:
             aid.attach(self)
+
+    def _take(self, core: Any) -> None:
+        """Fly a core, which may be new: it reports to what follows it."""
+        self.core = core
+        core.history = self.history if self.offsets is None else self.offsets
+        if self.offsets is not None:
+            self.offsets.history = self.history
+            self.offsets.restart()
 
     def _declared_offsets(self) -> TimeOffsets:
         """Offsets of stamps, of which nothing is known but what the settings declare."""
@@ -314,7 +301,7 @@ class Navigator(ABC):
         CorrectionNotFinite
             When it is none; the one place at which all navigators look.
         """
-        if not np.isfinite(dx).all():
+        if not math.isfinite(sum(dx.tolist())):
             raise CorrectionNotFinite
         self.core.correct(dx)
 
@@ -351,6 +338,10 @@ class Navigator(ABC):
             self.history.cut()
         self.core.become(core)
 
+    def doubt(self, stamp_ns: int) -> np.ndarray:
+        """What contradictions add to the covariance (9, 9) of position, velocity and attitude NED: m, m/s, rad."""
+        return self.trust.doubt(stamp_ns)
+
     def contradictions(self) -> tuple[Contradiction, ...]:
         """What contradicts what, for longer than a moment."""
         return self.trust.contradictions()
@@ -374,9 +365,12 @@ class Navigator(ABC):
 
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """Give a measurement to the aids of a channel, if it is due; return those that used it."""
-        wanted = [aid for aid in channel.aids if self.applies(aid, measurement)]
-        if not wanted or not channel.due(measurement.stamp_ns):
+        if not channel.is_due(measurement.stamp_ns):
             return []
+        wanted = [aid for aid in channel.aids if self.applies(aid, measurement)]
+        if not wanted:
+            return []
+        channel.begin(measurement.stamp_ns)
         used = [aid for aid in wanted if aid.due(measurement) and self.use_aid(aid, measurement)]
         for aid in channel.aids:
             aid.after(measurement, self)
@@ -562,19 +556,14 @@ class Navigator(ABC):
         self._restart()
         if self.history is not None:
             self.history.cut()
-        self._report_to_history()
+        if self.core is not None:
+            self._take(self.core)
 
     def keep_history(self) -> None:
         """Keep, from now on, what the smoother needs; the solutions stay the same to the bit."""
         self.history = History()
-        self._report_to_history()
-
-    def _report_to_history(self) -> None:
-        """Let the core, which may be new, report to what follows it."""
-        self.core.history = self.history
-        if self.offsets is not None:
-            self.offsets.history, self.core.history = self.history, self.offsets
-            self.offsets.restart()
+        if self.core is not None:
+            self._take(self.core)
 
     def publish(self, solution: NavSolution) -> None:
         """Give out the fused solution of the present state, with what there is to say of it."""
@@ -608,24 +597,33 @@ class Navigator(ABC):
         seen = {"imu": self.imu_words} if self.imu_words else {}
         return seen | {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark} | stamps
 
-    def _solution_at(self, t_ns: int, nav: np.ndarray, P: np.ndarray, rows: range, **further: Any) -> NavSolution:
-        """Solution with position, velocity and the states ``rows``; ``nav`` begins with lat, lon, height, velocity and ``P`` likewise."""
-        doubt = self.trust.doubt(t_ns)
+    def _solution_at(
+        self, t_ns: int, nav: np.ndarray, P: np.ndarray, first: int, *, with_attitude: bool = False, **further: Any
+    ) -> NavSolution:
+        """Solution with position, velocity and the states from ``first`` on.
+
+        ``nav`` begins with lat, lon, height, velocity and ``P`` likewise; ``with_attitude``: attitude errors follow them in ``P``.
+        """
+        cov = np.empty((3, 3, 3))
+        kalman.three_blocks(P, self.doubt(t_ns), with_attitude, cov)
+        lat, lon, height = nav[:3].tolist()
         return NavSolution(
-            *(int(t_ns), self.name, float(nav[0]), float(nav[1]), float(nav[2]), nav[3:6].copy()),
-            cov_pos=P[0:3, 0:3] + doubt[0:3, 0:3],
-            cov_vel=P[3:6, 3:6] + doubt[3:6, 3:6],
+            *(int(t_ns), self.name, lat, lon, height, nav[3:6].copy()),
+            cov_pos=cov[0],
+            cov_vel=cov[1],
+            cov_att=cov[2] if with_attitude else None,
             mode=self.mode,
-            states=self._states(P, rows),
+            states=self._states(P, first),
             integrity=self._integrity(),
             **further,
         )
 
-    def _states(self, P: np.ndarray, rows: range) -> dict[str, tuple[float, float]]:
-        """Estimates of some states with their sigmas, by label."""
-        part = slice(rows.start, rows.stop)
-        sigmas = kalman.root_of_diagonal(P, rows.start, rows.stop).tolist()
-        return dict(zip(self.layout.labels[part], zip(self.core.estimate[part].tolist(), sigmas, strict=True), strict=True))
+    def _states(self, P: np.ndarray, first: int, end: int | None = None) -> dict[str, tuple[float, float]]:
+        """Estimates of the states ``first`` to before ``end`` (None: the last) with their sigmas, by label."""
+        part = slice(first, end)
+        values, variances = self.core.estimate[part].tolist(), P.diagonal()[part].tolist()
+        sigmas = [math.sqrt(v) if v > 0.0 else 0.0 for v in variances]
+        return dict(zip(self.layout.labels[part], zip(values, sigmas, strict=True), strict=True))
 
     @abstractmethod
     def _fuse(self, item: Measurement) -> None:
@@ -657,33 +655,6 @@ class Navigator(ABC):
         return max(level_of(self.mode), Level.WARN) if self.contradictions() else level_of(self.mode)
 
 
-NO_COVARIANCE, NO_VECTOR = np.zeros((0, 0)), np.zeros(0)
-
-
-def is_sound(solution: NavSolution) -> bool:
-    """Whether all numbers of a solution are finite and no variance is negative: nothing else may leave a navigator."""
-    if solution.lat is not None and not math.isfinite(sum(solution.place)):
-        return False
-    covariances = solution.cov_pos, solution.cov_vel, solution.cov_att, solution.cov_wind
-    vectors = solution.vel_n, solution.specific_force_b, solution.q_nb, solution.wind_n, solution.angular_rate_b
-    return bool(
-        kalman.are_sound(
-            *[NO_COVARIANCE if cov is None else np.ascontiguousarray(cov) for cov in covariances],
-            *[NO_VECTOR if vector is None else np.ascontiguousarray(vector) for vector in vectors],
-        )
-    )
-
-
 def _phrase(reason: str) -> str:
     """What of a reason is news at once; the numbers in it are not."""
     return Reason.phrase_of(reason).partition(" for ")[0]
-
-
-def position_sigmas(P: np.ndarray) -> dict[str, float]:
-    """Sigmas of position and velocity, the first six states of ``P``."""
-    s = np.sqrt(np.maximum(np.diag(P), 0.0))
-    return {
-        "position_horizontal_m": float(np.hypot(s[0], s[1])),
-        "position_down_m": float(s[2]),
-        "velocity_horizontal_mps": float(np.hypot(s[3], s[4])),
-    }

@@ -20,8 +20,9 @@ from lowcostnav_ros.cores.motion import MotionCore
 from lowcostnav_ros.estimation.aiding import Decision, unique
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout
 from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.navigators.base import HorizonSettings, Navigator, position_sigmas
+from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.registry import navigator
+from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.starts.point_solution import point_solution, unknown_velocity
 
 
@@ -109,7 +110,7 @@ class GnssOnly(Navigator):
                 return
         self._judge(item)
         if self._fused_ns == item.stamp_ns:
-            self.publish(self._solution_at(item.stamp_ns, self.core.nav, self.P, range(6, self.layout.size)))
+            self.publish(self._solution_at(item.stamp_ns, self.core.nav, self.P, 6))
 
     def _start(self, epoch: GnssEpoch) -> bool:
         try:
@@ -137,7 +138,7 @@ class GnssOnly(Navigator):
             return None
         newest = self.horizon.newest_ns or self.core.t_ns
         nav, P = self.core.ahead(newest)
-        return self._solution_at(max(newest, self.core.t_ns), nav, P, range(6, self.layout.size))
+        return self._solution_at(max(newest, self.core.t_ns), nav, P, 6)
 
     def _integrity(self) -> Integrity:
         return self.receiver.integrity.report(self.core.t_ns)

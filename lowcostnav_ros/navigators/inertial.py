@@ -11,7 +11,7 @@ from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
-from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
@@ -23,8 +23,11 @@ from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, OwnHeadi
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.estimation.one_way import OneWay
-from lowcostnav_ros.navigators.base import Channel, HorizonSettings, Navigator, position_sigmas
+from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
+from lowcostnav_ros.navigators.channel import Channel
+from lowcostnav_ros.navigators.headings import UNSEEN, Headings
 from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
+from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew, wrap
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
@@ -44,6 +47,7 @@ DOWN, VAGUE_HEADING, STEEPEST = slice(8, 9), 30.0 * DEGREE, 0.9
 """Row of the heading; a sigma of it beyond which the track knows it better; sine of the pitch beyond which there is no heading."""
 UPSIDE_DOWN = np.eye(3) * np.pi**2
 """What is added to the covariance of the attitude when nobody knows which side of the IMU is up, rad^2."""
+NOTHING = (None,) * 4
 TRANSFER_SPAN_S = 0.2
 """Inertial data of this length is tested before a transfer alignment."""
 
@@ -70,6 +74,10 @@ class InertialNavigator(Navigator):
     ----------
     core : InertialCore
     layout : Layout
+    headings : Headings
+        The cores of several headings while it does not know its own.
+    tries_headings : bool
+        Whether it ever has several.
     lever_b, imu_arm_b : ndarray (3,)
         GPS antenna relative to the IMU, IMU relative to base_link, m.
     fix_word : str
@@ -78,13 +86,18 @@ class InertialNavigator(Navigator):
 
     inertial = IMU
     smooths = True
+    tries_headings = True
     fix_word = "GPS fix"
 
     def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
         super().__init__(settings, stations, latency_s)
+        if settings.alignment.any_heading and not self.tries_headings:
+            raise SettingsError(f"{self.name} does not try several headings: 'alignment.any_heading' is for ins_gps and ins_gnss.")
         gps, layout = getattr(settings, "gps", None), Layout(self.blocks())
         self.imu_arm_b = np.array(settings.imu.lever_arm_m, dtype=float)
+        self._is_off_base = bool(self.imu_arm_b.any())
         self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float) - self.imu_arm_b
+        self.headings = Headings()
         self._attach(layout, InertialCore(layout))
         self._compass = next(iter(self.aids_of(MagneticAid)), None)
         self.start = GpsStart(settings.alignment, settings.imu, layout, self._compass)
@@ -123,6 +136,7 @@ class InertialNavigator(Navigator):
     def return_to(self, core: InertialCore) -> None:
         """As every navigator; what was learnt of the IMU was learnt of GPS."""
         super().return_to(core)
+        self._close_headings()
         self.recovery.acquit()
         self.inertial_is_suspect = False
 
@@ -130,7 +144,7 @@ class InertialNavigator(Navigator):
         """As every navigator; after an alignment without it the magnetometer waits until GPS has shown the heading."""
         if isinstance(aid, MagneticAid) and self.recovery.compass_waits(self.core.t_ns, self.P):
             return "heading comes from GPS"
-        return super().excluded(aid)
+        return UNSEEN if self.headings.cores and aid.keeps_slots else super().excluded(aid)
 
     def recovery_s(self, aid: Aid, stamp_ns: int) -> float:
         """A second recovery to GPS within a minute comes sooner, and is another one."""
@@ -139,13 +153,15 @@ class InertialNavigator(Navigator):
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity and with its settings."""
         beyond = self.recovery.contradiction(self.core.estimate) if self._aligned else None
-        own = (self.axes.held, self.one_way.held, self.turned.held, beyond)
-        return (*super().contradictions(), *(held for held in own if held is not None))
+        own = self.axes.held, self.one_way.held, self.turned.held, beyond
+        others = super().contradictions()
+        return others if own == NOTHING else (*others, *(held for held in own if held is not None))
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
     def _restart(self) -> None:
         self._aligned = self._led_away = False
+        self.headings.close()
         self.axes.clear()
         self.one_way.clear()
         self.turned.clear()
@@ -169,12 +185,13 @@ class InertialNavigator(Navigator):
             self._begin_with(item)
         else:
             self.core.settle()
+            self.headings.settle()
             self._aid(item)
             if self._levelling_until_ns:
                 self._level_again(item)
             else:
                 self._recover(item)
-            self._judge()
+            self._judge(speaks=False)
 
     def _recover(self, item: Measurement) -> None:
         """Follow what became of GPS; begin anew in motion when it has been recovered to again and again."""
@@ -189,18 +206,18 @@ class InertialNavigator(Navigator):
                 off = aid.status.innovation if aid.measurement is GpsVelocity else None
                 recovery.note(item.stamp_ns, decision, 0.0 if off is None else float(np.linalg.norm(off)))
                 if decision is Decision.RECOVER and off is not None:
-                    self.core.widen(recovery.seen())
+                    self._widen(recovery.seen())
                 found = recovery.contradiction(self.core.estimate) or self.one_way.held
                 self.inertial_is_suspect = recovery.is_widened or found is not None
+        if not recovery.gathers:
+            self.start_is_fed = False
+            return
         start = None if self.trust.excludes(item) else self._gather(item)
         if recovery.is_lost and start is not None:
             self._begin_anew(start)
 
     def _gather(self, item: Measurement) -> Start | None:
         """Gather for an alignment in motion while GPS is rejected; the state that this measurement gives."""
-        if not self.recovery.gathers:
-            self.start_is_fed = False
-            return None
         if not self.start_is_fed:
             self.start.clear()
             self.start_is_fed = True
@@ -212,6 +229,7 @@ class InertialNavigator(Navigator):
         self.restarts["re-aligned in motion"] += 1
         if self.history is not None:
             self.history.cut()
+        self.headings.close()
         self.core.start(start.stamp_ns, start.nav, start.covariance)
         if self.offsets is not None:
             self.offsets.restart()
@@ -237,6 +255,7 @@ class InertialNavigator(Navigator):
         if not self._aligned:
             return
         while first < len(block):
+            self.headings.advance(block, first, self.output_period_ns)
             first = self.core.advance(block, first, self.output_period_ns)
             self._sampled_ns = self.core.t_ns
             if self.core.t_ns // self.output_period_ns != self._emitted:
@@ -283,6 +302,7 @@ class InertialNavigator(Navigator):
         if t_ns - self._sampled_ns > COAST_NS:
             self.realign(f"inertial data missing for more than {1e-9 * COAST_NS:.0f} s")
             return False
+        self._close_headings()  # of a turn in a hole nothing is known: what comes after it is cut anew
         while self.core.t_ns < t_ns:
             self.core.bridge(min(t_ns, (self.core.t_ns // self.output_period_ns + 1) * self.output_period_ns))
             if self.core.t_ns // self.output_period_ns != self._emitted:
@@ -292,6 +312,8 @@ class InertialNavigator(Navigator):
     def _put_out(self) -> None:
         """Give out the solution of an output period."""
         self._emitted = self.core.t_ns // self.output_period_ns
+        if self.headings.cores:
+            self._show_headings()
         for channel in self.clocked:
             self.use_channel(channel, Measurement(self.core.t_ns, IMU))
         self.trust.look(self.core.t_ns)
@@ -299,8 +321,40 @@ class InertialNavigator(Navigator):
         self.publish(self._solution(self.core.t_ns, self.core.nav, self.P, self.core.force_b, self.core.rate_b))
 
     def _aid(self, item: Measurement) -> None:
+        if self.tries_headings and not self._levelling_until_ns and self._holds_position(item):
+            self.headings.divide(self.core)
         if any(aid.is_fix for aid in self.use(item)):
             self._fused_fix_ns = item.stamp_ns
+
+    def _holds_position(self, item: Measurement) -> bool:
+        return any(aid.is_fix for channel in self.channels.get(item.source, ()) for aid in channel.aids)
+
+    def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
+        """As every navigator; while it tries several headings, each takes the measurement."""
+        if not self.headings.cores:
+            return self._use_watched(aid, measurement)
+        used = super().use_aid(aid, measurement)
+        if used:
+            self.headings.take(aid, measurement, self)
+            self._show_headings()
+        return used
+
+    # several headings --------------------------------------------------------------------------------------------------------
+
+    def _show_headings(self) -> None:
+        """Hold what all headings together say; with fixes no longer there to tell them apart, go on with that alone."""
+        last = self._fused_fix_ns
+        lost = last is not None and self.core.t_ns - last > 1e9 * self.settings.gps.timeout_s
+        if self.history is not None:
+            self.history.cut()  # what moves the state now is no linear filter's
+        if self.headings.show(self.core) or lost:
+            self._close_headings()
+
+    def _close_headings(self) -> None:
+        """Go on with one core."""
+        self.headings.close()
+        if self.offsets is not None:
+            self.offsets.rest(self.core.t_ns)
 
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """As every navigator; where a rate of turn is needed, that of the newest sample is taken."""
@@ -308,8 +362,10 @@ class InertialNavigator(Navigator):
             self.core.note()
         return super().use_channel(channel, measurement)
 
-    def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
-        """As every navigator; where GPS moves the attitude one way again and again, attitude and sensors are known less well."""
+    # sensors that GPS shows to be wrong --------------------------------------------------------------------------------------
+
+    def _use_watched(self, aid: Aid, measurement: Measurement) -> bool:
+        """Use a measurement; where GPS moves the attitude one way again and again, attitude and sensors are known less well."""
         if not aid.is_fix and not isinstance(aid, VelocityAid):
             return super().use_aid(aid, measurement)
         before = self.one_way.seen(self.P)
@@ -318,7 +374,7 @@ class InertialNavigator(Navigator):
             named = self.one_way.held is not None
             least = self.one_way.take(measurement.stamp_ns, self._moved, before - self.one_way.seen(self.P))
             if least is not None:
-                self.core.widen(least)
+                self._widen(least)
             if self.one_way.held is not None and not named:
                 self.recovery.lose(measurement.stamp_ns)
         if isinstance(measurement, GpsVelocity) and not self.excluded(aid) and (used or self._compass_agrees(measurement)):
@@ -342,18 +398,25 @@ class InertialNavigator(Navigator):
         track, sigma = math.atan2(east, north), self.settings.alignment.track_sigma_deg * DEGREE
         heading = math.atan2(C[1, 0], C[0, 0])
         apart = self.turned.compare(stamp_ns, heading, north, east)
-        if apart is not None or self.P[8, 8] > max(VAGUE_HEADING, 2.0 * sigma) ** 2:
+        is_vague = not self.tries_headings and self.P[8, 8] > max(VAGUE_HEADING, 2.0 * sigma) ** 2
+        if apart is not None or is_vague:
             reset_to(self, DOWN, np.array([wrap(track - heading)]), np.array([[sigma**2]]))
         if apart is not None:
-            self.core.widen(self.recovery.turned(stamp_ns, abs(apart)))
+            self._widen(self.recovery.turned(stamp_ns, abs(apart)))
+
+    def _widen(self, least: np.ndarray) -> None:
+        """Raise sigmas to those of ``least`` (n,); of several headings, go on with what they say together."""
+        if self.headings.cores:
+            self._close_headings()
+        self.core.widen(least)
 
     def correct(self, dx: np.ndarray) -> None:
         """As every navigator."""
         super().correct(dx)
         self._moved = dx
 
-    def _judge(self) -> None:
-        """Keep mode and reason in step with what was fused."""
+    def _judge(self, *, speaks: bool = True) -> None:
+        """Keep mode and reason in step with what was fused; what changes in the reason alone is told at outputs (``speaks``)."""
         now, last = self.core.t_ns, self._fused_fix_ns
         sigma, self._led_away = self._horizontal_sigma(), False
         if sigma > self.settings.failed_sigma_m:
@@ -364,12 +427,11 @@ class InertialNavigator(Navigator):
             self.mode, self.reason = Mode.GPS, "GPS position accepted"
             if self.trust.led_away is not None:
                 self.mode, self.reason, self._led_away = Mode.SUSPECT, self.trust.suspicion(), True
-        else:
+        elif found := self.trust.suspicion():
+            self.mode, self.reason = Mode.SUSPECT, found
+        elif speaks or self.mode != Mode.COASTING:
             since = 0.0 if last is None else 1e-9 * (now - last)
             self.mode, self.reason = Mode.COASTING, f"{self._why_no_fix(now)} for {since:.0f} s{self.outage_words(now)}"
-            found = self.trust.suspicion()
-            if found:
-                self.mode, self.reason = Mode.SUSPECT, found
 
     def _why_no_fix(self, now_ns: int) -> str:
         recent = (aid.status.reason for aid in self.aids if aid.is_fix and aid.status.stamp_ns > now_ns - RECENT_NS)
@@ -408,6 +470,8 @@ class InertialNavigator(Navigator):
         if imu is not None and imu != self.settings.imu:
             self._fly_on(imu)
         self.begin(start.stamp_ns, start.nav, start.covariance)
+        if start.headings:
+            self.headings.begin(self.core, start.headings)
         self._look_at_axes(start.stamp_ns)
         if self.start.turned is not None:
             self.recovery.distrust_compass(start.stamp_ns)
@@ -433,7 +497,6 @@ class InertialNavigator(Navigator):
         self.settings = replace(self.settings, imu=imu)
         layout = Layout(self.blocks())
         self._attach(layout, InertialCore(layout))
-        self.core.history = self.history
         self._remember(imu, layout)
 
     def _transfer(self, item: NavSolution) -> None:
@@ -454,6 +517,7 @@ class InertialNavigator(Navigator):
         if self._aligned:
             self.trust.witness.disturb(jolt, self.core.t_ns)
             self.core.disturb(jolt.kick, jolt.variance)
+            self.headings.disturb(jolt)
 
     # outputs -----------------------------------------------------------------------------------------------------------------
 
@@ -464,28 +528,31 @@ class InertialNavigator(Navigator):
         return self._solution(*self.core.predicted(block), *self.core.latest(block))
 
     def _solution(self, t_ns: int, nav: np.ndarray, P: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
-        wind = self.layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
-        if self.imu_arm_b.any():
+        wind = self.layout.get("wind") if self._wind_aids and any(aid.status.fused for aid in self._wind_aids) else None
+        if self._is_off_base:
             nav, P = at_base(nav, P, rate_b, self.imu_arm_b)
         return self._solution_at(
-            *(t_ns, nav, P, range(CORE, self.layout.size)),
+            *(t_ns, nav, P, CORE),
             q_nb=nav[6:10].copy(),
             angular_rate_b=rate_b,
             specific_force_b=force_b,
-            cov_att=P[ATT, ATT] + self._attitude_doubt(t_ns),
+            with_attitude=True,
             wind_n=None if wind is None else self.core.estimate[wind].copy(),
             cov_wind=None if wind is None else P[wind, wind].copy(),
         )
 
-    def _attitude_doubt(self, t_ns: int) -> np.ndarray:
-        """What contradictions add to the covariance (3, 3) of the attitude, rad^2."""
-        doubt = self.trust.doubt(t_ns)[ATT, ATT]
-        return doubt + UPSIDE_DOWN if self._began_over and self.axes.held is not None else doubt
+    def doubt(self, t_ns: int) -> np.ndarray:
+        """As every navigator; of an attitude that may be upside down nothing is known."""
+        doubt = self.trust.doubt(t_ns)
+        if self._began_over and self.axes.held is not None:
+            doubt = doubt.copy()
+            doubt[ATT, ATT] += UPSIDE_DOWN
+        return doubt
 
     def _sigmas(self) -> dict[str, float]:
         if not self._aligned:
             return {}
-        P = self.P[:CORE, :CORE] + self.trust.doubt(self.core.t_ns)
+        P = self.P[:CORE, :CORE] + self.doubt(self.core.t_ns)
         north, east, down = np.sqrt(np.maximum(np.diag(P)[ATT], 0.0)) / DEGREE
         return position_sigmas(P) | {"tilt_deg": float(np.hypot(north, east)), "heading_deg": float(down)}
 

@@ -244,8 +244,8 @@ class InsGnss(InertialNavigator):
         """Whether the satellites' integrity tests say so."""
         return self.receiver is not None and bool(self.receiver.integrity.status.alarm)
 
-    def _judge(self) -> None:
-        super()._judge()
+    def _judge(self, *, speaks: bool = True) -> None:
+        super()._judge(speaks=speaks)
         if self.receiver is None:
             return
         if self.mode == Mode.GPS:

@@ -42,6 +42,7 @@ class PseudoliteIns(InertialNavigator):
     needs = ("gps", "pseudolite")
     required = (IMU, RAW)
     fix_word = "transmitter"
+    tries_headings = False  # ambiguities of carriers are of one state
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether the solution is held, by GPS or by transmitters."""
@@ -66,8 +67,8 @@ class PseudoliteIns(InertialNavigator):
         for part in found:
             super()._prepare(part)
 
-    def _judge(self) -> None:
-        super()._judge()
+    def _judge(self, *, speaks: bool = True) -> None:
+        super()._judge(speaks=speaks)
         if self.mode != Mode.GPS:
             return
         used = sum(aid.used for aid in self._receivers_of_carriers if aid.is_fresh(self.core.t_ns))

@@ -6,7 +6,6 @@ in the covariance until GPS comes back to the witness (then the navigator does, 
 it, or :data:`LASTS_NS` have passed.
 """
 
-from collections.abc import Iterable
 from itertools import chain
 from typing import Any
 
@@ -82,8 +81,10 @@ class Trust:
             if source:
                 check = ReceiverCheck(source, velocity.source, velocity.settings.memory_s)
                 self.receivers |= {aid: check for aid in (velocity, fix) if aid is not None}
+        self._receiving = tuple(self.receivers)  # walked at every output
         topics = (topic if topic in host.inputs else "" for topic in (AIR, STATIC, EPOCHS))
         self.checks = SourceChecks(list(dict.fromkeys(self.receivers.values())), *topics)
+        self._of_receivers = frozenset(source for check in self.checks.receivers for source in check.sources)
         self.witness, self.told = Witness(host.output_period_ns), False
         self.forget_state()
 
@@ -108,6 +109,8 @@ class Trust:
 
         A velocity that contradicts the fixes and never agreed with them has spoilt what was begun with it.
         """
+        if item.source not in self._of_receivers:
+            return self.checks.take(item, self.agreement)
         before = [check.disagreement.held for check in self.checks.receivers]
         refusal = self.checks.take(item, self.agreement)
         for check, held in zip(self.checks.receivers, before, strict=True):
@@ -151,23 +154,26 @@ class Trust:
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """What contradicts what, for longer than a moment."""
-        latched = (latch.held for latch in self._latches)
-        own = (held for held in (*latched, self.led_away) if held is not None)
-        return (*self.host.horizon.clocks.contradictions(), *self.checks.held(), *self._unresolved(), *own)
+        latched = [latch.held for latch in self._latches if latch.held is not None]
+        own = latched if self.led_away is None else [*latched, self.led_away]
+        clocks, checked, unresolved = self.host.horizon.clocks.contradictions(), self.checks.held(), self._unresolved()
+        return (*clocks, *checked, *unresolved, *own) if checked or unresolved or own else clocks  # nearly always nothing
 
-    def _unresolved(self) -> Iterable[Contradiction]:
+    def _unresolved(self) -> list[Contradiction]:
         """GPS that the state contradicts, and no check can tell which of them is wrong."""
-        for aid in self.receivers:
+        found = []
+        for aid in self._receiving:
             since_ns = aid.rejecting_since_ns
             if aid.unresolved is None or since_ns is None or aid.unresolved[0] - since_ns < DISAGREES_NS or self.host.excluded(aid):
                 continue
             size = float(np.linalg.norm(aid.unresolved[1]))
-            yield Contradiction(GPS_DISAGREES, (aid.source, self.host.inertial or self.host.name), size, unit_of(aid), since_ns)
+            found.append(Contradiction(GPS_DISAGREES, (aid.source, self.host.inertial or self.host.name), size, unit_of(aid), since_ns))
+        return found
 
     @property
     def suspects_gps(self) -> bool:
         """Whether the prediction contradicts GPS, and no check can tell which of them is wrong."""
-        return self.led_away is not None or next(iter(self._unresolved()), None) is not None
+        return self.led_away is not None or bool(self._unresolved())
 
     def suspicion(self) -> str:
         """What speaks against the position of GPS or of the solution, in words; a frozen receiver is merely lost."""
@@ -183,7 +189,7 @@ class Trust:
         """
         added = self._added
         late = None if self.host.offsets is None else self.host.offsets.doubt()
-        if late is None and self.away is None and all(aid.unresolved is None for aid in self.receivers):
+        if late is None and self.away is None and all(aid.unresolved is None for aid in self._receiving):
             return added
         added = added.copy()
         if late is not None:
@@ -223,7 +229,7 @@ class Trust:
             self._hear(now_ns)
         elif not host.inertial_is_suspect and host.gps_good(now_ns) and not host.gps_alarm() and since_ns is None:
             self._good_ns, self._good_since_ns = now_ns, now_ns if self._good_since_ns is None else self._good_since_ns
-            if now_ns - self._good_since_ns >= SETTLED_NS and all(aid.rejecting_since_ns is None for aid in self.receivers):
+            if now_ns - self._good_since_ns >= SETTLED_NS and all(aid.rejecting_since_ns is None for aid in self._receiving):
                 self.witness.keep(host.core)
         elif now_ns - self._good_ns > PENDING_NS or all(aid.rejecting_since_ns is None for aid in self.receivers):
             self._good_since_ns = None
@@ -234,11 +240,11 @@ class Trust:
         since = [found.since_ns for found in self._unresolved()]
         if self.told or self.host.gps_alarm() or self._drift() > 1.0:
             since.append(now_ns - SLOW_NS)
-        return min(since, default=None)
+        return min(since) if since else None
 
     def _drift(self) -> float:
         """By how much what is taken from GPS differs from the prediction over some seconds, 1: as it rarely does."""
-        return max((aid.drift for aid in self._watched), default=0.0)
+        return max([aid.drift for aid in self._watched]) if self._watched else 0.0
 
     def _hear(self, now_ns: int) -> None:
         """Compare the navigator's state with the witness."""

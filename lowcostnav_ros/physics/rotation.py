@@ -37,14 +37,20 @@ def skew(v):
 
 
 @kernel
+def product(p, q):
+    """Hamilton product p (x) q as a tuple, which costs a kernel no memory; so do :func:`turn_of`, :func:`rotated` and :func:`rows_of`."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+    )
+
+
+@kernel
 def quat_multiply(p, q):
     """Hamilton product p (x) q, shape (4,): the rotation q first, then p."""
-    out = np.empty(4)
-    out[0] = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
-    out[1] = p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2]
-    out[2] = p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1]
-    out[3] = p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0]
-    return out
+    return np.array(product(p, q))
 
 
 @kernel
@@ -60,12 +66,18 @@ def quat_normalise(q):
 
 
 @kernel
-def quat_from_rotvec(rotvec):
-    """Unit quaternion, shape (4,), of the rotation vector ``rotvec`` (3,), rad: the exponential map, exact for any angle."""
+def turn_of(rotvec):
+    """Unit quaternion of a rotation vector, rad, as a tuple: the exponential map, exact for any angle."""
     angle2 = rotvec[0] * rotvec[0] + rotvec[1] * rotvec[1] + rotvec[2] * rotvec[2]
     angle = math.sqrt(angle2)
     factor = 0.5 - angle2 / 48.0 + angle2 * angle2 / 3840.0 if angle < SMALL_ANGLE else math.sin(0.5 * angle) / angle
-    return np.array([math.cos(0.5 * angle), factor * rotvec[0], factor * rotvec[1], factor * rotvec[2]])
+    return math.cos(0.5 * angle), factor * rotvec[0], factor * rotvec[1], factor * rotvec[2]
+
+
+@kernel
+def quat_from_rotvec(rotvec):
+    """Unit quaternion, shape (4,), of the rotation vector ``rotvec`` (3,), rad."""
+    return np.array(turn_of(rotvec))
 
 
 @kernel
@@ -84,20 +96,20 @@ def rotvec_from_quat(q):
 
 
 @kernel
+def rows_of(q):
+    """Rows of the rotation matrix of a unit quaternion, as tuples."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    return (
+        (w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z),
+    )
+
+
+@kernel
 def quat_to_dcm(q):
     """Rotation matrix of a unit quaternion, shape (3, 3): ``q_nb`` gives ``C_nb``."""
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    out = np.empty((3, 3))
-    out[0, 0] = w * w + x * x - y * y - z * z
-    out[0, 1] = 2.0 * (x * y - w * z)
-    out[0, 2] = 2.0 * (x * z + w * y)
-    out[1, 0] = 2.0 * (x * y + w * z)
-    out[1, 1] = w * w - x * x + y * y - z * z
-    out[1, 2] = 2.0 * (y * z - w * x)
-    out[2, 0] = 2.0 * (x * z - w * y)
-    out[2, 1] = 2.0 * (y * z + w * x)
-    out[2, 2] = w * w - x * x - y * y + z * z
-    return out
+    return np.array(rows_of(q))
 
 
 @kernel
@@ -172,16 +184,18 @@ def euler_to_dcm(roll, pitch, heading):
 
 
 @kernel
-def quat_rotate(q, v):
-    """Vector ``v`` (3,) turned by the unit quaternion ``q``: ``q_nb`` takes ``v_b`` to ``v_n``."""
+def rotated(q, v):
+    """Vector turned by a unit quaternion, as a tuple."""
     tx = 2.0 * (q[2] * v[2] - q[3] * v[1])
     ty = 2.0 * (q[3] * v[0] - q[1] * v[2])
     tz = 2.0 * (q[1] * v[1] - q[2] * v[0])
-    out = np.empty(3)
-    out[0] = v[0] + q[0] * tx + q[2] * tz - q[3] * ty
-    out[1] = v[1] + q[0] * ty + q[3] * tx - q[1] * tz
-    out[2] = v[2] + q[0] * tz + q[1] * ty - q[2] * tx
-    return out
+    return v[0] + q[0] * tx + q[2] * tz - q[3] * ty, v[1] + q[0] * ty + q[3] * tx - q[1] * tz, v[2] + q[0] * tz + q[1] * ty - q[2] * tx
+
+
+@kernel
+def quat_rotate(q, v):
+    """Vector ``v`` (3,) turned by the unit quaternion ``q``: ``q_nb`` takes ``v_b`` to ``v_n``."""
+    return np.array(rotated(q, v))
 
 
 @kernel

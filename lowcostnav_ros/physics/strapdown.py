@@ -20,14 +20,17 @@ import math
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.physics.earth import earth_rate_n, gravity, radii, transport_rate_n
+from lowcostnav_ros.physics.earth import EARTH_RATE, earth_rate_n, gravity, radii, transport_rate_n
 from lowcostnav_ros.physics.rotation import (
+    product,
     quat_conjugate,
     quat_from_rotvec,
     quat_multiply,
     quat_normalise,
     quat_rotate,
+    rotated,
     rotvec_from_quat,
+    turn_of,
     wrap,
 )
 
@@ -41,11 +44,17 @@ _MAX_ITERATIONS = 25
 
 @kernel
 def _cross(a, b):
-    out = np.empty(3)
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def _scaled(factor, a):
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+@kernel
+def _sum(a, b):
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @kernel
@@ -53,38 +62,30 @@ def _velocity_increment_b(dv, dtheta, dv_prev, dtheta_prev):
     """Specific-force increment referred to the body axes at the start of the interval: rotation compensation and sculling."""
     angle2 = dtheta[0] ** 2 + dtheta[1] ** 2 + dtheta[2] ** 2
     once = _cross(dtheta, dv)
-    sculling = (_cross(dtheta_prev, dv) + _cross(dv_prev, dtheta)) / 12.0
-    return dv + (0.5 - angle2 / 24.0) * once + (1.0 / 6.0 - angle2 / 120.0) * _cross(dtheta, once) + sculling
+    x, y, z = _sum(_cross(dtheta_prev, dv), _cross(dv_prev, dtheta))
+    turned = _sum(dv, _scaled(0.5 - angle2 / 24.0, once))
+    return _sum(_sum(turned, _scaled(1.0 / 6.0 - angle2 / 120.0, _cross(dtheta, once))), (x / 12.0, y / 12.0, z / 12.0))
 
 
 @kernel
-def _middle_rates(nav, dv_start_n, dt):
-    """Rates and acceleration at the middle of the interval.
+def _frame_rates(lat, height, vel):
+    """Rate of e relative to i, of n relative to e (n axes, rad/s), and acceleration over ground without specific force, m/s^2.
 
-    Returns (lat_mid, height_mid, rate of n relative to i (3,), gravity minus Coriolis (3,)).
+    The last is gravity - (2 omega_ie + omega_en) x v.
     """
-    vel = nav[3:6]
-    meridian, _ = radii(nav[LAT])
-    lat = nav[LAT] + 0.5 * dt * vel[0] / (meridian + nav[HEIGHT])
-    height = nav[HEIGHT] - 0.5 * dt * vel[2]
-    start = _coriolis_and_gravity(lat, height, vel)
-    vel_mid = vel + 0.5 * (dv_start_n + start * dt)
-    omega_in = earth_rate_n(lat) + transport_rate_n(lat, height, vel_mid)
-    return lat, height, omega_in, _coriolis_and_gravity(lat, height, vel_mid)
-
-
-@kernel
-def _coriolis_and_gravity(lat, height, vel_n):
-    """Acceleration over ground without specific force: gravity - (2 omega_ie + omega_en) x v, shape (3,), m/s^2."""
-    rate = 2.0 * earth_rate_n(lat) + transport_rate_n(lat, height, vel_n)
-    out = -_cross(rate, vel_n)
-    out[2] += gravity(lat, height)
-    return out
+    meridian, normal = radii(lat)
+    earth = EARTH_RATE * math.cos(lat), 0.0, -EARTH_RATE * math.sin(lat)
+    east = vel[1] / (normal + height)
+    transport = east, -vel[0] / (meridian + height), -east * math.tan(lat)
+    x, y, z = _cross(_sum(_scaled(2.0, earth), transport), vel)
+    return earth, transport, (-x, -y, -z + gravity(lat, height))
 
 
 @kernel
 def strapdown_step(nav, dv, dtheta, dv_prev, dtheta_prev, dt):
     """Advance ``nav`` in place over one interval.
+
+    Vectors are arrays or tuples of three; inside they are tuples, which cost no memory.
 
     Parameters
     ----------
@@ -98,19 +99,32 @@ def strapdown_step(nav, dv, dtheta, dv_prev, dtheta_prev, dt):
     dt : float
         Length of the interval, s.
     """
-    dv_n = quat_rotate(nav[6:10], _velocity_increment_b(dv, dtheta, dv_prev, dtheta_prev))
-    lat, height, omega_in, acceleration = _middle_rates(nav, dv_n, dt)
-    dv_n -= 0.5 * dt * _cross(omega_in, dv_n)  # the level frame turns under the increment by half on average
+    vel, q = (nav[3], nav[4], nav[5]), (nav[6], nav[7], nav[8], nav[9])
+    dv_n = rotated(q, _velocity_increment_b(dv, dtheta, dv_prev, dtheta_prev))
+    # the middle of the interval
+    meridian, _ = radii(nav[LAT])
+    lat = nav[LAT] + 0.5 * dt * vel[0] / (meridian + nav[HEIGHT])
+    height = nav[HEIGHT] - 0.5 * dt * vel[2]
+    _, _, start = _frame_rates(lat, height, vel)
+    vel_mid = _sum(vel, _scaled(0.5, _sum(dv_n, _scaled(dt, start))))
+    earth, transport, acceleration = _frame_rates(lat, height, vel_mid)
+    omega_in = _sum(earth, transport)
+    # the level frame turns under the increment by half on average
+    x, y, z = _scaled(0.5 * dt, _cross(omega_in, dv_n))
+    end = _sum(vel, _sum((dv_n[0] - x, dv_n[1] - y, dv_n[2] - z), _scaled(dt, acceleration)))
+    mean_vel = _scaled(0.5, _sum(vel, end))
     meridian, normal = radii(lat)
-    vel_start_n = nav[3:6].copy()
-    nav[3:6] += dv_n + acceleration * dt
-    mean_vel = 0.5 * (vel_start_n + nav[3:6])
     nav[LAT] += mean_vel[0] * dt / (meridian + height)
     nav[LON] = wrap(nav[LON] + mean_vel[1] * dt / ((normal + height) * math.cos(lat)))
     nav[HEIGHT] -= mean_vel[2] * dt
-    body_turn = quat_from_rotvec(dtheta + _cross(dtheta_prev, dtheta) / 12.0)
-    turned = quat_multiply(quat_from_rotvec(-dt * omega_in), quat_multiply(nav[6:10], body_turn))
-    nav[6:10] = quat_normalise(turned)
+    x, y, z = _cross(dtheta_prev, dtheta)
+    body_turn = turn_of(_sum(dtheta, (x / 12.0, y / 12.0, z / 12.0)))
+    q = product(turn_of(_scaled(-dt, omega_in)), product(q, body_turn))
+    size = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    for k in range(3):
+        nav[3 + k] = end[k]
+    for k in range(4):
+        nav[6 + k] = q[k] / size
 
 
 @kernel
@@ -124,8 +138,10 @@ def literal_step(nav, dv, dtheta, dt):
     omega_in = earth_rate_n(lat) + transport_rate_n(lat, height, vel)
     dtheta_nb = dtheta - dt * quat_rotate(quat_conjugate(nav[6:10]), omega_in)
     nav[6:10] = quat_normalise(quat_multiply(nav[6:10], quat_from_rotvec(dtheta_nb)))
-    dv_n = quat_rotate(nav[6:10], dv - 0.5 * _cross(dtheta_nb, dv))
-    nav[3:6] += dv_n + _coriolis_and_gravity(lat, height, vel) * dt
+    dv_n = rotated(nav[6:10], _sum(dv, _scaled(-0.5, _cross(dtheta_nb, dv))))
+    _, _, acceleration = _frame_rates(lat, height, vel)
+    for k in range(3):
+        nav[3 + k] += dv_n[k] + acceleration[k] * dt
     meridian, normal = radii(lat)
     mean_vel = 0.5 * (vel + nav[3:6])
     nav[LAT] += mean_vel[0] * dt / (meridian + height)

@@ -1,6 +1,8 @@
 """Replay of a recording: the bag is read directly, without middleware, and fed in recorded order."""
 
+import copy
 import dataclasses
+import hashlib
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -8,22 +10,24 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from lowcostnav_ros.base.measurements import Measurement, NavSolution
+import numpy as np
+
+from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.catalogue.building import Registry, build_navigators
 from lowcostnav_ros.catalogue.config_files import config_dir, load_settings
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.estimation.air_data.computer import AIR, INPUTS, REQUIRED, AirDataComputer, AirDataComputerSettings
-from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages import topics, windows
 from lowcostnav_ros.messages.bag import BagError, BagReader
 from lowcostnav_ros.messages.decode import Decoder, decode
 from lowcostnav_ros.messages.foreign import offers
 from lowcostnav_ros.messages.foreign import options as word_options
 from lowcostnav_ros.messages.inputs import inputs_in
 from lowcostnav_ros.messages.rules import DecodeRules
-from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.replay.columns import columns_of
+from lowcostnav_ros.replay.columns import NavColumns, columns_of_messages
+from lowcostnav_ros.replay.digest import records_of_messages
 from lowcostnav_ros.replay.evaluation import Truth
 from lowcostnav_ros.replay.links import output_topic
 from lowcostnav_ros.replay.result import Bag, Recording, ReplayResult, SourceCounts
@@ -96,8 +100,9 @@ def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> Replay
 
 
 def _replayed(path: str | Path, options: ReplayOptions) -> ReplayResult:
-    with (_reader(path, options) as reader, _reader(path, options) as recorded, _reader(path, options) as reference):
-        return _Replay(reader, recorded, reference, options).run()
+    with _reader(path, options) as reader:
+        reference = reader.with_decoder(Decoder(copy.deepcopy(reader.decoder.rules)))
+        return _Replay(reader, reference, options).run()
 
 
 def _reader(path: str | Path, options: ReplayOptions) -> BagReader:
@@ -154,78 +159,112 @@ class Cast:
     def true_states(self, step_ns: int) -> Truth | None:
         """All true states and winds, one each ``step_ns``; None where the bag has no truth."""
         truth, last = Truth(), dict.fromkeys(self.true, -(2**62))
-        tracks, kept = {source: truth.winds if source == TRUE_WIND else truth.states for source in self.true}, []
-        for source, stamp_ns, raw in self.reference.stream(self.true_sources) if self.true else ():
-            if stamp_ns - last.get(source, stamp_ns - step_ns) >= step_ns:
-                state = self.reference.decoder.decode(source, self.reference.types[source], raw)
-                if source in self.true and isinstance(state, NavSolution):
-                    last[source] = stamp_ns
-                    kept.append(state)
-        for source, track in tracks.items():
-            track.add(columns_of([state for state in kept if state.source == source]))
+        tracks = {source: truth.winds if source == TRUE_WIND else truth.states for source in self.true}
+        for window in self.reference.windows(self.true_sources) if self.true else ():
+            for part, source, rows in self.reference.topics_of(window):
+                columns = columns_of_messages(*self.reference.decoder.decode_many(part, rows, self.reference.types[source]))
+                if source in tracks and len(columns):
+                    kept = thinned(columns.stamps_ns, step_ns, last[source])
+                    last[source] = int(columns.stamps_ns[kept[-1]]) if len(kept) else last[source]
+                    tracks[source].add(columns[kept])
         return truth if self.true else None
 
 
 class _Replay(Cast):
-    """One replay of one bag; a third reader gives what the aircraft recorded."""
+    """One replay of one bag, in one pass over it: identity, measurements, true states, and what the aircraft recorded of itself."""
 
-    def __init__(self, reader: BagReader, recorded: BagReader, reference: BagReader, options: ReplayOptions) -> None:
+    def __init__(self, reader: BagReader, reference: BagReader, options: ReplayOptions) -> None:
         super().__init__(reader, reference, options)
-        self.recorded, self.decode_s = recorded, 0.0
+        self.decode_s, self.identity = 0.0, hashlib.sha256()
         self.outputs = {output_topic(name): name for name in self.navigators if output_topic(name) in reader.types}
+        self.session: Session | None = None
+        self._written: list[tuple[str, NavColumns]] = []
+        self._beside = {source: _Ahead() for source in (*self.true, *self.outputs)}
+        self._recorded = Decoder(dataclasses.replace(reference.decoder.rules, origins={}, map_frames={}))
 
     def run(self) -> ReplayResult:
         """Read, feed, compare, sum up."""
-        began = perf_counter()
-        stream = self._timed(self.stream())
-        head = next(stream)
-        first_ns = first_stamp(head)
-        windows = [resolve(w, first_ns) for w in self.options.withhold]
-        for window in windows:
-            self._check_window(window, first_ns)
-        rules = self.reader.decoder.rules
-        further = self.options.out, rules, self.options.smooth, self.air_data
-        session = Session(self.navigators, windows, self.truth is not None, self.outputs, *further)
-        true = ((m.stamp_ns, (m,)) for m in self.reference.measurements(self.true_sources) if m.source in self.true)
-        alongside = _Alongside(session.feed_truth, true), _Alongside(session.feed_recorded, _recorded(self.recorded, self.outputs))
-        for measurement in itertools.chain([head], stream):
-            session.feed(measurement)
-            for reader in alongside:
-                reader.advance(session.newest_ns)
-            if self.options.on_progress is not None:
+        began, first_ns = perf_counter(), 0
+        for window in self.reader.windows():
+            window.update(self.identity)
+            measurements = self._measurements(window)
+            self._take_beside(window)
+            for measurement in measurements:
+                if self.session is None:
+                    first_ns = first_stamp(measurement)
+                    self.session = self._begin(first_ns)
+                self.session.feed(measurement)
+            if self.session is not None and self.options.on_progress is not None:
                 span = max(1, self.reader.end_ns - self.reader.start_ns)
-                self.options.on_progress(min(1.0, (session.newest_ns - first_ns) / span))
-        for reader in alongside:
-            reader.advance(math.inf)
-        result = session.finish()
+                self.options.on_progress(min(1.0, (self.session.newest_ns - first_ns) / span))
+        if self.session is None:
+            raise self.reader.nothing(self.fed)
+        self._hand_over(math.inf)
+        result = self.session.finish()
         wall_s = perf_counter() - began
         return timed(dataclasses.replace(result, recording=self._about()), wall_s, self.decode_s)
+
+    def _begin(self, first_ns: int) -> Session:
+        withheld = [resolve(w, first_ns) for w in self.options.withhold]
+        for window in withheld:
+            self._check_window(window, first_ns)
+        further = self.options.out, self.reader.decoder.rules, self.options.smooth, self.air_data
+        session = Session(self.navigators, withheld, self.truth is not None, self.outputs, *further)
+        session.alongside.append(self._hand_over)
+        return session
+
+    def _measurements(self, window: windows.Window) -> list[Measurement]:
+        began = perf_counter()
+        found = [m for m in self.reader.decoded(window.only(self.sources)) if m.source in self.fed]
+        self.decode_s += perf_counter() - began
+        return found
+
+    def _take_beside(self, window: windows.Window) -> None:
+        """Decode true states and what the aircraft recorded, to be handed over as the replay comes to their stamps."""
+        decoder, types = self.reference.decoder, self.reference.types
+        for part, source, rows in self.reference.topics_of(window.only(self.true_sources)) if self.true else ():
+            columns = columns_of_messages(*decoder.decode_many(part, rows, types[source]))
+            if source in self.true:
+                self._beside[source].add(columns.stamps_ns, columns)
+        written = _with_origins(self.reference, self.outputs) if self.options.out is not None else list(self.outputs)
+        for part, source, rows in self.reference.topics_of(window.only(written)) if self.outputs else ():
+            if source in self.outputs:
+                self._beside[source].add(*records_of_messages(part, rows, types[source]))
+            if self.options.out is not None:
+                solutions = columns_of_messages(*self._recorded.decode_many(part, rows, types[source]))
+                if source in self.outputs:
+                    self._written.append((self.outputs[source], solutions))
+
+    def _hand_over(self, newest_ns: float) -> None:
+        """Hand the session what is not newer than ``newest_ns``."""
+        assert self.session is not None
+        for source in self.true:
+            for _, columns in self._beside[source].up_to(newest_ns):
+                self.session.feed_truth(columns)
+        for source, name in self.outputs.items():
+            for stamps_ns, records in self._beside[source].up_to(newest_ns):
+                self.session.feed_recorded(name, stamps_ns, records)
+        for name, solutions in self._written:
+            self.session.files.add_recorded(name, solutions)
+        self._written.clear()
 
     def _check_window(self, window: Window, first_ns: int) -> None:
         """Refuse, before the work, a window in which there is nothing to withhold, and say what is silent there."""
         last: dict[str, int] = {}
         silent: dict[str, str] = {}
-        for source, _, raw in self.reference.stream(sorted(window.sources)):
-            stamp_ns = decode(source, self.reference.types[source], raw, self.reference.decoder.rules).stamp_ns
-            if window.holds(source, stamp_ns):
-                return
-            if stamp_ns >= window.end_ns and source not in silent and source in last:
-                silent[source] = f"{source} from {1e-9 * (last[source] - first_ns):.0f} to {1e-9 * (stamp_ns - first_ns):.0f} s"
-            last[source] = stamp_ns
+        with _reader(self.reader.path, self.options) as reader:  # its own files: this one is being read
+            for source, _, raw in reader.stream(sorted(window.sources)):
+                stamp_ns = decode(source, reader.types[source], raw, reader.decoder.rules).stamp_ns
+                if window.holds(source, stamp_ns):
+                    return
+                if stamp_ns >= window.end_ns and source not in silent and source in last:
+                    silent[source] = f"{source} from {1e-9 * (last[source] - first_ns):.0f} to {1e-9 * (stamp_ns - first_ns):.0f} s"
+                last[source] = stamp_ns
         ended = (f"{source} from {1e-9 * (last[source] - first_ns):.0f} s on" for source in sorted(last.keys() - silent.keys()))
         missing = f"; silent already, from the start: {', '.join([*silent.values(), *ended])}" if last else ""
         end_s = 1e-9 * max(last.values(), default=first_ns)
         span = f"the recording spans {1e-9 * first_ns:.1f} to {end_s:.1f} s (0 to {end_s - 1e-9 * first_ns:.1f} s from the start)"
         raise WithholdError(f"--withhold: nothing fell in the window '{window.text}'; {span}{missing}.")
-
-    def _timed(self, stream: Iterator[Measurement]) -> Iterator[Measurement]:
-        while True:
-            began = perf_counter()
-            measurement = next(stream, None)
-            self.decode_s += perf_counter() - began
-            if measurement is None:
-                return
-            yield measurement
 
     def _about(self) -> Recording:
         rejected: dict[str, dict[str, int]] = {}
@@ -234,7 +273,7 @@ class _Replay(Cast):
                 rejected.setdefault(source, {})[reason] = count
         counts = self.reader.counts
         inputs = {s: SourceCounts(counts[s], rejected.get(s, {})) for s in dict.fromkeys([*self.sources, *self.true_sources])}
-        bag = Bag(self.reader.path.name, self.reference.identity(), dict(sorted(counts.items())))
+        bag = Bag(self.reader.path.name, self.identity.hexdigest(), dict(sorted(counts.items())))
         remarks = {f"{name}: {aid.remark}": 1 for name, one in self.navigators.items() for aid in one.aids if aid.remark}
         remarks |= {f"{name}: {deprived}": 1 for name, one in self.navigators.items() if (deprived := ", ".join(one.deprived()))}
         remarks |= {f"{name}: IMU {one.imu_words}": 1 for name, one in self.navigators.items() if one.imu_words}
@@ -248,35 +287,40 @@ class _Replay(Cast):
         return Recording(bag, self.truth, self.selection.left_out, inputs, dict(sorted(self.reader.decoder.notes.items())) | remarks)
 
 
-class _Alongside:
-    """What another reader of the bag gives, handed to the session as far as the replay has come.
+class _Ahead:
+    """What has been read of a topic and is still ahead of the replay: stamps (n,), and rows of something."""
 
-    Parameters
-    ----------
-    hand_over : callable
-        Method of the session.
-    items : iterator of (int, tuple)
-        Stamp, ns, and the arguments of the method.
-    """
+    def __init__(self) -> None:
+        self._parts: list[tuple[np.ndarray, Any]] = []
 
-    def __init__(self, hand_over: Callable[..., None], items: Iterator[tuple[int, tuple[Any, ...]]]) -> None:
-        self._hand_over, self._items = hand_over, items
-        self._next = next(items, None)
+    def add(self, stamps_ns: np.ndarray, rows: Any) -> None:
+        """Append rows."""
+        if len(stamps_ns):
+            self._parts.append((stamps_ns, rows))
 
-    def advance(self, newest_ns: float) -> None:
-        """Hand over what is not newer than ``newest_ns``."""
-        while self._next is not None and self._next[0] <= newest_ns:
-            self._hand_over(*self._next[1])
-            self._next = next(self._items, None)
+    def up_to(self, newest_ns: float) -> Iterator[tuple[np.ndarray, Any]]:
+        """Give out the rows before the first one that is newer."""
+        while self._parts:
+            stamps_ns, rows = self._parts[0]
+            newer = np.flatnonzero(stamps_ns > newest_ns)
+            if not len(newer):
+                yield self._parts.pop(0)
+                continue
+            n = int(newer[0])
+            if n:
+                self._parts[0] = stamps_ns[n:], rows[n:]
+                yield stamps_ns[:n], rows[:n]
+            return
 
 
-def _recorded(reader: BagReader, names: dict[str, str]) -> Iterator[tuple[int, tuple[str, Any, NavSolution | None]]]:
-    """The fused solutions that were recorded: name, message, decoded solution."""
-    for source, _, raw in reader.stream(_with_origins(reader, names)) if names else ():
-        msgtype = reader.types[source]
-        decoded = reader.decoder.decode(source, msgtype, raw)
-        if source in names and decoded.stamp_ns:
-            yield decoded.stamp_ns, (names[source], from_cdr(raw, msgtype), decoded if isinstance(decoded, NavSolution) else None)
+def thinned(stamps_ns: np.ndarray, step_ns: int, last_ns: int) -> np.ndarray:
+    """Rows, each at least ``step_ns`` after the one before and the first so long after ``last_ns``."""
+    rows = []
+    for row, stamp_ns in enumerate(stamps_ns.tolist()):
+        if stamp_ns - last_ns >= step_ns:
+            rows.append(row)
+            last_ns = stamp_ns
+    return np.array(rows, dtype=np.int64)
 
 
 def _navigators(reader: BagReader, options: ReplayOptions) -> tuple[dict[str, Navigator], Selection]:

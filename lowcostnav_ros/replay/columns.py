@@ -9,13 +9,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.measurements import NavSolution
+from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.messages.columns import Columns
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, quats_to_euler, wrap
 
 _SHAPES: dict[str, tuple[int, ...]] = {"position": (3,), "vel_n": (3,), "q_nb": (4,), "wind_n": (2,)}
 _SHAPES |= {"cov_pos": (3, 3), "cov_vel": (3, 3), "cov_att": (3, 3), "cov_wind": (2, 2)}
 """Columns beside the stamps and the shape of one row."""
+_FIELDS = [field.name for field in dataclasses.fields(NavSolution)][2:]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -104,6 +106,25 @@ def columns_of(solutions: Sequence[NavSolution]) -> NavColumns:
 
     stamps = np.array([s.stamp_ns for s in solutions], dtype=np.int64)
     return NavColumns(stamps, **{name: rows(name, shape) for name, shape in _SHAPES.items()})
+
+
+def columns_of_messages(found: Sequence[Columns], rest: Sequence[tuple[int, Measurement]]) -> NavColumns:
+    """Turn those of the messages that :func:`.messages.decode.decode_many` decoded that are solutions into columns, by their rows."""
+    found = [columns for columns in found if columns.kind.measurement is NavSolution]
+    singles = [(row, one) for row, one in rest if isinstance(one, NavSolution)]
+    parts = [_columns_of_fields(columns) for columns in found] + ([columns_of([one for _, one in singles])] if singles else [])
+    if len(parts) < 2:
+        return parts[0] if parts else columns_of([])
+    rows = np.concatenate([*(columns.rows for columns in found), *([[row for row, _ in singles]] if singles else [])])
+    return concatenate(parts)[np.argsort(rows, kind="stable")]
+
+
+def _columns_of_fields(columns: Columns) -> NavColumns:
+    fields = dict(zip(_FIELDS, columns.fields, strict=False))
+    known = {name: np.array(fields[name], dtype=float) for name in _SHAPES if fields.get(name) is not None}
+    if fields.get("lat") is not None:
+        known["position"] = np.stack([fields[name] for name in ("lat", "lon", "height")], axis=1)
+    return blank_columns(columns.stamps_ns, **known)
 
 
 def blank_columns(stamps_ns: np.ndarray, **known: np.ndarray) -> NavColumns:

@@ -7,10 +7,21 @@ the padding of serialised messages is not defined, their numbers are.
 import hashlib
 import struct
 from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, NavSolution
+from lowcostnav_ros.messages import conversions as conv
+from lowcostnav_ros.messages import topics
+from lowcostnav_ros.messages.columns import whole_table
+from lowcostnav_ros.messages.samples import LEVEL
+from lowcostnav_ros.messages.store import from_cdr
+from lowcostnav_ros.messages.windows import Window
+from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.replay.columns import NavColumns
 from lowcostnav_ros.replay.result import Fused
 
 _DIAGONAL_6 = slice(None, None, 7)
@@ -39,6 +50,70 @@ def _packed(msg: Any, numbers: tuple, *covariances: tuple) -> bytes:
     return struct.pack(f"<q{len(numbers)}d", stamp_ns, *numbers) + b"".join(diagonals)
 
 
+def _records(stamps_ns: np.ndarray, *numbers: np.ndarray) -> np.ndarray:
+    """Records of n stamps as rows of 8-byte numbers, shape (n, m)."""
+    return np.hstack([np.asarray(stamps_ns, "<i8").view("<f8")[:, np.newaxis], *numbers])
+
+
+_FIELDS = {  # what the two functions above pack, in their order: vectors with their components, covariances with their diagonals
+    topics.ODOMETRY: (
+        *(("pose.pose.position", "xyz"), ("pose.pose.orientation", "xyzw"), ("twist.twist.linear", "xyz")),
+        *(("pose.covariance", _DIAGONAL_6), ("twist.covariance", _DIAGONAL_6)),
+    ),
+    topics.IMU: (
+        *(("orientation", "xyzw"), ("angular_velocity", "xyz"), ("linear_acceleration", "xyz"), ("orientation_covariance", _DIAGONAL_3)),
+        *(("angular_velocity_covariance", _DIAGONAL_3), ("linear_acceleration_covariance", _DIAGONAL_3)),
+    ),
+}
+
+
+def records_of_messages(window: Window, rows: np.ndarray, msgtype: str) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps (n,) and records (n, m) of fused messages in a window; those without a stamp, or malformed, are left out."""
+    table = whole_table(window, rows, msgtype)
+    if table is not None:
+        stamps = table["header.stamp.sec"].astype(np.int64) * 1_000_000_000 + table["header.stamp.nanosec"]
+        columns = [
+            table[name][:, parts] if isinstance(parts, slice) else np.stack([table[f"{name}.{part}"] for part in parts], axis=1)
+            for name, parts in _FIELDS[msgtype]
+        ]
+        records = _records(stamps, *columns)
+    else:
+        pack, found = imu_record if msgtype == topics.IMU else odometry_record, []
+        for row in rows.tolist():
+            with suppress(Exception):  # whatever a malformed buffer makes the parser raise
+                found.append(pack(from_cdr(window.raw(row), msgtype)))
+        records = np.frombuffer(b"".join(found), "<f8").reshape(len(found), -1 if found else 1)
+        stamps = np.ascontiguousarray(records[:, 0]).view("<i8")
+    return stamps[stamps > 0], records[stamps > 0]
+
+
+def records_of_solutions(solutions: Sequence[NavSolution], columns: NavColumns, origin: LocalFrame | None) -> np.ndarray:
+    """Records (n, m) of the fused messages of solutions, to the bit, without the messages: Odometry by an origin, Imu where it is None."""
+    return _imu_records(solutions, columns) if origin is None else _odometry_records(solutions, columns, origin)
+
+
+def _imu_records(solutions: Sequence[NavSolution], columns: NavColumns) -> np.ndarray:
+    force = np.array([np.zeros(3) if s.specific_force_b is None else s.specific_force_b for s in solutions])
+    absent = np.array([-1.0 if s.specific_force_b is None else 0.0 for s in solutions])
+    variances = np.zeros((len(solutions), 9))
+    variances[:, :3], variances[:, 6] = np.diagonal(columns.cov_att, axis1=1, axis2=2)[:, [1, 0, 2]], absent
+    rates = np.array([s.angular_rate_b for s in solutions], float)
+    return _records(columns.stamps_ns, conv.quats_to_ros(columns.q_nb), conv.swap_body(rates), conv.swap_body(force), variances)
+
+
+def _odometry_records(solutions: Sequence[NavSolution], columns: NavColumns, origin: LocalFrame) -> np.ndarray:
+    has_pos, has_att, has_vel = (np.isfinite(getattr(columns, name)[:, :1]) for name in ("position", "q_nb", "vel_n"))
+    unknown = np.eye(3) * conv.NOT_ESTIMATED
+    pairs = (has_pos, columns.cov_pos), (has_att, columns.cov_att), (has_vel, columns.cov_vel)
+    cov_pos, cov_att, cov_vel = (np.where(known[:, :, np.newaxis], cov, unknown) for known, cov in pairs)
+    places = np.where(has_pos, columns.position, (origin.lat, origin.lon, origin.height))
+    q_nb, vel_n = np.where(has_att, columns.q_nb, LEVEL), np.where(has_vel, columns.vel_n, 0.0)
+    in_map = places, q_nb, cov_pos, cov_att, vel_n, cov_vel, origin.origin_e, origin.C_le
+    positions, q_map, velocities, variances = conv.maps_from_local(*in_map)
+    rates = np.array([conv.NOT_ESTIMATED if s.angular_rate_b is None else UNKNOWN_VARIANCE for s in solutions])
+    return _records(columns.stamps_ns, positions, conv.quats_to_ros(q_map), velocities, variances, np.tile(rates[:, np.newaxis], 3))
+
+
 class Digest:
     """SHA-256 over records in order, with their count."""
 
@@ -46,10 +121,10 @@ class Digest:
         self.count = 0
         self._sha = hashlib.sha256()
 
-    def add(self, record: bytes) -> None:
-        """Add one packed record."""
-        self.count += 1
-        self._sha.update(record)
+    def add(self, records: np.ndarray) -> None:
+        """Add packed records (n, m)."""
+        self.count += len(records)
+        self._sha.update(records.tobytes())
 
     def __deepcopy__(self, _memo: dict) -> "Digest":
         copied = Digest()
@@ -86,16 +161,16 @@ class Comparison:
         self._replayed: deque[tuple[int, bytes]] = deque()
         self._recorded: deque[tuple[int, bytes]] = deque()
 
-    def add_replayed(self, stamp_ns: int, record: bytes) -> None:
-        """Take one replayed record in, stamps not decreasing."""
-        self.replayed.add(record)
+    def add_replayed(self, stamps_ns: np.ndarray, records: np.ndarray) -> None:
+        """Take replayed records (n, m) in, stamps not decreasing."""
+        self.replayed.add(records)
         if self.expected:
-            self._replayed.append((stamp_ns, _short(record)))
+            self._replayed.extend(zip(stamps_ns.tolist(), _short(records), strict=True))
 
-    def add_recorded(self, stamp_ns: int, record: bytes) -> None:
-        """Take one recorded record in, stamps not decreasing, and compare what can be compared."""
-        self.recorded.add(record)
-        self._recorded.append((stamp_ns, _short(record)))
+    def add_recorded(self, stamps_ns: np.ndarray, records: np.ndarray) -> None:
+        """Take recorded records (n, m) in, stamps not decreasing, and compare what can be compared."""
+        self.recorded.add(records)
+        self._recorded.extend(zip(stamps_ns.tolist(), _short(records), strict=True))
         self._pair()
 
     def finish(self) -> None:
@@ -155,5 +230,5 @@ class Comparison:
             self.first_difference_ns = stamp_ns
 
 
-def _short(record: bytes) -> bytes:
-    return hashlib.blake2b(record, digest_size=16).digest()
+def _short(records: np.ndarray) -> list[bytes]:
+    return [hashlib.blake2b(record, digest_size=16).digest() for record in np.ascontiguousarray(records)]

@@ -7,7 +7,7 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity
 from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.replay.columns import NavColumns, blank_columns, columns_of, concatenate, interpolate
+from lowcostnav_ros.replay.columns import NavColumns, blank_columns, concatenate, interpolate
 from lowcostnav_ros.replay.metrics import Errors, ErrorStatistics, error_row, errors_between
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.requirements import Coverage, monitors
@@ -226,9 +226,8 @@ class Evaluation:
         )
 
 
-def solution_columns(solutions: list) -> NavColumns:
-    """Solutions as columns (see :func:`.columns.columns_of`), kept in order of stamps."""
-    columns = columns_of(solutions)
+def in_order(columns: NavColumns) -> NavColumns:
+    """Columns in order of stamps."""
     if np.all(np.diff(columns.stamps_ns) >= 0):
         return columns
     return columns[np.argsort(columns.stamps_ns, kind="stable")]

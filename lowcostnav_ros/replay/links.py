@@ -2,20 +2,20 @@
 
 import copy
 import itertools
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.settings import parts_of
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.estimation.air_data.computer import AirDataComputer
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.base import Navigator
-from lowcostnav_ros.replay.digest import imu_record, odometry_record
 
 LONGEST_BURST_NS = 50_000_000
 """Where one navigator takes another's solution, inertial blocks are fed in pieces no longer than this: of a second of samples at once the
@@ -26,10 +26,6 @@ def output_topic(name: str) -> str:
     """Topic of a navigator's fused solution."""
     return fused_topics(name)[0]
 
-
-def recorder_of(msgtype: str) -> Callable[[Any], bytes]:
-    """The function that packs a fused message of this type for the digest."""
-    return imu_record if msgtype == topics.IMU else odometry_record
 
 COMPILES_S = 0.3
 
@@ -116,8 +112,6 @@ class Chain:
     ----------
     navigators : mapping of name to Navigator
     rules : DecodeRules, optional
-    every_message : bool
-        Whether a message is made of solutions that no navigator takes, too.
     air_data : AirDataComputer, optional
         Where nothing else gives an airspeed, this makes it of the pressures.
 
@@ -131,7 +125,6 @@ class Chain:
         self,
         navigators: Mapping[str, Navigator],
         rules: DecodeRules | None = None,
-        every_message: bool = False,
         air_data: AirDataComputer | None = None,
     ) -> None:
         rules, self.air_data = rules or DecodeRules(), air_data
@@ -140,14 +133,14 @@ class Chain:
         self._wanted = {source for link in self.links.values() for source in link.navigator.inputs}
         self._replaced = {topic for name in self.links for topic in fused_topics(name)}
         self._is_linked = not self._replaced.isdisjoint(self._wanted)
-        self._sending = {name for name, link in self.links.items() if every_message or link.sends(self._wanted)}
+        self._sending = {name for name, link in self.links.items() if link.sends(self._wanted)}
 
     def takes(self, measurement: Measurement) -> bool:
         """Whether a measurement is fed at all: solutions of its own navigators it makes anew."""
         return measurement.source not in self._replaced
 
-    def feed(self, measurement: Measurement) -> Iterator[tuple[str, NavSolution, Any]]:
-        """Feed one measurement to all that take its source; yield name, solution and message (None where none was made) in order."""
+    def feed(self, measurement: Measurement) -> Iterator[tuple[str, NavSolution]]:
+        """Feed one measurement to all that take its source; yield name and solution in order."""
         if self.takes(measurement):
             for piece in _pieces(measurement) if self._is_linked else (measurement,):
                 yield from self._distribute(piece)
@@ -161,15 +154,16 @@ class Chain:
 
     def fork(self) -> "Chain":
         """Return a copy that flies on from the present state on its own; settings and stations, which do not change, are shared."""
-        kept = [part for link in self.links.values() for part in (link.navigator.settings, link.navigator.stations)]
+        navigators = [link.navigator for link in self.links.values()]
+        kept = [part for navigator in navigators for part in (*parts_of(navigator.settings), navigator.stations)]
         return copy.deepcopy(self, {id(part): part for part in kept})
 
-    def _distribute(self, measurement: Measurement) -> Iterator[tuple[str, NavSolution, Any]]:
+    def _distribute(self, measurement: Measurement) -> Iterator[tuple[str, NavSolution]]:
         for name, link in self.links.items():
             if measurement.source in link.navigator.inputs:
                 for solution in link.feed(measurement):
                     message = link.message(solution) if name in self._sending else None
-                    yield name, solution, message
+                    yield name, solution
                     if message is not None:
                         for published in link.received(solution, message, self._wanted):
                             yield from self._distribute(published)

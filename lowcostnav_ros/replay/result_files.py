@@ -34,9 +34,9 @@ TRUTH_WIND_HEADER = "t_s,wind_north_mps,wind_east_mps"
 SUMMARY = "summary.json"
 GPS_HEADER = "t_s,lat_deg,lon_deg,height_m,withheld"
 
-_SOLUTION_FORMATS = ("%.10f", "%.10f", "%.4f", *("%.5f",) * 3, *("%.6f",) * 3, *("%.4f",) * 3, "%.6f", *("%.4f",) * 3)
-_TRUTH_FORMATS = ("%.10f", "%.10f", "%.4f", *("%.5f",) * 3, *("%.6f",) * 3)
-_ERROR_FORMATS = ("%.5f",) * (2 * len(AXES))
+_TRUTH_FORMAT = ",".join(("%.10f", "%.10f", "%.4f", *("%.5f",) * 3, *("%.6f",) * 3))
+_SOLUTION_FORMAT = ",".join((_TRUTH_FORMAT, *("%.4f",) * 3, "%.6f", *("%.4f",) * 3))
+_ERROR_FORMAT = ",".join(("%.5f",) * (2 * len(AXES)))
 STATES_PERIOD_NS = 1_000_000_000
 """States and integrity, which change slowly, are written this far apart."""
 
@@ -75,8 +75,8 @@ def seconds_text(stamp_ns: int) -> str:
     return f"{sign}{size // 1_000_000_000}.{size % 1_000_000_000:09d}"
 
 
-def _cells(formats: Sequence[str], values: Iterable[float]) -> list[str]:
-    return ["" if math.isnan(v) else f % v for f, v in zip(formats, values, strict=True)]
+def _cells(form: str, values: Iterable[float]) -> list[str]:
+    return (form % tuple(values)).replace("nan", "").split(",")
 
 
 class Table:
@@ -105,13 +105,13 @@ def solution_rows(columns: NavColumns, modes: Sequence[str]) -> list[list[str]]:
         np.degrees(columns.sigma_euler[:, 2]), columns.wind_n, sigma_wind,
     ])  # fmt: skip
     stamps = columns.stamps_ns.tolist()
-    return [[seconds_text(t), *_cells(_SOLUTION_FORMATS, row), m] for t, row, m in zip(stamps, values.tolist(), modes, strict=True)]
+    return [[seconds_text(t), *_cells(_SOLUTION_FORMAT, row), m] for t, row, m in zip(stamps, values.tolist(), modes, strict=True)]
 
 
 def truth_rows(columns: NavColumns) -> list[list[str]]:
     """Rows of :data:`TRUTH_HEADER`."""
     values = np.column_stack([_degrees(columns.position), columns.vel_n, np.degrees(columns.euler)])
-    return [[seconds_text(t), *_cells(_TRUTH_FORMATS, row)] for t, row in zip(columns.stamps_ns.tolist(), values.tolist(), strict=True)]
+    return [[seconds_text(t), *_cells(_TRUTH_FORMAT, row)] for t, row in zip(columns.stamps_ns.tolist(), values.tolist(), strict=True)]
 
 
 def wind_rows(columns: NavColumns) -> list[list[str]]:
@@ -123,7 +123,7 @@ def wind_rows(columns: NavColumns) -> list[list[str]]:
 def error_rows(errors: Errors) -> list[list[str]]:
     """Rows of :data:`ERRORS_HEADER`: estimate minus reference, then the navigator's own sigmas."""
     values = np.hstack([errors.values, errors.sigmas]).tolist()
-    return [[seconds_text(t), *_cells(_ERROR_FORMATS, row)] for t, row in zip(errors.stamps_ns.tolist(), values, strict=True)]
+    return [[seconds_text(t), *_cells(_ERROR_FORMAT, row)] for t, row in zip(errors.stamps_ns.tolist(), values, strict=True)]
 
 
 def aid_rows(status: AidStatus, computed: bool) -> list[list[str]]:

@@ -3,8 +3,8 @@
 import dataclasses
 from collections import Counter, defaultdict
 from collections.abc import Collection
+from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,12 +13,13 @@ from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.estimation.aiding import AidStatus, Reason
 from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.replay import result_files as files
-from lowcostnav_ros.replay.columns import columns_of
-from lowcostnav_ros.replay.digest import Comparison
-from lowcostnav_ros.replay.evaluation import Evaluation, solution_columns
+from lowcostnav_ros.replay.columns import NavColumns, columns_of
+from lowcostnav_ros.replay.digest import Comparison, records_of_solutions
+from lowcostnav_ros.replay.evaluation import Evaluation, in_order
 from lowcostnav_ros.replay.integrity import IntegrityRecord
-from lowcostnav_ros.replay.links import Link, recorder_of
+from lowcostnav_ros.replay.links import Link
 from lowcostnav_ros.replay.metrics import Errors
 from lowcostnav_ros.replay.result import AidSummary, ContradictionSummary, InputSummary, NavigatorResult, StampSummary
 
@@ -86,9 +87,9 @@ class NavigatorFiles:
         self.solutions, self.errors, self.aids, self.states, self.integrity, *self.smoothed = self._tables
         self._sampled_ns: int | None = None
 
-    def add(self, solutions: list[NavSolution]) -> None:
-        """Write solutions and, once a second, their further states and integrity."""
-        self.solutions.rows(files.solution_rows(columns_of(solutions), [s.mode for s in solutions]))
+    def add(self, solutions: list[NavSolution], columns: NavColumns) -> None:
+        """Write solutions, given as columns too, and, once a second, their further states and integrity."""
+        self.solutions.rows(files.solution_rows(columns, [s.mode for s in solutions]))
         for solution in solutions:
             if self._sampled_ns is None or solution.stamp_ns - self._sampled_ns >= files.STATES_PERIOD_NS:
                 self._sampled_ns = solution.stamp_ns
@@ -152,14 +153,14 @@ class NavigatorRun:
         self.mode_seconds: dict[str, float] = defaultdict(float)
         self.aids: dict[str, AidStatistics] = {}
         self.labels: dict[str, tuple[str, ...]] = {}
-        self._pack = recorder_of(link.msgtype)
         self._pending: list[NavSolution] = []
+        self._origins: list[LocalFrame | None] = []
         self._last: tuple[int, str] | None = None
         self._innovations: dict[str, np.ndarray | None] = {}
         self.navigator.on_aid = self._on_aid
 
-    def take(self, solution: NavSolution, message: Any) -> None:
-        """Take in a solution of the navigator and the fused message of it, None where there is nothing to publish."""
+    def take(self, solution: NavSolution) -> None:
+        """Take in a solution of the navigator."""
         self.solutions += 1
         self.contradictions.add(solution.stamp_ns, 1e-9 * self.navigator.output_period_ns, self.navigator.contradictions())
         if self._last is not None:
@@ -168,18 +169,32 @@ class NavigatorRun:
             self.mode_seconds[self._last[1] if since_s <= longest_s else Mode.SILENT] += since_s
         self._last = (solution.stamp_ns, solution.mode)
         self._pending.append(solution)
-        if message is not None:
-            self.comparison.add_replayed(solution.stamp_ns, self._pack(message))
+        self._origins.append(self.navigator.origin)
 
     def flush(self) -> None:
         """Write and evaluate what has come since the last flush."""
         if self._pending:
+            columns = columns_of(self._pending)
+            self._fingerprint(columns)
             if self.out is not None:
-                self.out.add(self._pending)
+                self.out.add(self._pending, columns)
             self.integrity.add(self._pending)
-            self.evaluation.add_solutions(solution_columns(self._pending))
-            self._pending = []
+            self.evaluation.add_solutions(in_order(columns))
+            self._pending, self._origins = [], []
         self.evaluation.advance()
+
+    def _fingerprint(self, columns: NavColumns) -> None:
+        """Take in what a node would publish of the pending solutions: nothing before there is an attitude, or an origin."""
+        first = 0
+        for origin, group in groupby(self._origins):
+            last = first + len(list(group))
+            rows = np.arange(first, last)
+            if self.link.is_attitude:
+                rows, origin = rows[np.isfinite(columns.q_nb[rows, 0])], None
+            if len(rows) and (self.link.is_attitude or origin is not None):
+                solutions = [self._pending[row] for row in rows.tolist()]
+                self.comparison.add_replayed(columns.stamps_ns[rows], records_of_solutions(solutions, columns[rows], origin))
+            first = last
 
     def smooth(self) -> None:
         """Smooth the whole pass, write and evaluate what comes of it."""
@@ -188,7 +203,7 @@ class NavigatorRun:
         if self.smoothed is not None and solutions:
             if self.out is not None:
                 self.out.add_smoothed(solutions)
-            self.smoothed.add_solutions(solution_columns(solutions))
+            self.smoothed.add_solutions(in_order(columns_of(solutions)))
             self.smoothed.advance()
 
     def _on_aid(self, status: AidStatus) -> None:

@@ -7,12 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros import __version__
-from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement
 from lowcostnav_ros.base.settings import settings_hash, to_mapping
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.estimation.air_data.computer import AirDataComputer
@@ -21,9 +20,9 @@ from lowcostnav_ros.estimation.horizon import TIME_JUMP_NS
 from lowcostnav_ros.messages.decode import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
-from lowcostnav_ros.replay.columns import NavColumns, blank_columns, columns_of
+from lowcostnav_ros.replay.columns import NavColumns, blank_columns, concatenate
 from lowcostnav_ros.replay.evaluation import MAX_GAP_NS, Evaluation, Truth, fix_columns, truth_columns
-from lowcostnav_ros.replay.links import Chain, recorder_of
+from lowcostnav_ros.replay.links import Chain
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.result import Place, ReplayResult, Times, WithoutGps
 from lowcostnav_ros.replay.runs import NavigatorFiles, NavigatorRun
@@ -68,13 +67,14 @@ class SessionFiles:
         if self.wind is not None and np.isfinite(columns.wind_n[0, 0]):
             self.wind.rows(files.wind_rows(columns))
 
-    def add_recorded(self, name: str, solution: NavSolution) -> None:
-        """Write one solution that the aircraft recorded."""
-        if self.folder is None or solution.lat is None:
+    def add_recorded(self, name: str, columns: NavColumns) -> None:
+        """Write solutions that the aircraft recorded, those with a position."""
+        columns = columns[np.isfinite(columns.position[:, 0])]
+        if self.folder is None or not len(columns):
             return
         if name not in self.recorded:
             self.recorded[name] = files.Table(self.folder / f"recorded_{name}.csv", files.SOLUTION_HEADER)
-        self.recorded[name].rows(files.solution_rows(columns_of([solution]), [solution.mode]))
+        self.recorded[name].rows(files.solution_rows(columns, [""] * len(columns)))
 
     def close(self) -> None:
         """Close all files."""
@@ -95,13 +95,18 @@ class Session:
     has_truth : bool
         Whether truth will come; without it withheld fixes are the reference.
     recorded : collection of str
-        Topics whose recorded solutions will be given to :meth:`feed_recorded` for comparison.
+        Topics whose recorded messages will be given to :meth:`feed_recorded` for comparison.
     out : Path, optional
         Folder of the result files.
     smooth : bool
         Whether every navigator that can is smoothed at the end.
     air_data : AirDataComputer, optional
         Makes the airspeed of pressures.
+
+    Attributes
+    ----------
+    alongside : list of callable
+        Called before every evaluation with the newest stamp, ns: what comes beside the measurements is handed over up to there.
     """
 
     def __init__(
@@ -126,11 +131,11 @@ class Session:
         self._clocks = Clocks(LATEST_NS, TIME_JUMP_NS)
         self.withheld: Counter[str] = Counter()
         self._flushed_ns: int | None = None
-        self._true_states: list[NavSolution] = []
-        self._true_winds: list[NavSolution] = []
+        self._true: dict[str, list[NavColumns]] = {"states": [], "winds": []}
+        self.alongside: list[Callable[[float], None]] = []
         recorded = set(recorded)
         self.runs: dict[str, NavigatorRun] = {}
-        self.chain = Chain(navigators, rules, every_message=True, air_data=air_data)
+        self.chain = Chain(navigators, rules, air_data)
         for name, link in self.chain.links.items():
             smoothed = Evaluation(self.kept, self.gaps, self.windows) if smooth and navigators[name].smooths else None
             out_files = self.files.navigator(name, smoothed is not None)
@@ -149,8 +154,8 @@ class Session:
                 self._write_fix(given, withheld=False)
             elif isinstance(given, GnssEpoch) and plausible:
                 self.gaps.add_epoch(given.stamp_ns, int(np.count_nonzero(given.range_valid)))
-            for name, solution, message in self.chain.feed(given):
-                self.runs[name].take(solution, message)
+            for name, solution in self.chain.feed(given):
+                self.runs[name].take(solution)
         if self._flushed_ns is None or self.newest_ns - self._flushed_ns > FLUSH_NS:
             self.flush()
 
@@ -173,45 +178,33 @@ class Session:
         self.newest_ns = self._clocks.time_ns or 0
         return plausible
 
-    def feed_truth(self, truth: TruthBlock | NavSolution) -> None:
-        """Take true states in; a solution without position and with wind is the true wind."""
+    def feed_truth(self, truth: TruthBlock | NavColumns) -> None:
+        """Take true states in, in order of arrival; columns without positions are the true wind."""
+        if isinstance(truth, TruthBlock):
+            self._take_truth("states", truth_columns(truth), _ten_hertz(truth_columns(truth)))
+        elif len(truth) and np.isfinite(truth.position[0, 0]):
+            self._true["states"].append(truth)
+        elif len(truth):
+            self._true["winds"].append(blank_columns(truth.stamps_ns, wind_n=truth.wind_n))
+
+    def _take_truth(self, name: str, columns: NavColumns, shown: NavColumns) -> None:
+        """Form errors against true states or winds from now on, and write those that are to be shown."""
         if self.truth is None:
             return
-        newest_ns = max((t.stamp_ns for t in self._true_states[-1:]), default=self.truth.newest_ns)
-        if newest_ns is not None and first_stamp(truth) < newest_ns - MAX_GAP_NS:  # the clock of the recording was set back
-            self.flush()
+        newest_ns = self.truth.newest_ns
+        if name == "states" and newest_ns is not None and columns.stamps_ns[0] < newest_ns - MAX_GAP_NS:
+            self._evaluate()  # the clock of the recording was set back
             self.truth = Truth()
             for run in self.runs.values():
                 run.evaluation.truth = self.truth
-        if isinstance(truth, TruthBlock):
-            columns = truth_columns(truth)
-            self.truth.states.add(columns)
-            self.files.add_truth(_ten_hertz(columns))
-            if self.kept is not None:
-                self.kept.states.add(_ten_hertz(columns))
-        else:
-            (self._true_winds if truth.lat is None else self._true_states).append(truth)
+        getattr(self.truth, name).add(columns)
+        self.files.add_truth(shown)
+        if self.kept is not None:
+            getattr(self.kept, name).add(_ten_hertz(columns))
 
-    def _take_truth(self, truth: Truth) -> None:
-        """Turn the true states that came as messages into columns, many at a time."""
-        states = columns_of(self._true_states)
-        stamps = np.array([t.stamp_ns for t in self._true_winds], dtype=np.int64)
-        winds = blank_columns(stamps, wind_n=columns_of(self._true_winds).wind_n)
-        for name, columns in (("states", states), ("winds", winds)):
-            if len(columns):
-                getattr(truth, name).add(columns)
-                self.files.add_truth(columns)
-                if self.kept is not None:
-                    getattr(self.kept, name).add(_ten_hertz(columns))
-        self._true_states, self._true_winds = [], []
-
-    def feed_recorded(self, name: str, message: Any, solution: NavSolution | None) -> None:
-        """Compare a fused message the aircraft recorded with the replay's (and write it, when it has a position)."""
-        run = self.runs[name]
-        stamp = message.header.stamp
-        run.comparison.add_recorded(stamp.sec * 1_000_000_000 + stamp.nanosec, recorder_of(run.link.msgtype)(message))
-        if solution is not None:
-            self.files.add_recorded(name, solution)
+    def feed_recorded(self, name: str, stamps_ns: np.ndarray, records: np.ndarray) -> None:
+        """Compare the records of fused messages the aircraft recorded with the replay's."""
+        self.runs[name].comparison.add_recorded(stamps_ns, records)
 
     def _withhold(self, held: Measurement) -> None:
         self.withheld[held.source] += 1
@@ -230,8 +223,15 @@ class Session:
     def flush(self) -> None:
         """Write and evaluate what has come; forget what is no longer needed."""
         self._flushed_ns = self.newest_ns
-        if self.truth is not None:
-            self._take_truth(self.truth)
+        for hand_over in self.alongside:
+            hand_over(self.newest_ns)
+        for name, parts in self._true.items():
+            for columns in _set_back(concatenate(parts)) if parts else ():
+                self._take_truth(name, columns, columns)
+            parts.clear()
+        self._evaluate()
+
+    def _evaluate(self) -> None:
         for run in self.runs.values():
             run.flush()
         if self.truth is not None and self.truth.newest_ns is not None:
@@ -278,6 +278,13 @@ def _stations(navigator: Navigator) -> list[Place]:
     """The radio stations a navigator knows, for the map."""
     table = getattr(navigator, "stations", None) or ()
     return [Place(s.ident, math.degrees(s.lat), math.degrees(s.lon)) for s in table]
+
+
+def _set_back(columns: NavColumns) -> Iterator[NavColumns]:
+    """Columns cut where their stamps go back by more than a gap: there the clock of the recording was set back."""
+    cuts = np.flatnonzero(np.diff(columns.stamps_ns) < -MAX_GAP_NS) + 1
+    for first, last in itertools.pairwise([0, *cuts.tolist(), len(columns)]):
+        yield columns[first:last]
 
 
 def _ten_hertz(columns: NavColumns) -> NavColumns:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.navigators.registry import known_modes
-from lowcostnav_ros.replay.result import ErrorSummary, NavigatorResult
+from lowcostnav_ros.replay.result import ErrorSummary, NavigatorResult, Recording
 
 HONEST = (0.5, 1.5)
 """Error over sigma, RMS: between these the sigmas are called honest."""
@@ -18,7 +18,13 @@ def distance(metres: float) -> str:
     return f"{metres:.0f} m" if metres >= 10.0 else f"{metres:.1f} m"
 
 
-def sentence(name: str, navigator: NavigatorResult, without_gps_s: float) -> str:
+def compared_with(recording: Recording | None) -> str:
+    """What errors are formed against where it is no truth but another filter's solution, such as ``autopilot``; else empty."""
+    topic = recording.truth if recording else None
+    return "" if topic is None or topic.startswith("truth/") else topic.rpartition("/")[0] or topic
+
+
+def sentence(name: str, navigator: NavigatorResult, without_gps_s: float, other: str = "") -> str:
     """Sum up one navigator.
 
     Parameters
@@ -27,6 +33,8 @@ def sentence(name: str, navigator: NavigatorResult, without_gps_s: float) -> str
     navigator : NavigatorResult
     without_gps_s : float
         How long there was no GPS, s.
+    other : str
+        The filter it is compared with, as :func:`compared_with` says: then nothing is said of its sigmas.
     """
     if navigator.solutions == 0:
         return f"{name}: no solution at all; it ended {navigator.mode_at_end} ({navigator.reason_at_end})."
@@ -41,6 +49,8 @@ def sentence(name: str, navigator: NavigatorResult, without_gps_s: float) -> str
     else:
         when = _availability(navigator) if errors.against_truth else "against withheld fixes"
     found = f"{_refused(navigator)}{_contradicted(navigator)}{_stamped(navigator)}"
+    if other:
+        return f"{name}: {when}, beside {other} {_sizes(part)}{found}."
     return f"{name}: {when}, {_sizes(part)}, {_honesty(part.error_over_sigma)}{found}."
 
 

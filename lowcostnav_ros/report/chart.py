@@ -1,15 +1,22 @@
 """Time charts: curves, sigma bands and dots over the flight, with GPS outages shaded."""
 
 import dataclasses
+import zlib
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.report import svg
-from lowcostnav_ros.report.decimate import thin, thin_dots, thin_envelope
+from lowcostnav_ros.report.decimate import straightened, thin, thin_dots, thin_envelope
 
 LEFT, RIGHT, TOP, BOTTOM = 62, 12, 20, 20
+HALF = 474
+"""Width of a chart that another stands beside."""
+UNITS, LEVELS = 10_000, 4_000
+"""Steps of time across a chart and of values up it."""
+FAR = 50
+"""Values are kept up to so many heights of the chart beyond it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,11 +33,13 @@ class Curve:
 
 @dataclasses.dataclass(frozen=True)
 class Band:
-    """A sigma band around zero: one-sigma values, drawn once and twice."""
+    """A sigma band: one-sigma values, drawn once and twice about zero, or about ``centre``."""
 
     t_s: np.ndarray
     sigma: np.ndarray
     colour: str
+    centre: np.ndarray | None = None
+    label: str = "sigma"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,8 +69,8 @@ class TimeAxis:
         """Seconds per unit of the axis, and its name."""
         return (60.0, "min") if self.end_s - self.start_s > 600.0 else (1.0, "s")
 
-    def x(self, t_s: np.ndarray | float, left: int, right: int) -> Any:
-        """Pixels of stamps on an axis from ``left`` to ``right``."""
+    def x(self, t_s: np.ndarray | float, left: float, right: float) -> Any:
+        """Where stamps land on an axis from ``left`` to ``right``."""
         return left + (np.asarray(t_s) - self.start_s) / max(self.end_s - self.start_s, 1e-9) * (right - left)
 
     def ticks(self, count: int) -> Iterator[tuple[float, str]]:
@@ -71,30 +80,58 @@ class TimeAxis:
         for value in ticks:
             yield self.start_s + value * unit, svg.tick_label(value, ticks) + (f" {name}" if value == ticks[-1] else "")
 
-    def drawing(self, label: str, left: int, right: int, size: tuple[int, int], content: str) -> str:
-        """A drawing along the axis, in which the common cursor is shown."""
-        cursor: dict[str, Any] = {"data_start": f"{self.start_s:.3f}", "data_end": f"{self.end_s:.3f}"}
-        return svg.drawing("chart", label, *size, content, **cursor, data_left=left, data_right=right)
+    def shading(self, top: float, height: float) -> str:
+        """Outages, in units of the axis."""
+        spans = ((float(self.x(a, 0, UNITS)), float(self.x(b, 0, UNITS))) for a, b in self.outages)
+        return "".join(svg.element("rect", x=f"{a:.0f}", y=top, width=f"{b - a:.1f}", height=height, class_="outage") for a, b in spans)
 
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """Where values land in a chart of ``width`` by ``height`` pixels."""
+    """The box of a chart of ``width`` by ``height`` pixels and what is inside it, in units that a reader's zoom does not change.
+
+    The inside is a drawing of its own, stretched into the box: what the page's script zooms is the part of it that is shown.
+    """
 
     axis: TimeAxis
-    low: float
-    high: float
     width: int
     height: int
+    low: float | None = None
+    high: float | None = None
+    left: int = LEFT
 
     def x(self, t_s: np.ndarray | float) -> Any:
-        """Pixels of stamps."""
-        return self.axis.x(t_s, LEFT, self.width - RIGHT)
+        """Units of stamps."""
+        return self.axis.x(t_s, 0, UNITS)
 
     def y(self, value: np.ndarray | float) -> Any:
-        """Pixels of values, kept within a little of the frame."""
-        share = (np.asarray(value) - self.low) / (self.high - self.low)
-        return TOP + (1.0 - np.clip(share, -0.02, 1.02)) * (self.height - TOP - BOTTOM)
+        """Units of values, from the top down; what is far beyond the box is kept at :data:`FAR` heights of it."""
+        assert self.low is not None and self.high is not None
+        share = (self.high - np.asarray(value)) / (self.high - self.low)
+        return np.clip(share, -FAR, FAR) * LEVELS
+
+    @property
+    def inner(self) -> tuple[int, int]:
+        """Width and height of the box, pixels."""
+        return self.width - self.left - RIGHT, self.height - TOP - BOTTOM
+
+    def pixel_x(self, t_s: np.ndarray | float) -> Any:
+        """Pixels of stamps."""
+        return self.axis.x(t_s, self.left, self.width - RIGHT)
+
+    def drawing(self, label: str, under: str, inside: str, over: str = "", unit: str = "") -> str:
+        """The whole chart: ``inside`` in units within the box, the rest in pixels below and above it."""
+        width, height = self.inner
+        levels = LEVELS if self.low is not None else height
+        shading = self.axis.shading(-FAR * levels, 2 * FAR * levels)
+        box = {"x": self.left, "y": TOP, "width": width, "height": height, "viewBox": f"0 0 {UNITS} {levels}"}
+        plot = svg.element("svg", shading + inside, class_="plot", preserveAspectRatio="none", **box)
+        frame = svg.element("rect", x=self.left, y=TOP, width=width, height=height, class_="frame")
+        data = {"start": f"{self.axis.start_s:.3f}", "end": f"{self.axis.end_s:.3f}", "unit": unit or None}
+        data |= {} if self.low is None else {"low": f"{self.low:.6g}", "high": f"{self.high:.6g}"}
+        kind = "chart" if self.width > HALF else "chart half"
+        named = {f"data_{key}": value for key, value in data.items()}
+        return svg.drawing(kind, label, self.width, self.height, under + frame + plot + over, **named)
 
 
 def time_chart(
@@ -122,12 +159,20 @@ def time_chart(
     items = [i for i in items if len(i.t_s) and np.isfinite(_values(i)).any()]
     if not items:
         return ""
-    frame = Frame(axis, *(limits or _limits(items)), width, height)
-    bands = [i for i in items if isinstance(i, Band)]
-    parts = [_shading(frame), *(_band(frame, b) for b in bands), _grid(frame)]
-    parts += [_curve(frame, i) if isinstance(i, Curve) else _dots(frame, i) for i in items if not isinstance(i, Band)]
-    parts += [svg.text(LEFT, 13, title, class_="title"), _legend(items, width)]
-    return axis.drawing(title, LEFT, width - RIGHT, (width, height), "".join(parts))
+    low, high = limits or _limits(items)
+    frame = Frame(axis, width, height, low, high)
+    ordered = [i for i in items if isinstance(i, Band)] + [i for i in items if not isinstance(i, Band)]
+    inside = "".join(_drawn(frame, i) for i in ordered)
+    over = svg.text(2, 13, title, class_="title") + _legend(items, width)
+    unit = title.rpartition("[")[2].partition("]")[0].partition(",")[0] if "[" in title else ""
+    return frame.drawing(title, svg.element("g", grid(frame), class_="axes"), inside, over, unit)
+
+
+def _drawn(frame: Frame, item: Item) -> str:
+    """One item, named for the reader's cursor."""
+    if isinstance(item, Band):
+        return _band(frame, item)
+    return _curve(frame, item) if isinstance(item, Curve) else _dots(frame, item)
 
 
 def _values(item: Item) -> np.ndarray:
@@ -149,52 +194,77 @@ def _limits(items: Sequence[Item]) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _shading(frame: Frame) -> str:
-    spans = [(float(frame.x(a)), float(frame.x(b))) for a, b in frame.axis.outages]
-    inner = frame.height - TOP - BOTTOM
-    return "".join(svg.element("rect", x=f"{a:.1f}", y=TOP, width=f"{b - a:.1f}", height=inner, class_="outage") for a, b in spans)
-
-
-def _grid(frame: Frame) -> str:
-    parts = []
-    ticks = svg.nice_ticks(frame.low, frame.high, 4)
+def grid(frame: Frame) -> str:
+    """Lines and labels of values and time."""
+    assert frame.low is not None and frame.high is not None
+    parts, lines = [], []
+    ticks, base = svg.nice_ticks(frame.low, frame.high, 4), frame.height - BOTTOM
     for value in ticks:
-        y = float(frame.y(value))
-        kind = "zero" if value == 0.0 else "grid"
-        parts.append(svg.element("line", x1=LEFT, x2=frame.width - RIGHT, y1=f"{y:.1f}", y2=f"{y:.1f}", class_=kind))
-        parts.append(svg.text(LEFT - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick", text_anchor="end"))
-    base = frame.height - BOTTOM
+        y = TOP + float(frame.y(value)) / LEVELS * (base - TOP)
+        line = f"M{frame.left} {y:.1f}H{frame.width - RIGHT}"
+        lines += [line] if value else []
+        parts += [] if value else [svg.element("path", d=line, class_="zero")]
+        parts.append(svg.text(frame.left - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick end"))
+    return svg.element("path", d="".join(lines), class_="grid") + "".join(parts) + time_grid(frame)
+
+
+def time_grid(frame: Frame) -> str:
+    """Lines and labels of the time."""
+    parts, lines, base = [], [], frame.height - BOTTOM
     for t_s, label in frame.axis.ticks(10 if frame.width > 600 else 5):
-        x = float(frame.x(t_s))
-        parts.append(svg.element("line", x1=f"{x:.1f}", x2=f"{x:.1f}", y1=TOP, y2=base, class_="grid"))
-        parts.append(svg.text(x, base + 13, label, class_="tick", text_anchor="middle"))
-    parts.append(svg.element("rect", x=LEFT, y=TOP, width=frame.width - LEFT - RIGHT, height=base - TOP, class_="frame"))
-    return "".join(parts)
+        x = float(frame.pixel_x(t_s))
+        lines.append(f"M{x:.1f} {TOP}V{base}")
+        parts.append(svg.text(x, base + 13, label, class_="tick mid"))
+    return svg.element("path", d="".join(lines), class_="grid") + "".join(parts)
 
 
 def _curve(frame: Frame, curve: Curve) -> str:
-    t, values = thin(curve.t_s, curve.values)
-    data = svg.path_data(frame.x(t), frame.y(values))
-    return svg.path(data, fill="none", stroke=curve.colour, stroke_width=curve.width, stroke_dasharray=curve.dash, stroke_linejoin="round")
+    x, y = straightened(*_units(frame, *thin(curve.t_s, curve.values)))
+    look = {"stroke": curve.colour, "stroke_width": curve.width, "stroke_dasharray": curve.dash}
+    return svg.path(svg.path_data(x, y), data_kind="curve", data_label=curve.label or None, **look)
 
 
 def _band(frame: Frame, band: Band) -> str:
-    """Draw a band, each stretch without a gap (NaN) for itself: where nothing was estimated there was no sigma."""
-    data: dict[float, list[str]] = {2.0: [], 1.0: []}
-    finite = np.flatnonzero(np.isfinite(band.sigma))
+    """Draw a band, each stretch without a gap (NaN) for itself: where nothing was estimated there was no sigma.
+
+    A band about zero is drawn as its upper half, of which the others are copies.
+    """
+    centre = np.zeros(len(band.sigma)) if band.centre is None else band.centre
+    halves: dict[float, list[str]] = {1.0: []} if band.centre is None else {2.0: [], 1.0: []}
+    finite = np.flatnonzero(np.isfinite(band.sigma) & np.isfinite(centre))
     for rows in np.split(finite, np.flatnonzero(np.diff(finite) > 1) + 1):
+        if not len(rows):
+            continue
         t, sigma = thin_envelope(band.t_s[rows], band.sigma[rows])
-        x = np.concatenate([frame.x(t), frame.x(t)[::-1]])
-        for times, paths in data.items():
-            paths.append(svg.path_data(x, np.concatenate([frame.y(times * sigma), frame.y(-times * sigma)[::-1]]), closed=True))
-    opacities = {2.0: 0.13, 1.0: 0.2}
-    return "".join(svg.path("".join(paths), fill=band.colour, fill_opacity=opacities[k], stroke="none") for k, paths in data.items())
+        middle = np.interp(t, band.t_s[rows], centre[rows])
+        for times, paths in halves.items():
+            upper = straightened(*_units(frame, t, middle + times * sigma))
+            lower = straightened(*_units(frame, t[::-1], middle[::-1] - times * sigma[::-1]))
+            if band.centre is None:
+                base = float(frame.y(0.0))
+                lower = np.array([upper[0][-1], upper[0][0]]), np.full(2, round(base))
+            paths.append(svg.path_data(np.concatenate([upper[0], lower[0]]), np.concatenate([upper[1], lower[1]]), closed=True))
+    look = {"fill": band.colour, "stroke": "none"}
+    if band.centre is not None:
+        shown = {2.0: 0.13, 1.0: 0.2}
+        parts = [svg.path("".join(paths), fill_opacity=shown[times], **look) for times, paths in halves.items()]
+        return svg.element("g", "".join(parts), class_="band")
+    data, base = "".join(halves[1.0]), float(frame.y(0.0))
+    name = f"b{zlib.crc32(data.encode()):08x}"
+    half = svg.path(data, data_kind="band", data_label=band.label, id=name, fill_opacity=0.2, **look)
+    copies = ((-1, 1.0), (2, 0.65), (-2, 0.65))  # two sigma at 0.13
+    uses = (svg.element("use", href=f"#{name}", transform=f"matrix(1 0 0 {k} 0 {(1 - k) * base:.1f})", opacity=o) for k, o in copies)
+    return svg.element("g", half + "".join(uses), class_="band")
 
 
 def _dots(frame: Frame, dots: Dots) -> str:
-    t, values = thin_dots(dots.t_s, dots.values)
-    data = svg.dots_data(np.asarray(frame.x(t)), np.asarray(frame.y(values)))
-    return svg.path(data, fill="none", stroke=dots.colour, stroke_width=dots.size, stroke_linecap="round")
+    x, y = _units(frame, *thin_dots(dots.t_s, dots.values))
+    look = {"stroke": dots.colour, "stroke_width": dots.size, "stroke_linecap": "round"}
+    return svg.path(svg.dots_data(x, y), data_kind="dots", data_label=dots.label or None, **look)
+
+
+def _units(frame: Frame, t_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.round(frame.x(t_s)), np.round(frame.y(values))
 
 
 def _legend(items: Sequence[Item], width: int) -> str:
@@ -202,8 +272,11 @@ def _legend(items: Sequence[Item], width: int) -> str:
     entries = {i.label: i for i in items if not isinstance(i, Band) and i.label}
     for label, item in reversed(entries.items()):
         x -= 6.2 * len(label)
-        parts.append(svg.text(x, 13, label, class_="legend"))
-        dash = item.dash if isinstance(item, Curve) else None
-        parts.append(svg.element("line", x1=x - 20, x2=x - 5, y1=9, y2=9, stroke=item.colour, stroke_width=2.5, stroke_dasharray=dash))
+        if isinstance(item, Dots):
+            mark = svg.element("circle", cx=f"{x - 10:.1f}", cy=9, r=2.5, fill=item.colour)
+        else:
+            ends: dict[str, Any] = {"x1": f"{x - 20:.1f}", "x2": f"{x - 5:.1f}", "y1": 9, "y2": 9}
+            mark = svg.element("line", **ends, stroke=item.colour, stroke_width=2.5, stroke_dasharray=item.dash)
+        parts.append(svg.element("g", mark + svg.text(x, 13, label, class_="legend"), class_="key", data_label=label))
         x -= 34
     return "".join(parts)

@@ -54,3 +54,35 @@ def thin_envelope(x: np.ndarray, y: np.ndarray, buckets: int = BUCKETS // 2) -> 
         for first, last in zip(starts, [*starts[1:], len(x)], strict=True)
     ]
     return x[keep], y[keep]
+
+
+def straightened(x: np.ndarray, y: np.ndarray, most: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
+    """Leave out points that lie within ``most`` of the line from the last point that is kept to the next one.
+
+    One pass: the slopes that pass every point left out so far within ``most`` stay a wedge, and where it closes a point is kept.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        ``x`` in order, rising or falling.
+    most : float
+        In the unit of ``y``; smaller than the line is wide.
+    """
+    keep, low, high = [0], -np.inf, np.inf
+    xs, ys = x.tolist(), y.tolist()
+    for k in range(1, len(xs)):
+        at = keep[-1]
+        run, rise = abs(xs[k] - xs[at]), ys[k] - ys[at]
+        if run > 0.0 and low <= rise / run <= high:
+            low, high = max(low, (rise - most) / run), min(high, (rise + most) / run)
+            continue
+        if k - 1 > at:
+            keep.append(k - 1)
+            run, rise = abs(xs[k] - xs[k - 1]), ys[k] - ys[k - 1]
+        if run > 0.0 and rise == rise:
+            low, high = (rise - most) / run, (rise + most) / run
+        else:  # a gap, or a step: both its ends are kept
+            keep.append(k)
+            low, high = -np.inf, np.inf
+    keep += [len(xs) - 1] if keep[-1] != len(xs) - 1 else []
+    return x[keep], y[keep]

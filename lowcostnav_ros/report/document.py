@@ -1,17 +1,80 @@
-"""The frame of every page: one self-contained HTML file with the house style and the common cursor."""
+"""The frame of every page: one self-contained HTML file with the house style, a table of contents, and the behaviour of its charts."""
 
+import re
 from collections.abc import Iterable
+from pathlib import Path
 
 from lowcostnav_ros.base.tables import Table
-from lowcostnav_ros.report.style import SCRIPT, STYLE
-from lowcostnav_ros.report.svg import escape
+from lowcostnav_ros.report.svg import element, escape
+
+_HERE = Path(__file__).parent
+_FEW = 4
+"""So many sections need no table of contents."""
+_SPEEDS = {str(k): f"{k}\N{MULTIPLICATION SIGN}" for k in (1, 5, 20, 60, 200)}
+_COLOURS = {"": "track: one colour", "error_m": "by error", "ratio": "by error over sigma", "mode": "by mode"}
 
 
-def document(name: str, sections: Iterable[str]) -> str:
-    """A whole page of some sections, under ``name`` in the browser."""
-    head = f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{escape(name)}</title><style>{STYLE}</style>'
-    body = f'<main>{"".join(sections)}</main><div id="when"></div><script>{SCRIPT}</script>'
+def document(name: str, sections: Iterable[str], flight: str = "") -> str:
+    """A whole page of some sections, under ``name`` in the browser.
+
+    Parameters
+    ----------
+    name : str
+    sections : iterable of str
+        HTML; what :func:`section` makes is listed in the table of contents.
+    flight : str
+        What there is to play, as JSON; see :mod:`.flight.playback`.
+    """
+    style, script, indicator = (_text(file) for file in ("page.css", "page.js", "attitude_indicator.js"))
+    view = '<meta name="viewport" content="width=device-width,initial-scale=1">'
+    head = f'<meta charset="utf-8">{view}<title>{escape(name)}</title><style>{style}</style>'
+    tools = _button("\N{CIRCLE WITH RIGHT HALF BLACK}", "light or dark", id="theme") + _button("whole flight", "zoom out", id="unzoom")
+    fixed = f'<div id="tools">{tools}</div><div id="when"></div>'
+    scripts = script
+    if flight:
+        data = flight.replace("<", "\\u003c")
+        fixed += f'{_player()}<script id="flight" type="application/json">{data}</script>'
+        scripts = indicator + script
+    body = f"<main>{_with_contents(list(sections))}</main>{fixed}<script>{scripts}</script>"
     return f'<!doctype html><html lang="en"><head>{head}</head><body>{body}</body></html>\n'
+
+
+def _text(file: str) -> str:
+    return (_HERE / file).read_text(encoding="utf-8")
+
+
+def _button(text: str, label: str, **attributes: str) -> str:
+    return element("button", text, aria_label=label, title=label, **attributes)
+
+
+def _player() -> str:
+    def choice(kind: str, label: str, options: dict[str, str]) -> str:
+        listed = "".join(element("option", text, value=value) for value, text in options.items())
+        return element("select", listed or " ", class_=kind, aria_label=label)
+
+    slide = element("input", type="range", min="0", step="any", value="0", class_="slide", aria_label="time")
+    play = _button("\N{BLACK RIGHT-POINTING TRIANGLE}", "play or pause", class_="play")
+    choices = choice("who", "navigator", {}) + choice("by", "colour of the track", _COLOURS)
+    fold = _button("\N{WHITE CIRCLE}", "attitude indicator", class_="fold")
+    horizon = '<div class="horizon"></div>'
+    parts = (play, choice("speed", "speed", _SPEEDS), slide, '<span class="time"></span>', choices, fold, horizon)
+    return f'<div id="player" hidden>{"".join(parts)}</div>'
+
+
+def _with_contents(sections: list[str]) -> str:
+    """The sections, with a table of contents behind the heading."""
+    found = list[str]()
+
+    def named(match: re.Match[str]) -> str:
+        found.append(match[1])
+        return f'<section id="s{len(found)}"><h2>{match[1]}</h2>'
+
+    body = re.sub(r"<section><h2>(.*?)</h2>", named, "".join(sections))
+    if len(found) <= _FEW:
+        return body
+    items = "".join(f'<li><a href="#s{k}">{text}</a></li>' for k, text in enumerate(found, 1))
+    head, end, rest = body.partition("</header>")
+    return f'{head}{end}<nav aria-label="contents"><ol>{items}</ol></nav>{rest}'
 
 
 def section(title: str, *parts: str) -> str:

@@ -7,9 +7,6 @@ from typing import Any
 
 import numpy as np
 
-TENTHS = 10.0
-"""Curves are written in tenths of a pixel, as whole numbers."""
-
 
 def escape(text: object) -> str:
     """Text fit for HTML and SVG."""
@@ -34,8 +31,8 @@ def drawing(kind: str, label: str, width: int, height: int, content: str, **attr
 
 
 def path_data(x: np.ndarray, y: np.ndarray, closed: bool = False) -> str:
-    """Path of a curve in tenths of a pixel, broken at NaN, in relative steps."""
-    px, py = np.round(np.asarray(x) * TENTHS), np.round(np.asarray(y) * TENTHS)
+    """Path of a curve of whole numbers, broken at NaN, in relative steps."""
+    px, py = np.round(np.asarray(x)), np.round(np.asarray(y))
     finite = np.isfinite(px) & np.isfinite(py)
     out: list[str] = []
     last: tuple[int, int] | None = None
@@ -66,15 +63,16 @@ def _joined(parts: list[str]) -> str:
 
 
 def dots_data(x: np.ndarray, y: np.ndarray) -> str:
-    """Path of separate dots (round caps of zero-length strokes)."""
+    """Path of separate dots (round caps of zero-length strokes), in relative steps."""
     finite = np.isfinite(x) & np.isfinite(y)
-    pairs = zip(np.round(x[finite] * TENTHS).astype(int).tolist(), np.round(y[finite] * TENTHS).astype(int).tolist(), strict=True)
-    return "".join(f"M{a} {b}h0" for a, b in pairs)
+    px, py = (np.round(v[finite]).astype(int) for v in (x, y))
+    steps = zip(np.diff(px, prepend=0).tolist(), np.diff(py, prepend=0).tolist(), strict=True)
+    return "".join(f"m{_pair(dx, dy)}h0" for dx, dy in steps)
 
 
 def path(data: str, **attributes: Any) -> str:
-    """A path given in tenths of a pixel."""
-    return element("path", d=data, transform="scale(.1)", vector_effect="non-scaling-stroke", **attributes) if data else ""
+    """A path, not filled unless a colour says so, whose stroke is as wide as it says however its drawing is stretched."""
+    return element("path", d=data, **{"fill": "none", **attributes}) if data else ""
 
 
 def nice_ticks(low: float, high: float, count: int = 5) -> list[float]:

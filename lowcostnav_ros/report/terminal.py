@@ -11,7 +11,7 @@ from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.replay.result import ReplayResult
 from lowcostnav_ros.replay.tables import tables
-from lowcostnav_ros.replay.words import sentence
+from lowcostnav_ros.replay.words import compared_with, sentence
 
 WIDTH = 100
 
@@ -53,7 +53,7 @@ def print_result(result: ReplayResult, console: Console) -> None:
     for table in tables(result):
         print_table(table, console)
     for name, navigator in result.navigators.items():
-        console.print(sentence(name, navigator, result.without_gps.total_s), highlight=False)
+        console.print(sentence(name, navigator, result.without_gps.total_s, compared_with(result.recording)), highlight=False)
 
 
 def _print_head(result: ReplayResult, console: Console) -> None:

@@ -49,6 +49,9 @@ MODULES = (
     "kawecki.models",
     "kawecki.signals",
     "kawecki.tests",
+    "njenga.static",
+    "njenga.filters",
+    "njenga.approach",
 )
 """Modules of this package that hold results; their folder is the study."""
 
@@ -57,6 +60,7 @@ STUDIES = {
     "solimeno": "A. Solimeno, Low-Cost INS/GPS Data Fusion with Extended Kalman Filter for Airborne Applications, MSc, IST Lisbon, 2007",
     "eggers": "J. W. Eggers, Development of a GPS-Aided Navigation System without INS for the USAF A-10 Aircraft, SM, MIT, 1995",
     "kawecki": "J. E. C. Kawecki, Initial Implementation and Testing of a Tightly-Coupled IMU/Pseudolite System, MSc, AFIT, 2015",
+    "njenga": "C. N. Njenga, Implementation of a Low-Cost MEMS Inertial Navigation Solution, MSc, Embry-Riddle, 2008",
 }
 """What each study is, for headings."""
 

@@ -6,19 +6,17 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from lowcostnav_ros.base.measurements import Measurement
-from lowcostnav_ros.base.settings import group, setting
+from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.formats.clock_fit import ClockFit
-from lowcostnav_ros.formats.parser import Parser, shifted
+from lowcostnav_ros.formats.parser import ARRIVAL, Parser, shifted
 from lowcostnav_ros.formats.records import CheckedRecords
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, WARN, Status
 from lowcostnav_ros.ros.node_base import Output
-from lowcostnav_ros.ros.port import BAUDS, Port, PortError, open_port, parse_source
-from lowcostnav_ros.ros.threaded_node import ThreadedNode
+from lowcostnav_ros.ros.port import BAUDS, Port, open_port, parse_source
+from lowcostnav_ros.ros.port_node import PortNode
 
 READ_S = 0.2
-REOPEN_S = 0.5
-"""A port that is gone is tried again this often."""
 TRY_S = 2.0
 """How long a baud rate is listened to before the next is tried."""
 
@@ -50,7 +48,7 @@ class PortSettings:
         parse_source(self.source)
 
 
-class DriverNode(ThreadedNode):
+class DriverNode(PortNode):
     """Base of the drivers; a subclass gives ``name``, ``Settings`` and :meth:`make_parser`, and may choose what is published."""
 
     name: ClassVar[str]
@@ -60,8 +58,13 @@ class DriverNode(ThreadedNode):
         super().__init__(self.name, [self.Settings()], **kwargs)
         self.settings: Any = self.parameters.settings[0]
         self.parser = self.make_parser()
+        self._is_file = self.settings.source.startswith("file:")
+        if self._is_file and self.parser.clock == ARRIVAL:
+            self.destroy_node()
+            raise SettingsError(f"{self.name}: its protocol carries no time, so a file cannot be timed; give a port or a socket.")
         self._checked, self._fit = CheckedRecords(), ClockFit()
-        self._state, self._trouble, self._bytes, self._opened, self._baud = "starting", "", 0, 0, self.settings.baud
+        self._bytes, self._turn, self._bauds = 0, 0, [self.settings.baud] if self.settings.baud else list(BAUDS)
+        self._baud = self._bauds[0]
         self._began: tuple[int, float] | None = None
         self._begin("port")
 
@@ -84,29 +87,14 @@ class DriverNode(ThreadedNode):
         values |= {"drift_ppm": f"{self._fit.drift_ppm:.1f}", "clock_steps": str(self._fit.steps)}
         yield Status(f"{self.get_name()}: port", level, self._trouble or self._state, values)
 
-    def _run(self) -> None:
-        bauds = [self.settings.baud] if self.settings.baud else list(BAUDS)
-        turn = 0
-        while self.running():
-            self._baud = bauds[turn % len(bauds)]
-            try:
-                port = open_port(self.settings.source, self._baud)
-            except PortError as error:
-                self._say(str(error))
-                self._stopping.wait(REOPEN_S)
-                continue
-            self._opened += 1
-            try:
-                turn += not self._listen(port, len(bauds) > 1 and self.settings.source.startswith(("/", "serial:")))
-            except PortError as error:
-                self._say(str(error))
-                self._stopping.wait(REOPEN_S)
-            except Exception as error:  # bad data in flight never ends a driver
-                if self.running():
-                    self._say(f"error in handling: {type(error).__name__}: {error}")
-                    self._stopping.wait(REOPEN_S)
-            finally:
-                port.close()
+    def _open(self) -> Port:
+        self._baud = self._bauds[self._turn % len(self._bauds)]
+        return open_port(self.settings.source, self._baud)
+
+    def _use(self, port: Port) -> None:
+        if self.parser.greeting:
+            port.write(self.parser.greeting)
+        self._turn += not self._listen(port, len(self._bauds) > 1 and self.settings.source.startswith(("/", "serial:")))
 
     def _listen(self, port: Port, is_searching: bool) -> bool:
         """Read until the port is gone; return False where no frame came at this rate."""
@@ -124,6 +112,7 @@ class DriverNode(ThreadedNode):
             now = time.monotonic()
             heard = now if data else heard
             self._bytes += len(data)
+            self.parser.arrived_ns = 0 if self._is_file else received_ns
             self._publish(self.parser.feed(data), received_ns)
             found = sum(self.parser.framer.frames.values()) > before
             if is_searching and not found and now - opened > TRY_S:
@@ -133,6 +122,9 @@ class DriverNode(ThreadedNode):
                 self._say(f"{self.settings.source} is open, but no bytes have come for {now - heard:.0f} s; check the wiring")
             elif found:
                 self._say("", f"{self.settings.source} open{f' at {self._baud} baud' if self._baud else ''}, messages come")
+            elif self._bytes and now - opened > TRY_S:
+                rate = f" at {self._baud} baud (0 finds the rate)" if self.settings.baud else ""
+                self._say(f"{self.settings.source} gives no known message{rate}; check what the device sends")
         return True
 
     def _publish(self, measurements: Iterable[Measurement], received_ns: int) -> None:
@@ -146,9 +138,12 @@ class DriverNode(ThreadedNode):
 
     def _timed(self, measurement: Measurement, received_ns: int) -> Measurement | None:
         """Return the measurement at its time by the clock that is asked for, None where that is not known yet."""
-        if self.settings.source.startswith("file:"):
+        if self._is_file:
             received_ns = self._paced(measurement.stamp_ns)
-        if self.settings.clock.source == "device":
+        offset_ns: int | None = 0
+        if self.parser.clock == ARRIVAL:
+            pass
+        elif self.settings.clock.source == "device":
             offset_ns = self.parser.utc_offset_ns
             if offset_ns is None:
                 self.parser.account.refused["message before the device knows UTC"] += 1
@@ -172,11 +167,3 @@ class DriverNode(ThreadedNode):
     def _output(self, topic: str) -> Output:
         first, slash, rest = topic.partition("/")
         return self.output(f"{first}{self.settings.instance}{slash}{rest}" if self.settings.instance > 1 else topic)
-
-    def _say(self, trouble: str, state: str = "") -> None:
-        """Take over the state; a new trouble is logged once."""
-        if trouble and trouble != self._trouble:
-            self.get_logger().warning(trouble)
-        elif self._trouble and not trouble:
-            self.get_logger().info(state)
-        self._trouble, self._state = trouble, state or self._state

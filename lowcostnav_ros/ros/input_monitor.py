@@ -64,7 +64,7 @@ class InputMonitor:
         self.trouble = ""  # set when the transport itself reports one: another type, an incompatible QoS
         self._taken = (0, 0)
         self._refusal = ""
-        self._started = clock()
+        self._started = self._learning_since = clock()
         self._last_arrival: float | None = None
         self._last_reject_at: float | None = None
         self._interval_s = 0.0
@@ -93,10 +93,13 @@ class InputMonitor:
         if now - since < 0.3:
             return
         rate, self._looked = (self.count - count) / (now - since), (now, self.count)
-        is_flood = rate > max(FLOOD_RATIO * self._usual_hz, FLOOD_HZ) and (self._usual_hz > 0.0 or rate > MOST_HZ)
+        if not self._usual_hz:
+            self._learning_since = now  # nothing is usual before it has come for a while: the first seconds hold one message, or few
+        is_known = now - self._learning_since > USUAL_S
+        is_flood = rate > (max(FLOOD_RATIO * self._usual_hz, FLOOD_HZ) if is_known else MOST_HZ)
         self._flood = f"flood: {rate:.0f} Hz, usually {self._usual_hz:.0f} Hz" if is_flood else ""
         if not is_flood:
-            self._usual_hz += (rate - self._usual_hz) * (min(1.0, (now - since) / USUAL_S) if now - self._started > USUAL_S else 1.0)
+            self._usual_hz += (rate - self._usual_hz) * (min(1.0, (now - since) / USUAL_S) if is_known else 1.0)
 
     def stamped(self, stamp_ns: int) -> None:
         """Note the stamp of a good message: count what is missing between stamps and stamps that step back."""

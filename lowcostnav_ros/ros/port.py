@@ -1,4 +1,6 @@
-"""Where a driver's bytes come from: a serial port, a file, TCP or UDP; what goes wrong is one sentence that says what to do."""
+"""Where a driver's bytes come from and an output's go to: a serial port, a file, TCP or UDP; what goes wrong is one sentence that says what
+to do.
+"""
 
 import contextlib
 import errno
@@ -15,6 +17,8 @@ from lowcostnav_ros.base.settings import SettingsError
 BAUDS = (115_200, 9_600, 38_400, 57_600, 230_400, 460_800, 921_600)
 """Rates that are tried where none is configured, the commonest first."""
 CHUNK = 4096
+WRITE_S = 0.5
+"""How long the other side may take to take what is sent."""
 
 
 class PortError(Exception):
@@ -26,6 +30,9 @@ class Port(Protocol):
 
     def read(self, timeout_s: float) -> bytes | None:
         """Return what has come, empty after the time, None at the end of a file; raises PortError when the source is gone."""
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the other side; raises PortError where it does not take them."""
 
     def close(self) -> None:
         """Close it."""
@@ -43,6 +50,28 @@ def parse_source(text: str) -> tuple[str, str]:
     if kind == "serial" and place:
         return kind, place
     raise SettingsError(f"source: '{text}' must be a serial port such as /dev/ttyUSB0, file:PATH, tcp:HOST:PORT or udp:PORT.")
+
+
+def parse_destination(text: str) -> tuple[str, str]:
+    """Return (kind, place) of where an output goes, as :func:`parse_source`, but ``udp:HOST:PORT``; raises SettingsError."""
+    kind, _, place = text.partition(":")
+    if kind == "udp" and ":" not in place:
+        raise SettingsError(f"destination: '{text}' needs a host, udp:HOST:PORT; udp:127.0.0.1:4000 is this computer.")
+    try:
+        return parse_source(text.replace("udp:", "tcp:", 1)) if kind != "udp" else ("udp", parse_source(f"tcp:{place}")[1])
+    except SettingsError:
+        known = "a serial port such as /dev/ttyUSB0, file:PATH, tcp:HOST:PORT or udp:HOST:PORT"
+        raise SettingsError(f"destination: '{text}' must be {known}.") from None
+
+
+def open_destination(destination: str, baud: int) -> Port:
+    """Open what an output writes to; raises PortError."""
+    kind, place = parse_destination(destination)
+    if kind == "serial":
+        return SerialPort(place, baud)
+    if kind == "file":
+        return FilePort(place, "ab")
+    return SocketPort(place, socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM, is_sender=True)
 
 
 def open_port(source: str, baud: int) -> Port:
@@ -67,7 +96,7 @@ class SerialPort:
         except ImportError:
             raise PortError("A serial port needs pyserial; install it with the extra 'drivers' of this package.") from None
         try:
-            self._serial = serial.Serial(path, baud, timeout=0, exclusive=True)
+            self._serial = serial.Serial(path, baud, timeout=0, write_timeout=WRITE_S, exclusive=True)
         except (OSError, ValueError) as error:
             raise PortError(_why(path, error)) from error
 
@@ -84,6 +113,13 @@ class SerialPort:
         if not data:
             raise PortError(f"{self._path} is gone; plug it in again.")
         return data
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        try:
+            self._serial.write(data)
+        except OSError as error:  # a SerialTimeoutException is one
+            raise PortError(f"{self._path} does not take what is sent ({error}); check the wiring and the baud rate.") from error
 
     def close(self) -> None:
         """Close it."""
@@ -110,11 +146,12 @@ def _why(path: str, error: BaseException) -> str:
 
 
 class FilePort:
-    """A capture on disk."""
+    """A capture on disk, or a file that an output appends to."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, mode: str = "rb") -> None:
+        self._path = path
         try:
-            self._file = Path(path).open("rb")  # noqa: SIM115 - closed by the driver
+            self._file = Path(path).open(mode)  # noqa: SIM115 - closed by the driver
         except OSError as error:
             raise PortError(f"{path} cannot be opened: {error.strerror}; check the path.") from error
 
@@ -122,26 +159,39 @@ class FilePort:
         """Return the next bytes."""
         return self._file.read(CHUNK) or None
 
+    def write(self, data: bytes) -> None:
+        """Append bytes; what is asked of a capture goes nowhere."""
+        if not self._file.writable():
+            return
+        try:
+            self._file.write(data)
+            self._file.flush()
+        except OSError as error:
+            raise PortError(f"{self._path} cannot be written: {error.strerror}; make room or choose another place.") from error
+
     def close(self) -> None:
         """Close it."""
         self._file.close()
 
 
 class SocketPort:
-    """A TCP server to connect to, or a UDP port to listen on."""
+    """A TCP server to connect to, a UDP port to listen on or, of a sender, to send to."""
 
-    def __init__(self, place: str, kind: socket.SocketKind) -> None:
+    def __init__(self, place: str, kind: socket.SocketKind, is_sender: bool = False) -> None:
         host, _, port = place.rpartition(":")
         self._place = f"{'tcp' if kind == socket.SOCK_STREAM else 'udp'}:{place}"
         self._socket = socket.socket(socket.AF_INET, kind)
         try:
-            if kind == socket.SOCK_STREAM:
+            if is_sender or kind == socket.SOCK_STREAM:
                 self._socket.settimeout(2.0)
                 self._socket.connect((host, int(port)))
+                self._socket.settimeout(WRITE_S)
             else:
                 self._socket.bind((host, int(port)))
         except (OSError, OverflowError) as error:
             self._socket.close()
+            if getattr(error, "errno", None) == errno.EADDRINUSE:
+                raise PortError(f"{self._place} is in use by another program; end it, or choose another port.") from error
             raise PortError(f"{self._place} cannot be opened: {error}; check host and port.") from error
         self._is_stream = kind == socket.SOCK_STREAM
 
@@ -156,6 +206,16 @@ class SocketPort:
         if not data and self._is_stream:
             raise PortError(f"{self._place} was closed by the other side.")
         return data
+
+    def write(self, data: bytes) -> None:
+        """Send bytes; a datagram that nobody takes is lost, as datagrams are."""
+        try:
+            self._socket.sendall(data)
+        except ConnectionRefusedError:
+            if self._is_stream:
+                raise PortError(f"{self._place} is gone.") from None
+        except OSError as error:
+            raise PortError(f"{self._place} does not take what is sent: {error}.") from error
 
     def close(self) -> None:
         """Close it."""

@@ -1,5 +1,6 @@
 """Start and stop of a node process."""
 
+import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -32,7 +33,14 @@ def run(make_node: Callable, args: Sequence[str] | None = None) -> int:
     from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.utilities import ok, try_shutdown
 
-    rclpy.init(args=None if args is None else list(args))
+    try:
+        rclpy.init(args=None if args is None else list(args))
+    except rclpy_implementation.RCLError:
+        if os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true":
+            raise
+        words = "ROS_SECURITY_ENABLE is true, but this ROS has no security, or no keys for this node: unset it, or see docs/security.md."
+        print(words, file=sys.stderr)
+        return Exit.CANNOT_RUN
     node = None
     try:
         node = make_node()

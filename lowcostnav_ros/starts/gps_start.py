@@ -7,6 +7,7 @@ import numpy as np
 from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, MagneticField, Measurement
 from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.headings import CELLS, WIDTH
 from lowcostnav_ros.cores.imu_errors import ImuSettings, typical
 from lowcostnav_ros.cores.inertial import ATT, CORE, POS, VEL
 from lowcostnav_ros.estimation.cross_checks.heading import crabs
@@ -36,12 +37,15 @@ STILL_TILT_DEG = 0.2
 
 
 class Start(NamedTuple):
-    """A first state: stamp, ``nav`` (10,), covariance (9, 9) of the core states, and the stamp of the fix."""
+    """A first state: stamp, ``nav`` (10,), covariance (9, 9) of the core states, the stamp of the fix; and where nothing gives a heading
+    a state for each that is tried.
+    """
 
     stamp_ns: int
     nav: np.ndarray
     covariance: np.ndarray
     fix_ns: int
+    headings: tuple[np.ndarray, ...] = ()
 
 
 class GpsStart:
@@ -129,19 +133,23 @@ class GpsStart:
         if still:
             if not self.levelling.still(span_s):
                 return "GPS speed is zero but the inertial data moves: cannot level"
-        elif speed < choice.moving_speed_mps:
+        elif speed < choice.moving_speed_mps and not choice.any_heading:
             return f"speed {speed:.1f} m/s: too fast to level, too slow for a track"
         elif span_s < SHORTEST_SPAN_S:
             return "waiting for two GPS velocities a second apart"
         else:
             force_n = (velocity.vel_n - earlier.vel_n) / span_s + GRAVITY_N
         heading, sigma = self._first_heading(*means, force_n, fix, velocity, still)
-        if heading is None:
-            return f"levelled; waiting for a heading ({self._no_compass}magnetometer, motion or alignment.heading_deg)"
+        if heading is None and not choice.any_heading:
+            return f"levelled; waiting for a heading ({self._no_compass}magnetometer, motion, alignment.heading_deg or any_heading)"
         self.force_b = means[0]
-        roll, pitch = tilt_from_specific_force(means[0], force_n, heading)
-        nav = np.array([fix.lat, fix.lon, fix.height, *velocity.vel_n, *euler_to_quat(roll, pitch, heading)])
-        return Start(velocity.stamp_ns, nav, self._first_covariance(sigma, fix, velocity, still), fix.stamp_ns)
+        tried = np.arange(CELLS) * WIDTH if heading is None else [heading]
+        place, navs = (fix.lat, fix.lon, fix.height), []
+        for one in tried:
+            roll, pitch = tilt_from_specific_force(means[0], force_n, one)
+            navs.append(np.array([*place, *velocity.vel_n, *euler_to_quat(roll, pitch, one)]))
+        covariance = self._first_covariance(np.pi if heading is None else sigma, fix, velocity, still)
+        return Start(velocity.stamp_ns, navs[0], covariance, fix.stamp_ns, () if heading is not None else tuple(navs))
 
     def _first_heading(
         self, f_b: np.ndarray, w_b: np.ndarray, force_n: np.ndarray, fix: GpsPosition, velocity: GpsVelocity, still: bool
@@ -167,7 +175,7 @@ class GpsStart:
         track = float(np.arctan2(velocity.vel_n[1], velocity.vel_n[0]))
         if choice.heading_deg and (still or agrees_with_track(choice.heading_deg[0] * DEGREE, track, choice)):
             return choice.heading_deg[0] * DEGREE, choice.heading_sigma_deg * DEGREE
-        return (None, 0.0) if still else (track, choice.track_sigma_deg * DEGREE)
+        return (None, 0.0) if still or choice.any_heading else (track, choice.track_sigma_deg * DEGREE)
 
     def _first_covariance(self, sigma: float, fix: GpsPosition, velocity: GpsVelocity, still: bool) -> np.ndarray:
         lag_s = 1e-9 * (velocity.stamp_ns - fix.stamp_ns)

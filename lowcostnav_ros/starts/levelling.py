@@ -25,6 +25,9 @@ class AlignmentSettings:
     heading_sigma_deg: float = setting(3.0, "Sigma of that heading.", unit="deg", minimum=0.1, maximum=90.0)
     track_sigma_deg: float = setting(12.0, "Sigma of heading minus track (wind drift).", unit="deg", minimum=0.5, maximum=60.0)
     magnetic_sigma_deg: float = setting(5.0, "Sigma of a heading taken from the magnetometer.", unit="deg", minimum=0.5, maximum=60.0)
+    any_heading: bool = setting(
+        False, "The track is no heading (helicopter, multirotor, boat): without a compass all headings are tried until motion shows one."
+    )
     tilt_sigma_deg: float = setting(2.0, "Sigma of roll and pitch found on the move.", unit="deg", minimum=0.05, maximum=30.0)
     gyrocompass: bool = setting(False, "Find the heading from the earth's rate when standing, before all else; still_s of minutes.")
     gyrocompass_limit_deg: float = setting(5.0, "Worse than this sigma it is refused.", unit="deg", minimum=0.01, maximum=45.0)

@@ -37,5 +37,8 @@ def travelling_time(displacement_n: np.ndarray, vel_n: np.ndarray, elapsed_s: fl
 
 
 def wind_change_sigma(travelling_s: np.ndarray, wind: GaussMarkov = WIND) -> np.ndarray:
-    """Sigma of the difference of one wind component over a travelling time, m/s: sigma sqrt(2 (1 - exp(-t/tau)))."""
-    return wind.sigma * np.sqrt(-2.0 * np.expm1(-np.asarray(travelling_s, dtype=float) / wind.tau))
+    """Sigma of the change of one wind component over a travelling time, m/s: sigma sqrt(1 - exp(-2 t/tau)).
+
+    The change itself is the Gauss-Markov process (3.36), from zero; the difference of two values of one would reach sqrt(2) sigma.
+    """
+    return wind.sigma * np.sqrt(-np.expm1(-2.0 * np.asarray(travelling_s, dtype=float) / wind.tau))

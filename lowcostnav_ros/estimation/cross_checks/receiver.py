@@ -67,8 +67,38 @@ class Repetition:
 @kernel
 def middle(column):
     """Median of an array (n,), n > 0."""
-    ordered, half = np.sort(column), column.shape[0] // 2
+    ordered, half = column.copy(), column.shape[0] // 2  # a few values: by insertion
+    for i in range(1, ordered.shape[0]):
+        value, k = ordered[i], i
+        while k > 0 and ordered[k - 1] > value:
+            ordered[k] = ordered[k - 1]
+            k -= 1
+        ordered[k] = value
     return ordered[half] if column.shape[0] % 2 else 0.5 * (ordered[half - 1] + ordered[half])
+
+
+@kernel
+def continued(rows, oldest_s, seconds, residual, variance, bend):
+    """Rows (n, 8) that are later than ``oldest_s``, and one more."""
+    first = 0
+    while first < rows.shape[0] and rows[first, 0] <= oldest_s:
+        first += 1
+    out = np.empty((rows.shape[0] - first + 1, 8))
+    out[:-1] = rows[first:]
+    last = out[-1]
+    last[0], last[7] = seconds, bend
+    for axis in range(3):
+        last[1 + axis], last[4 + axis] = residual[axis], variance[axis]
+    return out
+
+
+@kernel
+def scattered(step, variance, velocity_variance, span, bend):
+    """Squared step (3,), m, between two fixes over what their noise, the velocity's and the bend of the way explain: 1 on average."""
+    total = 0.0
+    for axis in range(3):
+        total += step[axis] * step[axis] / (2.0 * variance[axis] + velocity_variance * span**2 + (bend + 0.1 * span) ** 2)
+    return total / 3.0
 
 
 @kernel
@@ -143,6 +173,7 @@ class ReceiverCheck:
         self._repeats: dict[type, Repetition] = {GpsPosition: Repetition(), GpsVelocity: Repetition()}
         self._newest_ns = 0
         self._last_velocity: GpsVelocity | None = None
+        self.speed_mps = 0.0  # over ground, as it states
         self._scatter2, self._agreed_s = 1.0, 0.0
         self.forget()
 
@@ -154,11 +185,6 @@ class ReceiverCheck:
         self._zero_ns = 0
         self._moved, self._moved_at_fix, self._bend, self._residual = np.zeros(3), np.zeros(3), 0.0, np.zeros(3)
         self._rows = np.zeros((0, 8))  # seconds, residual (3), variances (3), bend
-
-    @property
-    def speed_mps(self) -> float:
-        """Speed over ground it states."""
-        return 0.0 if self._last_velocity is None else float(np.hypot(*self._last_velocity.vel_n[:2]))
 
     def take(self, item: Measurement, trusted: Trusted) -> None:
         """Take a fix or a velocity; ``trusted``: whether the navigator's state agrees with each source."""
@@ -228,6 +254,7 @@ class ReceiverCheck:
     def _integrate(self, item: GpsVelocity, trusted: Trusted) -> None:
         """Move on to a velocity; compare the fixes it has waited for."""
         last, self._last_velocity = self._last_velocity, item
+        self.speed_mps = float(np.hypot(item.vel_n[0], item.vel_n[1]))
         if last is None or not 0 < item.stamp_ns - last.stamp_ns <= HOLE_NS:
             self.forget()
             return
@@ -253,12 +280,11 @@ class ReceiverCheck:
         step = difference_n(fix.lat, fix.lon, fix.height, last.lat, last.lon, last.height) - (moved - self._moved_at_fix)
         self._fix, self._moved_at_fix = fix, moved
         self._residual = self._residual + step
-        variance = np.maximum(fix.cov_n.diagonal(), SMALLEST_M**2)
-        self._watch_scatter(fix, last, step, variance, float(velocity.cov_n.diagonal().max()))
-        row = np.concatenate(([1e-9 * (fix.stamp_ns - self._zero_ns)], self._residual, self.noise_factor * variance, [self._bend]))
-        rows = self._rows[self._rows[:, 0] > row[0] - self.memory_s - PART_S] if len(self._rows) else self._rows
-        self._rows = np.vstack((rows, row))
-        size, ratio = largest_change(self._rows, self.spans_s, float(velocity.cov_n.diagonal().max()))
+        variance, of_velocity = np.maximum(fix.cov_n.diagonal(), SMALLEST_M**2), max(velocity.cov_n.diagonal().tolist())
+        self._watch_scatter(fix, last, step, variance, of_velocity)
+        now_s, stated = 1e-9 * (fix.stamp_ns - self._zero_ns), self.noise_factor * variance
+        self._rows = continued(self._rows, now_s - self.memory_s - PART_S, now_s, self._residual, stated, self._bend)
+        size, ratio = largest_change(self._rows, self.spans_s, of_velocity)
         if self._agreed_s < AGREED_S and size < FRAME * float(np.linalg.norm(velocity.vel_n)) * self.spans_s[0]:
             ratio = 0.0  # fixes that wander from the start state too small a sigma; a velocity in a wrong frame is off by far more
         self._agreed_s += 1e-9 * (fix.stamp_ns - last.stamp_ns) if ratio <= 1.0 and self.disagreement.held is None else 0.0
@@ -281,10 +307,9 @@ class ReceiverCheck:
         if self.disagreement.held is not None and self.disagreement.held.suspect == self.velocity:
             return
         span = 1e-9 * (fix.stamp_ns - last.stamp_ns)
-        expected = 2.0 * variance + velocity_variance * span**2 + (self._bend + 0.1 * span) ** 2
         weight = min(1.0, span / SCATTER_S)
         largest = max(LARGEST, 4.0 * self._scatter2)
-        self._scatter2 += weight * (min(float((step * step / expected).sum()) / 3.0, largest) - self._scatter2)
+        self._scatter2 += weight * (min(scattered(step, variance, velocity_variance, span, self._bend), largest) - self._scatter2)
         size = math.sqrt(self._scatter2)
         advice = f"set gps.sigma_scale to {size:.1f} or more"
         limit = SCATTER if self.scatter.held is None else 0.7 * SCATTER

@@ -7,6 +7,7 @@ import numpy as np
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity
 from lowcostnav_ros.messages import checks, topics
 from lowcostnav_ros.messages import conversions as conv
+from lowcostnav_ros.messages.columns import Rows
 from lowcostnav_ros.messages.kind import Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.parts import twist_stamped, without_covariance
 from lowcostnav_ros.messages.rules import Refusal
@@ -19,6 +20,12 @@ def _decode(message: Any, received: checks.Received) -> AirVelocity:
     if velocity[0] < -50.0:
         raise Refusal("airspeed is negative", f"{velocity[0]:g} m/s")
     return AirVelocity(*received.head, conv.swap_body(velocity), received.known(cov, conv.swap_body_cov))
+
+
+def _many(rows: Rows) -> tuple[Any, ...]:
+    velocity, cov = rows.twist("airspeed", 400.0, conv.swap_body, conv.swap_body_cov)
+    rows.keep(velocity[:, 0] >= -50.0)
+    return velocity, cov
 
 
 def _cov(variance: float) -> np.ndarray:
@@ -38,5 +45,6 @@ describe(
     from_row=lambda row: row.of(AirVelocity, np.array([row["tas"], 0.0, 0.0]), _cov(row.variance())),
     sample=lambda at: at.of(AirVelocity, VELOCITY, _cov(4.0)),
     sensed=True,
+    many=_many,
     also={topics.TWIST_ALONE: without_covariance},
 )

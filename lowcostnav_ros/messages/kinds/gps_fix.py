@@ -8,6 +8,7 @@ import numpy as np
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, GpsPosition
 from lowcostnav_ros.messages import checks, topics
 from lowcostnav_ros.messages import conversions as conv
+from lowcostnav_ros.messages.columns import Rows
 from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, WORLD_AXES, Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.parts import nav_sat_fix
 
@@ -23,6 +24,17 @@ def _decode(message: Any, received: checks.Received) -> GpsPosition:
         received.notes[f"{received.kind.name}: no vertical variance, horizontal position used"] += 1
         return GpsPosition(*received.head, *place, _flat(_covariance(message, received, False)))
     return GpsPosition(*received.head, *place, _covariance(message, received, True))
+
+
+def _many(rows: Rows) -> tuple[Any, ...]:
+    """Fixes with all three coordinates and their covariance; others are rarer."""
+    degrees, height = np.stack([rows["latitude"], rows["longitude"]], axis=1), rows["altitude"]
+    flat = rows["position_covariance"]
+    rows.keep((rows["status.status"] >= 0) & (np.abs(degrees) <= (90.0, 180.0)).all(axis=1) & degrees.any(axis=1))
+    rows.keep((height >= -1000.0) & (height <= 50_000.0))
+    rows.keep((rows["position_covariance_type"] > 0) & (flat[:, 8] < UNKNOWN_VARIANCE) & ((flat[:, 8] > 0.0) | ~flat.any(axis=1)))
+    place = degrees * (math.pi / 180.0)
+    return place[:, 0], place[:, 1], height, rows.covariances(flat, "position", conv.swap_world_cov)
 
 
 def _covariance(message: Any, received: checks.Received, vertical: bool) -> np.ndarray:
@@ -60,4 +72,5 @@ describe(
     from_row=lambda row: row.of(GpsPosition, float(row["lat"]), float(row["lon"]), float(row["height"]), row.cov()),
     sample=lambda at: at.of(GpsPosition, *at.place, 4.0 * np.eye(3)),
     sensed=True,
+    many=_many,
 )

@@ -7,6 +7,7 @@ import numpy as np
 from lowcostnav_ros.base.measurements import GpsVelocity
 from lowcostnav_ros.messages import checks, topics
 from lowcostnav_ros.messages import conversions as conv
+from lowcostnav_ros.messages.columns import Rows
 from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, WORLD_AXES, Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.parts import twist_stamped, without_covariance
 from lowcostnav_ros.messages.samples import VELOCITY
@@ -16,6 +17,10 @@ def _decode(message: Any, received: checks.Received) -> GpsVelocity:
     received.frame(message.header.frame_id)
     velocity, cov = checks.twist(message, received, "velocity", 600.0)
     return GpsVelocity(*received.head, conv.swap_world(velocity), received.known(cov, conv.swap_world_cov))
+
+
+def _many(rows: Rows) -> tuple[Any, ...]:
+    return rows.twist("velocity", 600.0, conv.swap_world, conv.swap_world_cov)
 
 
 _SPEED = Quantity(3, "speed", True, WORLD_AXES)
@@ -31,5 +36,6 @@ describe(
     from_row=lambda row: row.of(GpsVelocity, row["velocity"], row.cov()),
     sample=lambda at: at.of(GpsVelocity, VELOCITY, 0.01 * np.eye(3)),
     sensed=True,
+    many=_many,
     also={topics.TWIST_ALONE: without_covariance},
 )

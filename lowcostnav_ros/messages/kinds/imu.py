@@ -8,6 +8,7 @@ from lowcostnav_ros.base.measurements import Attitude, ImuBlock, NavSolution
 from lowcostnav_ros.messages import checks, imu_columns
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.checks import Received
+from lowcostnav_ros.messages.columns import Rows
 from lowcostnav_ros.messages.kind import BODY_AXES, BODY_FRAMES, Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.parts import ABSENT, TYPES, UNKNOWN, Quaternion, flu, header, quaternion
 from lowcostnav_ros.messages.rules import DecodeRules
@@ -38,6 +39,23 @@ def _decode_raw(message: Any, received: Received) -> ImuBlock:
     checks.present(message.linear_acceleration_covariance, "specific force")
     force, rate = _vectors(message, received.rules)
     return ImuBlock(*received.head, np.array([received.head[0]]), force[np.newaxis], rate[np.newaxis])
+
+
+def _vectors_many(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+    rate, force = rows.parts("angular_velocity"), rows.parts("linear_acceleration")
+    rows.within(rate, rows.received.rules.max_angular_rate)
+    rows.within(force, rows.received.rules.max_specific_force)
+    rows.keep((rows["angular_velocity_covariance"][:, 0] != -1.0) & (rows["linear_acceleration_covariance"][:, 0] != -1.0))
+    return conv.swap_body(force), conv.swap_body(rate)
+
+
+def _attitude_many(rows: Rows) -> tuple[Any, ...]:
+    truth = rows.received.kind.name == "truth/imu"
+    covariances = rows.covariances(rows["orientation_covariance"], "orientation", conv.swap_world_cov, truth)
+    q = rows.parts("orientation", "xyzw")
+    rows.unit(q)
+    force, rate = _vectors_many(rows)
+    return conv.quats_from_ros(q), covariances, rate, force
 
 
 def orientation(message: Any, received: Received) -> tuple[np.ndarray, np.ndarray]:
@@ -157,6 +175,7 @@ describe(
     sample=_raw_sample,
     sensed=True,
     fast=imu_columns.one,
+    many=_vectors_many,
     encode_many=imu_raw_cdr,
 )
 _ORIENTATION = {"quaternion": Quantity(4, "number", False, ("FRD to NED",)), "euler": Quantity(3, "angle", False)}
@@ -171,6 +190,7 @@ ATTITUDE = {
     "from_row": _attitude_from_row,
     "sample": attitude_sample,
     "fast": imu_columns.attitude,
+    "many": _attitude_many,
 }
 describe(
     __name__,

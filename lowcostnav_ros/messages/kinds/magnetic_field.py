@@ -8,6 +8,7 @@ import numpy as np
 from lowcostnav_ros.base.measurements import MagneticField
 from lowcostnav_ros.messages import checks, parts, topics
 from lowcostnav_ros.messages import conversions as conv
+from lowcostnav_ros.messages.columns import Rows
 from lowcostnav_ros.messages.kind import BODY_AXES, BODY_FRAMES, Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.rules import Refusal
 
@@ -19,6 +20,13 @@ def _decode(message: Any, received: checks.Received) -> MagneticField:
     _refuse_wrong_unit(math.hypot(*field), received.rules.mag_range)
     cov = received.known(received.covariance(message.magnetic_field_covariance, "magnetic field"), conv.swap_body_cov)
     return MagneticField(*received.head, conv.swap_body(np.array(field)), cov)
+
+
+def _many(rows: Rows) -> tuple[Any, ...]:
+    field, (low, high) = rows.parts("magnetic_field"), rows.received.rules.mag_range
+    norm, margin = np.sqrt((field * field).sum(axis=1)), 1e-9  # nearer to a limit the careful decoder decides
+    rows.keep((low * (1.0 + margin) <= norm) & (norm <= high * (1.0 - margin)))
+    return conv.swap_body(field), rows.covariances(rows["magnetic_field_covariance"], "magnetic field", conv.swap_body_cov)
 
 
 def _refuse_wrong_unit(norm: float, allowed: tuple[float, float]) -> None:
@@ -49,4 +57,5 @@ describe(
     from_row=lambda row: row.of(MagneticField, row.mounted("field"), row.cov()),
     sample=lambda at: at.of(MagneticField, np.array([2.2e-5, 0.5e-5, 4.2e-5]), 1e-14 * np.eye(3)),
     sensed=True,
+    many=_many,
 )

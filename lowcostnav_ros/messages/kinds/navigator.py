@@ -9,6 +9,7 @@ from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, NavSolution
 from lowcostnav_ros.messages import checks, parts
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.checks import Received
+from lowcostnav_ros.messages.columns import Rows
 from lowcostnav_ros.messages.kind import ANTENNA_FRAMES, NAVIGATOR, WORLD_FRAMES, TopicSpec, describe
 from lowcostnav_ros.messages.parts import Point, Pose, PoseWithCovariance, Twist, TwistWithCovariance, Vector3, flu, nav_sat_fix
 from lowcostnav_ros.messages.rules import Refusal
@@ -17,6 +18,7 @@ from lowcostnav_ros.messages.topics import NAV_SAT_FIX, ODOMETRY, TWIST
 from lowcostnav_ros.physics.earth import LocalFrame
 
 _TRUTH = "truth/"
+LARGEST_M, LARGEST_MPS, LARGEST_RADPS, LARGEST_WIND_MPS = 2.0e7, 600.0, 35.0, 150.0
 _NOT_ESTIMATED, _UNKNOWN_RATE = np.eye(3) * conv.NOT_ESTIMATED, np.eye(3) * UNKNOWN_VARIANCE
 
 
@@ -39,7 +41,7 @@ def _decode_wind(message: Any, received: Received) -> NavSolution:
     A vertical component with a variance below :data:`UNKNOWN_VARIANCE`, as the truth has it, becomes the state ``wind_down_mps``.
     """
     received.frame(message.header.frame_id)
-    (east, north, up), cov = checks.twist(message, received, "wind", 150.0, received.kind.name.startswith(_TRUTH))
+    (east, north, up), cov = checks.twist(message, received, "wind", LARGEST_WIND_MPS, received.kind.name.startswith(_TRUTH))
     cov = received.known(cov, conv.swap_world_cov)
     states = {"wind_down_mps": (-float(up), math.sqrt(cov[2, 2]))} if cov[2, 2] < UNKNOWN_VARIANCE else None
     return NavSolution(*received.head, wind_n=np.array([north, east]), cov_wind=cov[:2, :2].copy(), states=states)
@@ -109,17 +111,72 @@ def _blocks(received: Received, flat: np.ndarray, first: str, second: str, truth
     return upper, lower
 
 
+def _odometry_many(rows: Rows) -> tuple[Any, ...]:
+    """Odometries in the one map frame that is known, with the same data known in all of them."""
+    received = rows.received
+    room, truth = received.kind.name.rpartition("/")[0], received.kind.name.startswith(_TRUTH)
+    origin, frame = received.rules.origins.get(room), received.rules.map_frames.get(room)
+    rows.text("child_frame_id", lambda text: text.rpartition("/")[2] == "base_link")
+    if origin is None or (frame is not None and frame.other is not None):
+        rows.keep(np.zeros(len(rows), bool))
+        return ()
+    named = ("pose", 0, "position"), ("pose", 3, "orientation"), ("twist", 0, "velocity"), ("twist", 3, "angular rate")
+    cov_position, cov_rotation, cov_velocity, cov_rate = (_blocks_many(rows, *names, truth) for names in named)
+    known = np.stack([cov[:, 0, 0] < conv.NOT_ESTIMATED for cov in (cov_position, cov_rotation, cov_velocity, cov_rate)], axis=1)
+    rows.keep((known == known[0]).all(axis=1))
+    has_pos, has_att, has_vel, has_rate = known[0].tolist()
+    position, velocity, rate = rows.parts("pose.pose.position"), rows.parts("twist.twist.linear"), rows.parts("twist.twist.angular")
+    for values, limit in ((position, LARGEST_M), (velocity, LARGEST_MPS), (rate, LARGEST_RADPS)):
+        rows.within(values, limit)
+    q = rows.parts("pose.pose.orientation", "xyzw")
+    rows.unit(q)
+    in_map = position, conv.quats_from_ros(q), cov_position, cov_rotation, velocity, cov_velocity
+    for values in in_map:
+        values[~rows.good] = 0.0
+    places, q_nb, vel_n, (cov_pos, cov_vel, cov_att) = conv.locals_from_map(*in_map, origin.origin_e, origin.C_le)
+    if has_pos and frame is not None and rows.good.any():
+        last = int(np.flatnonzero(rows.good)[-1])
+        lat, lon, height = places[last].tolist()
+        frame.last = int(rows.stamps_ns[last]), (lat, lon, height), vel_n[last]
+    return (
+        *(places.T if has_pos else (None, None, None)),
+        vel_n if has_vel else None,
+        q_nb if has_att else None,
+        conv.swap_body(rate) if has_rate else None,
+        None,
+        cov_pos if has_pos else None,
+        cov_vel if has_vel else None,
+        cov_att if has_att else None,
+    )
+
+
+def _blocks_many(rows: Rows, name: str, first: int, what: str, truth: bool) -> np.ndarray:
+    blocks = rows.each(rows.block(f"{name}.covariance", first), lambda flat: rows.received.covariance(flat, what, truth))
+    return np.array([_NOT_ESTIMATED if block is None else block for block in blocks])
+
+
+def _wind_many(rows: Rows) -> tuple[Any, ...]:
+    truth = rows.received.kind.name.startswith(_TRUTH)
+    wind = rows.parts("twist.twist.linear")
+    rows.within(wind, LARGEST_WIND_MPS)
+    covs = rows.covariances(rows.block("twist.covariance", 0), "wind", conv.swap_world_cov, truth)
+    down = [None if cov is None or cov[2, 2] >= UNKNOWN_VARIANCE else math.sqrt(cov[2, 2]) for cov in covs]
+    states = [None if sigma is None else {"wind_down_mps": (-up, sigma)} for up, sigma in zip(wind[:, 2].tolist(), down, strict=True)]
+    level = [None if cov is None else cov[:2, :2].copy() for cov in covs]
+    return *[None] * 10, np.stack([wind[:, 1], wind[:, 0]], axis=1), level, [""] * len(rows), states
+
+
 def _known(cov: np.ndarray) -> bool:
     return cov[0, 0] < conv.NOT_ESTIMATED
 
 
 def _check_numbers(position: np.ndarray, velocity: np.ndarray, rate: np.ndarray) -> None:
     checks.finite(position, "position")
-    checks.magnitude(position, 2.0e7, "position implausible")
+    checks.magnitude(position, LARGEST_M, "position implausible")
     checks.finite(velocity, "velocity")
-    checks.magnitude(velocity, 600.0, "velocity implausible")
+    checks.magnitude(velocity, LARGEST_MPS, "velocity implausible")
     checks.finite(rate, "angular rate")
-    checks.magnitude(rate, 35.0, "angular rate implausible, degrees per second?")
+    checks.magnitude(rate, LARGEST_RADPS, "angular rate implausible, degrees per second?")
 
 
 def origin_fix(stamp_ns: int, origin: LocalFrame) -> Any:
@@ -183,8 +240,9 @@ def _wind_sample(at: Instant) -> NavSolution:
     return at.of(NavSolution, wind_n=np.array([3.0, -7.0]), cov_wind=np.eye(2))
 
 
-OF_ODOMETRY = {"measurement": NavSolution, "decode": _decode_odometry, "frames": WORLD_FRAMES, "sample": _sample}
+OF_ODOMETRY = {"measurement": NavSolution, "decode": _decode_odometry, "frames": WORLD_FRAMES, "sample": _sample, "many": _odometry_many}
 OF_WIND = {"measurement": NavSolution, "decode": _decode_wind, "encode": wind_from_solution, "frames": WORLD_FRAMES, "sample": _wind_sample}
+OF_WIND |= {"many": _wind_many}
 OF_ORIGIN = {"measurement": NavSolution, "decode": _decode_origin, "sample": lambda at: at.of(NavSolution, *at.place)}
 """What the kinds of the navigators and those of the truth have in common."""
 

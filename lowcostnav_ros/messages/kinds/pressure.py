@@ -6,8 +6,12 @@ from typing import Any
 from lowcostnav_ros.base.measurements import Pressure
 from lowcostnav_ros.messages import checks, parts, topics
 from lowcostnav_ros.messages.checks import Received
+from lowcostnav_ros.messages.columns import Rows
 from lowcostnav_ros.messages.kind import Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.rules import Refusal
+
+STATIC_PA, DYNAMIC_PA = (5.0e3, 1.2e5), (-500.0, 5.0e4)
+"""At rest a differential sensor scatters around zero; refusing half of that would bias the rest."""
 
 
 def _refuse_static(value: float) -> None:
@@ -17,14 +21,14 @@ def _refuse_static(value: float) -> None:
         raise Refusal("pressure implausible, hectopascal instead of pascal?", f"{value:g}")
     if 10.0 < value <= 120.0:
         raise Refusal("pressure implausible, kilopascal or inches of mercury instead of pascal?", f"{value:g}")
-    if not 5.0e3 <= value <= 1.2e5:
+    if not STATIC_PA[0] <= value <= STATIC_PA[1]:
         raise Refusal("pressure implausible", f"{value:g} Pa")
 
 
 def _refuse_dynamic(value: float) -> None:
-    if value < -500.0:  # at rest a differential sensor scatters around zero; refusing half of that would bias the rest
+    if value < DYNAMIC_PA[0]:
         raise Refusal("pressure is negative", f"{value:g} Pa")
-    if value > 5.0e4:
+    if value > DYNAMIC_PA[1]:
         raise Refusal("pressure implausible", f"{value:g} Pa")
 
 
@@ -32,13 +36,20 @@ def _encode(sent: Pressure) -> Any:
     return parts.TYPES[topics.FLUID_PRESSURE](parts.header(sent.stamp_ns, "base_link"), float(sent.pressure_pa), float(sent.variance))
 
 
-def _describe(name: str, description: str, refuse: Callable[[float], None], variance: float, typical: float) -> None:
+def _describe(name: str, description: str, refuse: Callable[[float], None], usual: tuple[float, float], *own: float) -> None:
+    variance, typical = own
+
     def decode(message: Any, received: Received) -> Pressure:
         received.frame(message.header.frame_id)
         value = message.fluid_pressure
         checks.finite((value,), "pressure")
         refuse(value)
         return Pressure(*received.head, value, received.variance(message.variance, "pressure"))
+
+    def many(rows: Rows) -> tuple[Any, ...]:
+        value = rows["fluid_pressure"]
+        rows.keep((usual[0] <= value) & (value <= usual[1]))
+        return value, rows.variances(rows["variance"], "pressure")
 
     describe(
         __name__,
@@ -52,8 +63,9 @@ def _describe(name: str, description: str, refuse: Callable[[float], None], vari
         from_row=lambda row: row.of(Pressure, row["value"], row.variance()),
         sample=lambda at: at.of(Pressure, typical, 100.0),
         sensed=True,
+        many=many,
     )
 
 
-_describe("air/static_pressure", "Static pressure.", _refuse_static, 400.0, 95_460.0)
-_describe("air/dynamic_pressure", "Impact pressure, total minus static.", _refuse_dynamic, 100.0, 1_450.0)
+_describe("air/static_pressure", "Static pressure.", _refuse_static, STATIC_PA, 400.0, 95_460.0)
+_describe("air/dynamic_pressure", "Impact pressure, total minus static.", _refuse_dynamic, DYNAMIC_PA, 100.0, 1_450.0)

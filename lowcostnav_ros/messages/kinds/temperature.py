@@ -3,8 +3,9 @@
 from typing import Any
 
 from lowcostnav_ros.base.measurements import AirTemperature
-from lowcostnav_ros.base.units import celsius, kelvin
+from lowcostnav_ros.base.units import ZERO_CELSIUS, celsius, kelvin
 from lowcostnav_ros.messages import checks, parts, topics
+from lowcostnav_ros.messages.columns import Rows
 from lowcostnav_ros.messages.kind import Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.rules import Refusal
 
@@ -18,6 +19,12 @@ def _decode(message: Any, received: checks.Received) -> AirTemperature:
     if not -120.0 <= value <= 80.0:
         raise Refusal("temperature implausible", f"{value:g} deg C")
     return AirTemperature(*received.head, kelvin(value), received.variance(message.variance, "temperature"))
+
+
+def _many(rows: Rows) -> tuple[Any, ...]:
+    value = rows["temperature"]
+    rows.keep((value >= -120.0) & (value <= 80.0))
+    return value + ZERO_CELSIUS, rows.variances(rows["variance"], "temperature")
 
 
 def _encode(sent: AirTemperature) -> Any:
@@ -37,4 +44,5 @@ describe(
     from_row=lambda row: row.of(AirTemperature, row["value"], row.variance()),
     sample=lambda at: at.of(AirTemperature, 285.0, 1.0),
     sensed=True,
+    many=_many,
 )

@@ -252,7 +252,6 @@ class Ahrs(Navigator):
             self.settings = replace(self.settings, imu=imu)
             layout = Layout([core_block(imu), *bias_blocks(imu), *self.aid_blocks()])
             self._attach(layout, InertialCore(layout))
-            self._report_to_history()
         begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
         self._aligned, self._kept = True, None
         if self.offsets is not None:
@@ -329,7 +328,7 @@ class Ahrs(Navigator):
             specific_force_b=force_b,
             cov_att=P[ATT, ATT] + self.trust.doubt(t_ns)[ATT, ATT],
             mode=self.mode,
-            states=self._states(P, range(CORE, self.layout[last].stop)),
+            states=self._states(P, CORE, self.layout[last].stop),
         )
 
     def _sigmas(self) -> dict[str, float]:

@@ -88,8 +88,8 @@ class AirDataGps(ReckoningNavigator):
         return self.own_inputs()
 
     def _restart(self) -> None:
-        self.core, self.movable = AirCorrectionsCore(self.settings, self.layout), None
-        self._report_to_history()
+        self._take(AirCorrectionsCore(self.settings, self.layout))
+        self.movable = None
         self.high = None if self._is_joint else HighRateFilter(self.settings.cascade, self.settings.filter == "fixed_gain")
         self._last_out_ns: int | None = None
         self._repeats: dict[str, tuple[tuple[float, ...], int]] = {}
@@ -316,7 +316,7 @@ class AirDataGps(ReckoningNavigator):
             wind_n=core.totals()[0:2],
             cov_wind=core.wind_covariance(),
             mode=self.mode,
-            states=self._states(core.P, range(3, self.layout.size)),
+            states=self._states(core.P, 3),
         )
 
     def _sigmas(self) -> dict[str, float]:

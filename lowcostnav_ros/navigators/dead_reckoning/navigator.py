@@ -88,8 +88,8 @@ class DeadReckoning(ReckoningNavigator):
     # measurements ------------------------------------------------------------------------------------------------------------
 
     def _restart(self) -> None:
-        self.core, self.geometry = ReckoningCore(self.settings, self.layout), ""
-        self._report_to_history()
+        self._take(ReckoningCore(self.settings, self.layout))
+        self.geometry = ""
         self._last_out_ns: int | None = None
         self._looked_s: int | None = None
         self._received = ReceivedStations(self.stations, RECEIVED_S)

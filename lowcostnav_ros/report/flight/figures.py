@@ -6,13 +6,14 @@ import numpy as np
 
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.navigators.registry import label_of
-from lowcostnav_ros.report.chart import Band, Curve, Dots, Item, TimeAxis, time_chart
-from lowcostnav_ros.report.flight.map_chart import Ellipse, Track, map_chart
+from lowcostnav_ros.replay.result import ReplayResult
+from lowcostnav_ros.replay.words import compared_with
+from lowcostnav_ros.report.chart import HALF, Band, Curve, Dots, Item, TimeAxis, time_chart
+from lowcostnav_ros.report.flight.map_chart import Ellipse, Ground, Track, map_chart
 from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
 
-TRUTH_COLOUR, SMOOTHED_COLOUR = "#222222", "#00856a"
+TRUTH_COLOUR, SMOOTHED_COLOUR = "var(--ink)", "#00856a"
 _SPARE = ("#7a5195", "#8c6d31", "#56b4e9", "#5f7f3a")
-HALF = 474
 ELLIPSE_EVERY_S = 60.0
 ATTITUDE = {"roll_deg": "Roll [deg]", "pitch_deg": "Pitch [deg]", "heading_deg": "True heading [deg]"}
 MOTION = {"height_m": "Height above the ellipsoid [m]", "speed_mps": "Ground speed [m/s]"}
@@ -41,12 +42,22 @@ def colour_of(name: str, names: list[str]) -> str:
     return label_of(name).colour or _SPARE[others.index(name) % len(_SPARE)]
 
 
-def ground_map(result: Result) -> str:
-    """Map with truth, fixes, recorded and replayed solutions, stations, and two-sigma ellipses without GPS."""
+def axis_of(summary: ReplayResult) -> TimeAxis:
+    """The axis of time of a flight, with its outages."""
+    return TimeAxis(summary.first_stamp_s, summary.last_stamp_s, list(summary.without_gps.intervals_s))
+
+
+def reference_of(result: Result) -> str:
+    """What the errors are formed against, in a word: truth, or the filter that stands in for it."""
+    return compared_with(result.summary.recording) or "truth"
+
+
+def ground_map(result: Result) -> tuple[str, Ground | None]:
+    """Map with truth, fixes, recorded and replayed solutions, stations, and two-sigma ellipses without GPS; and its ground."""
     names = list(result.navigators)
     tracks = []
     if len(result.truth.get("t_s", ())):
-        tracks.append(Track(result.truth["lat_deg"], result.truth["lon_deg"], TRUTH_COLOUR, "truth", 2.4))
+        tracks.append(Track(result.truth["lat_deg"], result.truth["lon_deg"], TRUTH_COLOUR, reference_of(result), 2.4))
     if len(result.gps.get("t_s", ())):
         for kind, colour, label in (("no", "#9aa5ad", "GPS fixes"), ("yes", "#e0a030", "withheld fixes")):
             rows = result.gps["withheld"] == kind
@@ -63,7 +74,7 @@ def ground_map(result: Result) -> str:
                 place = navigator.smoothed["lat_deg"], navigator.smoothed["lon_deg"]
                 tracks.append(Track(*place, colour_of(name, names), f"{name} smoothed", 1.3, dash="7 3"))
             ellipses += _ellipses(navigator, colour_of(name, names), result.summary.without_gps.intervals_s)
-    return map_chart(tracks, result.summary.stations, ellipses)
+    return map_chart(tracks, result.summary.stations, ellipses), Ground.under(tracks)
 
 
 def _ellipses(navigator: NavigatorResult, colour: str, outages: Sequence[tuple[float, float]]) -> list[Ellipse]:
@@ -75,26 +86,27 @@ def _ellipses(navigator: NavigatorResult, colour: str, outages: Sequence[tuple[f
             values = [float(columns[n][row]) for n in names] if row < len(columns["t_s"]) else []
             if values and np.isfinite(values).all():
                 lat_deg, lon_deg, *sigmas = values
-                out.append(Ellipse(lat_deg, lon_deg, sigmas[0], sigmas[1], colour))
+                said = f"{navigator.name}, 2 sigma {t - start:.0f} s after the loss of GPS"
+                out.append(Ellipse(lat_deg, lon_deg, sigmas[0], sigmas[1], colour, said))
     return out
 
 
-def error_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list[str]:
-    """Errors inside their one- and two-sigma bands, one chart per component that has any."""
+def error_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str, word: str = "error") -> list[str]:
+    """Errors inside their one- and two-sigma bands, one chart per component that has any; ``word``: what the reference makes of them."""
     errors = navigator.errors
     charts = []
     for name, title in ERROR_TITLES.items():
         if _known(errors, name):
             rows = np.isfinite(errors[name])  # withheld fixes give position and velocity in turns
             t, values, sigma = _broken(errors["t_s"][rows], errors[name][rows], errors[f"sigma_{name}"][rows])
-            items: list[Item] = [Band(t, sigma, colour), Curve(t, values, colour, "error in 1 and 2 sigma")]
+            items: list[Item] = [Band(t, sigma, colour), Curve(t, values, colour, "in 1 and 2 sigma")]
             if _known(navigator.smoothed_errors, name):
                 after = navigator.smoothed_errors
                 rows = np.isfinite(after[name])
                 t, values, sigma = _broken(after["t_s"][rows], after[name][rows], after[f"sigma_{name}"][rows])
                 items += [Band(t, sigma, SMOOTHED_COLOUR), Curve(t, values, SMOOTHED_COLOUR, "smoothed", 1.2)]
             width = 960 if name in ("north_m", "east_m", "heading_deg") else HALF
-            charts.append(time_chart(title, axis, items, width=width))
+            charts.append(time_chart(title.replace("error", word), axis, items, width=width))
     return charts
 
 
@@ -129,8 +141,10 @@ def compared_figures(result: Result, axis: TimeAxis, titles: Mapping[str, str]) 
     for column, title in titles.items():
         is_wind = column.startswith("wind")
         truth, colour, width = (result.truth_wind, "#8a8f94", 1.0) if is_wind else (_with_speed(result.truth), TRUTH_COLOUR, 2.2)
-        items = [Curve(*_track_of(truth, column), colour, "truth", width)] if _known(truth, column) else []
-        estimates = _solution_curves(result, column)
+        items: list[Item] = [Curve(*_track_of(truth, column), colour, reference_of(result), width)] if _known(truth, column) else []
+        estimates: list[Item] = list(_solution_curves(result, column))
+        if column == "height_m" and _known(result.gps, column):
+            estimates.insert(0, Dots(result.gps["t_s"], result.gps[column], "#9aa5ad", "GPS fixes"))
         limits = (0.0, 360.0) if column == "heading_deg" else None
         charts.append(time_chart(title, axis, [*items, *estimates], limits=limits) if estimates or not is_wind else "")
     return charts
@@ -143,10 +157,10 @@ def state_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> li
     for name in dict.fromkeys(states["state"].tolist()) if states else ():
         rows = states["state"] == name
         t, value, sigma = states["t_s"][rows], states["value"][rows], states["sigma"][rows]
-        edges = [Curve(t, value + k * s * sigma, colour, width=0.7, dash="3 3" if k == 2 else "1 2") for k in (1, 2) for s in (-1.0, 1.0)]
+        items: list[Item] = [Band(t, sigma, colour, value), Curve(t, value, colour, "estimate")]
         low, high = np.nanquantile(value - 2.0 * sigma, 0.04), np.nanquantile(value + 2.0 * sigma, 0.96)
         limits = (float(low), float(high)) if high > low else None  # the first seconds' sigmas would flatten all the rest
-        charts.append(time_chart(str(name), axis, [*edges, Curve(t, value, colour)], width=HALF, height=120, limits=limits))
+        charts.append(time_chart(str(name), axis, items, width=HALF, height=120, limits=limits))
     return charts
 
 
@@ -178,7 +192,7 @@ def integrity_figure(navigator: NavigatorResult, axis: TimeAxis, colour: str) ->
     for column, label, dash in (("hpl_m", "protection level", None), ("lasting_hpl_m", "against a lasting fault", "4 3")):
         if _known(integrity, column):
             t, level, _ = _broken(integrity["t_s"], integrity[column], integrity[column])
-            items.append(Curve(t, level, "#444444", label, 1.2, dash))
+            items.append(Curve(t, level, "var(--ink)", label, 1.2, dash))
     if _known(errors, "north_m"):
         horizontal = np.hypot(errors["north_m"], errors["east_m"])
         t, error, _ = _broken(errors["t_s"], horizontal, horizontal)

@@ -14,6 +14,8 @@ from lowcostnav_ros.report import svg
 
 WIDTH, MARGIN = 960, 46
 MAX_POINTS = 1800
+FINER = 20
+"""Units of the drawing in a pixel: a reader may look so much closer."""
 FARTHEST_NM = 200.0
 """A station farther away than any receiver receives is not named."""
 
@@ -41,9 +43,10 @@ class Ellipse:
     sigma_north_m: float
     sigma_east_m: float
     colour: str
+    label: str = ""
 
 
-class _Ground:
+class Ground:
     """Metres north and east of the middle of the tracks, and pixels of them."""
 
     def __init__(self, tracks: Sequence[Track]) -> None:
@@ -60,6 +63,16 @@ class _Ground:
         self.west, self.east = 0.5 * (east.min() + east.max()) + 0.5 * inner / self.scale * np.array([-1.0, 1.0])
         self.height = round(shown_height) + 2 * MARGIN
 
+    @classmethod
+    def under(cls, tracks: Sequence[Track]) -> "Ground | None":
+        """The ground of a map of tracks; None without positions."""
+        known = [t for t in tracks if np.isfinite(t.lat_deg).any()]
+        return cls(known) if known else None
+
+    def holds(self, north: float, east: float) -> bool:
+        """Whether a place lies within the map."""
+        return bool(self.south < north < self.north and self.west < east < self.east)
+
     def metres(self, lat_deg: np.ndarray, lon_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Metres north and east of the middle."""
         position = np.column_stack([np.radians(lat_deg), np.radians(lon_deg), np.zeros(len(lat_deg))])
@@ -67,10 +80,16 @@ class _Ground:
         offset = position_difference_n(position, reference)
         return offset[:, 0], offset[:, 1]
 
-    def pixels(self, lat_deg: np.ndarray | float, lon_deg: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels of positions."""
+    def units(self, lat_deg: np.ndarray | float, lon_deg: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+        """Units of positions, from the north-west corner."""
         north, east = self.metres(np.atleast_1d(lat_deg), np.atleast_1d(lon_deg))
-        return MARGIN + (east - self.west) * self.scale, MARGIN + (self.north - north) * self.scale
+        return (east - self.west) * self.scale * FINER, (self.north - north) * self.scale * FINER
+
+    def pin(self, lat_deg: float, lon_deg: float, content: str) -> str:
+        """Marks drawn about (0, 0) at a place, as large however close a reader looks."""
+        (x,), (y,) = self.units(lat_deg, lon_deg)
+        where = f"translate({MARGIN + x / FINER:.1f} {MARGIN + y / FINER:.1f})"
+        return svg.element("g", content, class_="pin", transform=where, data_x=f"{x:.0f}", data_y=f"{y:.0f}")
 
 
 def map_chart(tracks: Sequence[Track], stations: Sequence[Place] = (), ellipses: Sequence[Ellipse] = ()) -> str:
@@ -84,60 +103,68 @@ def map_chart(tracks: Sequence[Track], stations: Sequence[Place] = (), ellipses:
         Those inside the extent are drawn, the rest is named below with distance and bearing.
     ellipses : sequence of Ellipse
     """
-    tracks = [t for t in tracks if np.isfinite(t.lat_deg).any()]
-    if not tracks:
+    ground = Ground.under(tracks)
+    if ground is None:
         return ""
-    ground = _Ground(tracks)
-    parts = [_graticule(ground), *(_ellipse(ground, e) for e in ellipses), *(_track(ground, t) for t in tracks)]
-    shown, outside = _stations(ground, stations)
-    parts += [shown, _ends(ground, tracks[0]), _scale_bar(ground), _north(), _legend(tracks, bool(ellipses))]
+    tracks = [t for t in tracks if np.isfinite(t.lat_deg).any()]
+    inside = "".join([*(_ellipse(ground, e) for e in ellipses), *(_track(ground, t) for t in tracks)])
+    pins, outside = _stations(ground, stations)
+    width, height = WIDTH - 2 * MARGIN, ground.height - 2 * MARGIN
+    box = {"x": MARGIN, "y": MARGIN, "width": width, "height": height, "viewBox": f"0 0 {width * FINER} {height * FINER}"}
+    plot = svg.element("svg", inside, class_="plot", preserveAspectRatio="xMidYMid meet", **box)
+    marks = svg.element("g", pins + _ends(ground, tracks[0]), class_="pins")
+    axes = svg.element("g", _graticule(ground) + _scale_bar(ground), class_="axes")
+    parts = [axes, plot, marks, _names(ground), _north()]
     note = f'<p class="note">Stations outside the map: {svg.escape(", ".join(outside))}.</p>' if outside else ""
-    inner = svg.element("rect", x=MARGIN, y=MARGIN, width=WIDTH - 2 * MARGIN, height=ground.height - 2 * MARGIN)
-    clip = svg.element("clipPath", inner, id="map")
-    return svg.drawing("map", "map", WIDTH, ground.height, "".join([clip, *parts])) + note
+    corner = {"data_per_metre": f"{ground.scale * FINER:.6g}", "data_west": f"{ground.west:.1f}", "data_north": f"{ground.north:.1f}"}
+    drawn = svg.drawing("map", "map", WIDTH, ground.height, "".join(parts), data_margin=MARGIN, **corner)
+    return f"{_legend(tracks, bool(ellipses))}{drawn}{note}"
 
 
-def _track(ground: _Ground, track: Track) -> str:
+def _track(ground: Ground, track: Track) -> str:
     step = max(1, math.ceil(len(track.lat_deg) / MAX_POINTS))
-    x, y = ground.pixels(track.lat_deg[::step], track.lon_deg[::step])
+    x, y = ground.units(track.lat_deg[::step], track.lon_deg[::step])
     if track.dots:
-        return svg.path(svg.dots_data(x, y), fill="none", stroke=track.colour, stroke_width=track.size, stroke_linecap="round")
-    data = svg.path_data(x, y)
-    return svg.path(data, fill="none", stroke=track.colour, stroke_width=track.width, stroke_dasharray=track.dash, stroke_linejoin="round")
+        look: dict[str, Any] = {"stroke_width": track.size, "stroke_linecap": "round"}
+        data = svg.dots_data(x, y)
+    else:
+        look = {"stroke_width": track.width, "stroke_dasharray": track.dash, "stroke_linejoin": "round"}
+        data = svg.path_data(x, y)
+    return svg.path(data, stroke=track.colour, data_label=track.label, **look)
 
 
-def _ellipse(ground: _Ground, e: Ellipse) -> str:
-    (x,), (y,) = ground.pixels(e.lat_deg, e.lon_deg)
-    rx, ry = 2.0 * e.sigma_east_m * ground.scale, 2.0 * e.sigma_north_m * ground.scale
+def _ellipse(ground: Ground, e: Ellipse) -> str:
+    (x,), (y,) = ground.units(e.lat_deg, e.lon_deg)
+    rx, ry = (2.0 * sigma * ground.scale * FINER for sigma in (e.sigma_east_m, e.sigma_north_m))
     colours: dict[str, Any] = {"fill": e.colour, "fill_opacity": 0.06, "stroke": e.colour, "stroke_opacity": 0.5}
-    return svg.element("ellipse", cx=f"{x:.1f}", cy=f"{y:.1f}", rx=f"{rx:.1f}", ry=f"{ry:.1f}", clip_path="url(#map)", **colours)
+    title = svg.element("title", svg.escape(e.label)) if e.label else ""
+    return svg.element("ellipse", title, cx=f"{x:.0f}", cy=f"{y:.0f}", rx=f"{rx:.0f}", ry=f"{ry:.0f}", **colours)
 
 
-def _stations(ground: _Ground, stations: Sequence[Place]) -> tuple[str, list[str]]:
-    parts, outside = [], []
+def _stations(ground: Ground, stations: Sequence[Place]) -> tuple[str, list[str]]:
+    """Pins of all stations that may be received, and those in words that lie outside the map."""
+    pins, outside = [], []
+    hexagon = " ".join(f"{6 * math.cos(k * math.pi / 3):.1f},{6 * math.sin(k * math.pi / 3):.1f}" for k in range(6))
     for s in stations:
         (north,), (east,) = ground.metres(np.array([s.lat_deg]), np.array([s.lon_deg]))
-        if ground.south < north < ground.north and ground.west < east < ground.east:
-            (x,), (y,) = ground.pixels(s.lat_deg, s.lon_deg)
-            hexagon = " ".join(f"{x + 6 * math.cos(k * math.pi / 3):.1f},{y + 6 * math.sin(k * math.pi / 3):.1f}" for k in range(6))
-            parts.append(svg.element("polygon", points=hexagon, class_="station"))
-            parts.append(svg.text(x + 9, y + 4, s.ident, class_="station-name"))
-        elif (distance := math.hypot(north, east) / NAUTICAL_MILE) <= FARTHEST_NM:
+        distance, is_inside = math.hypot(north, east) / NAUTICAL_MILE, ground.holds(north, east)
+        if is_inside or distance <= FARTHEST_NM:
+            mark = svg.element("polygon", points=hexagon, class_="station") + svg.text(9, 4, s.ident, class_="station-name")
+            pin = ground.pin(s.lat_deg, s.lon_deg, mark)
+            pins.append(pin if is_inside else pin.replace("<g", '<g visibility="hidden"', 1))
+        if not is_inside and distance <= FARTHEST_NM:
             outside.append(f"{s.ident} {distance:.0f} NM, {math.degrees(math.atan2(east, north)) % 360:03.0f}\N{DEGREE SIGN}")
-    return "".join(parts), outside
+    return "".join(pins), outside
 
 
-def _ends(ground: _Ground, track: Track) -> str:
+def _ends(ground: Ground, track: Track) -> str:
     known = np.flatnonzero(np.isfinite(track.lat_deg))
-    parts = []
-    for row, word in ((known[0], "start"), (known[-1], "end")):
-        (x,), (y,) = ground.pixels(track.lat_deg[row], track.lon_deg[row])
-        parts.append(svg.element("circle", cx=f"{x:.1f}", cy=f"{y:.1f}", r=4, class_="end"))
-        parts.append(svg.text(x + 7, y - 6, word, class_="tick"))
-    return "".join(parts)
+    ends = (known[0], "start"), (known[-1], "end")
+    dot = svg.element("circle", cx=0, cy=0, r=4, class_="end")
+    return "".join(ground.pin(track.lat_deg[k], track.lon_deg[k], dot + svg.text(7, -6, word, class_="tick")) for k, word in ends)
 
 
-def _graticule(ground: _Ground) -> str:
+def _graticule(ground: Ground) -> str:
     """Grid lines every round number of nautical miles from the south-west corner's round values, labelled on the edges."""
     parts = []
     right, base = WIDTH - MARGIN, ground.height - MARGIN
@@ -153,18 +180,21 @@ def _graticule(ground: _Ground) -> str:
         parts.append(svg.element("line", x1=MARGIN, x2=right, y1=f"{y:.1f}", y2=f"{y:.1f}", class_="grid"))
         parts.append(svg.text(MARGIN - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick", text_anchor="end"))
     parts.append(svg.element("rect", x=MARGIN, y=MARGIN, width=right - MARGIN, height=base - MARGIN, class_="frame"))
-    origin = f"{_side(ground.lat0, 'NS')}, {_side(ground.lon0, 'EW')}"
-    parts.append(svg.text(WIDTH / 2, base + 30, f"east of {origin} [NM]", class_="tick", text_anchor="middle"))
-    middle = ground.height / 2
-    parts.append(svg.text(14, middle, "north [NM]", class_="tick", text_anchor="middle", transform=f"rotate(-90 14 {middle:.0f})"))
     return "".join(parts)
+
+
+def _names(ground: Ground) -> str:
+    """What the numbers on the edges are."""
+    origin = f"{_side(ground.lat0, 'NS')}, {_side(ground.lon0, 'EW')}"
+    along = svg.text(WIDTH / 2, ground.height - MARGIN + 30, f"east and north of {origin} [NM]", class_="tick", text_anchor="middle")
+    return svg.element("g", along, class_="names")
 
 
 def _side(angle: float, letters: str) -> str:
     return f"{letters[angle < 0.0]} {abs(math.degrees(angle)):.4f}\N{DEGREE SIGN}"
 
 
-def _scale_bar(ground: _Ground) -> str:
+def _scale_bar(ground: Ground) -> str:
     """Two bars, one in nautical miles and one in kilometres, each about a sixth of the width."""
     parts = []
     for row, (unit, metres) in enumerate((("NM", NAUTICAL_MILE), ("km", 1000.0))):
@@ -180,26 +210,21 @@ def _scale_bar(ground: _Ground) -> str:
 
 def _north() -> str:
     x, y = WIDTH - MARGIN - 22, MARGIN + 34
-    arrow = svg.element("path", d=f"M{x} {y - 24}l6 20l-6 -4l-6 4z", class_="north")
-    return arrow + svg.text(x, y + 10, "N", class_="station-name", text_anchor="middle")
+    arrow = svg.element("path", d=f"M{x} {y - 24}l6 20l-6 -4l-6 4z")
+    return svg.element("g", arrow + svg.text(x, y + 10, "N", class_="station-name", text_anchor="middle"), class_="north")
 
 
 def _legend(tracks: Sequence[Track], has_ellipses: bool) -> str:
-    parts, x, y = [], float(MARGIN), MARGIN - 32.0
-    labels = [t.label for t in tracks] + (["ellipses: 2 sigma, every minute without GPS"] if has_ellipses else [])
-    for index, label in enumerate(labels):
-        width = 44 + 6.6 * len(label)
-        if x + width > WIDTH - MARGIN / 2 and x > MARGIN:
-            x, y = float(MARGIN), y + 18.0
-        if index < len(tracks):
-            parts.append(_sample(tracks[index], x, y - 4))
-        parts.append(svg.text(x + (26 if index < len(tracks) else 0), y, label, class_="legend"))
-        x += width
-    return "".join(parts)
+    """The marks of the tracks in a line of text, which a narrow window breaks."""
+    said = "".join(f"<span>{_sample(track)}{svg.escape(track.label)}</span>" for track in tracks)
+    said += "<span>ellipses: 2 sigma, every minute without GPS</span>" if has_ellipses else ""
+    return f'<p class="note names-of-tracks">{said}</p>'
 
 
-def _sample(track: Track, x: float, y: float) -> str:
+def _sample(track: Track) -> str:
     """The mark of a track in the legend."""
     if track.dots:
-        return svg.element("circle", cx=x + 10, cy=y, r=2.5, fill=track.colour)
-    return svg.element("line", x1=x, x2=x + 20, y1=y, y2=y, stroke=track.colour, stroke_width=3, stroke_dasharray=track.dash)
+        mark = svg.element("circle", cx=11, cy=4, r=2.5, fill=track.colour)
+    else:
+        mark = svg.element("line", x1=1, x2=21, y1=4, y2=4, stroke=track.colour, stroke_width=3, stroke_dasharray=track.dash)
+    return svg.element("svg", mark, width=22, height=8, aria_hidden="true")

@@ -2,15 +2,19 @@
 
 import datetime
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.replay import tables
 from lowcostnav_ros.replay.result import ReplayResult
-from lowcostnav_ros.replay.words import sentence
+from lowcostnav_ros.replay.words import compared_with, sentence
 from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.document import details, document, html_table, section
 from lowcostnav_ros.report.flight import figures
+from lowcostnav_ros.report.flight.events import events
+from lowcostnav_ros.report.flight.findings import clock, findings, has_gps
+from lowcostnav_ros.report.flight.playback import playback
 from lowcostnav_ros.report.flight.result_folder import Result, read_result
 from lowcostnav_ros.report.flight.timeline import timeline
 from lowcostnav_ros.report.svg import escape
@@ -52,49 +56,96 @@ def write_page(folder: Path, output: Path, title: str | None = None) -> int:
     return len(page.encode())
 
 
-def page_of(result: Result, title: str | None = None) -> str:
-    """The page as text."""
+def page_of(
+    result: Result, title: str | None = None, before: Sequence[str] = (), after: Sequence[str] = (), outages: str = ""
+) -> str:
+    """The page as text.
+
+    Parameters
+    ----------
+    result : Result
+    title : str, optional
+        Heading; the name of the bag where None.
+    before, after : sequence of str
+        Further sections, behind the first sentences and at the end.
+    outages : str
+        What a study of outages found, in a sentence.
+    """
     summary = result.summary
-    axis = TimeAxis(summary.first_stamp_s, summary.last_stamp_s, list(summary.without_gps.intervals_s))
+    axis = figures.axis_of(summary)
     name = title or (summary.recording.bag.name if summary.recording else "simulated flight")
     last = (tables.input_table, tables.aid_table, tables.stamp_table, tables.contradiction_table, tables.integrity_table, tables.run_table)
+    lanes = timeline(list(result.navigators.values()), axis)
+    drawn, ground = figures.ground_map(result)
+    other = compared_with(summary.recording)
     sections = [
-        _header(summary, name),
-        section("In a sentence", _sentences(summary)),
-        section("Map", figures.ground_map(result)),
-        section("Modes and refused measurements", timeline(list(result.navigators.values()), axis), _NOTE),
-        section("Errors", *_error_tables(summary)),
-        section("Accuracy and requirements", *_requirements(result, axis)),
+        _header(summary, name, outages),
+        *before,
+        section("In a sentence each", _sentences(summary)),
+        section("Map", drawn),
+        section("Modes and refused measurements", lanes, _NOTE if lanes else "", _events(result, axis)),
+        section(f"Differences from {other}" if other else "Errors", *_error_tables(summary)),
+        section("Accuracy and requirements", *_requirements(result, axis)) if not other else "",
         *_per_navigator(result, axis),
         section("Attitude", *figures.compared_figures(result, axis, figures.ATTITUDE)),
         section("Height and speed", *figures.compared_figures(result, axis, figures.MOTION)),
         section("Wind (velocity of the air mass)", *figures.compared_figures(result, axis, figures.WIND)),
         section("Inputs, aids, speed", *(html_table(make(summary)) for make in last)),
+        *after,
+        section("What is missing for more", _missing(summary)),
         details("Settings", f"<pre>{escape(json.dumps(summary.settings, indent=1))}</pre>"),
     ]
-    return document(name, sections)
+    return document(name, sections, playback(result, ground, axis))
 
 
-def _header(summary: ReplayResult, name: str) -> str:
-    recording, lost = summary.recording, summary.without_gps
+def _header(summary: ReplayResult, name: str, outages: str) -> str:
+    recording = summary.recording
     facts = {
         "bag": f"sha256 {recording.bag.sha256[:16]}" if recording else "simulated stream, no bag",
         "settings": summary.settings_hash,
         "duration": f"{summary.duration_s:.1f} s",
         "stamps": f"{summary.first_stamp_s:.2f} to {summary.last_stamp_s:.2f} s",
         "date": _date(summary.first_stamp_s),
-        "without GPS": f"{lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)" if lost.total_s else "never",
+        "without GPS": _without_gps(summary),
         "reference": _reference(summary),
         "software": f"lowcostnav_ros {summary.version}",
     }
     cells = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts.items())
     withheld = "".join(f'<p class="note">{escape(text)}</p>' for text in summary.withheld)
-    missing = recording.left_out.items() if recording else ()
-    left_out = "".join(f'<p class="note">{escape(n)} not run: {escape(r)}</p>' for n, r in missing)
-    return f"<header><h1>{escape(name)}</h1><dl>{cells}</dl>{withheld}{left_out}</header>"
+    first = "".join(f"<p>{escape(text)}</p>" for text in findings(summary, outages))
+    return f'<header><h1>{escape(name)}</h1><div class="findings">{first}</div><dl>{cells}</dl>{withheld}</header>'
+
+
+def _missing(summary: ReplayResult) -> str:
+    """Navigators that did not run and what they would need, and what was assumed for want of better."""
+    recording = summary.recording
+    if recording is None:
+        return ""
+    said = [f"{name} did not run: {reason}." for name, reason in recording.left_out.items()] + [f"{text}." for text in recording.assumed]
+    return "".join(f'<p class="note">{escape(text)}</p>' for text in said)
+
+
+def _events(result: Result, axis: TimeAxis) -> str:
+    """What happened, in order; each time is a link that moves the cursor there."""
+    rows = "".join(
+        f'<tr><td class="r"><a href="#" data-go="{e.at_s:.2f}">{clock(e.at_s - axis.start_s)}</a></td>'
+        f'<td class="l">{escape(e.who)}</td><td>{escape(e.what)}</td></tr>'
+        for e in events(result)
+    )
+    head = '<tr><th class="r">time</th><th class="l">of</th><th class="l">what</th></tr>'
+    return details("Events, in order", f'<div class="wide"><table><thead>{head}</thead>{rows}</table></div>') if rows else ""
+
+
+def _without_gps(summary: ReplayResult) -> str:
+    lost = summary.without_gps
+    if not lost.total_s:
+        return "never" if has_gps(summary) else "always"
+    return f"{lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)"
 
 
 def _reference(summary: ReplayResult) -> str:
+    if other := compared_with(summary.recording):
+        return f"{other}, no truth"
     kinds = {n.errors.reference for n in summary.navigators.values() if n.errors.reference}
     return " and ".join(sorted(kinds)) or "none"
 
@@ -109,7 +160,7 @@ def _sentences(summary: ReplayResult) -> str:
     names = list(summary.navigators)
     items = []
     for name, navigator in summary.navigators.items():
-        text = sentence(name, navigator, summary.without_gps.total_s)
+        text = sentence(name, navigator, summary.without_gps.total_s, compared_with(summary.recording))
         rest = escape(text.removeprefix(name))
         items.append(f'<li style="border-color:{figures.colour_of(name, names)}"><b>{escape(name)}</b>{rest}</li>')
     return f'<ul class="sentences">{"".join(items)}</ul>'
@@ -136,8 +187,9 @@ def _per_navigator(result: Result, axis: TimeAxis) -> list[str]:
         states = details("Biases and other states, with 1 and 2 sigma", "".join(figures.state_figures(navigator, axis, colour)))
         innovations = "".join(figures.aid_figures(navigator, axis, colour))
         aids = details("Innovations per aid, in their own 1 and 2 sigma", innovations)
-        errors = figures.error_figures(navigator, axis, colour)
+        other = compared_with(result.summary.recording)
+        errors = figures.error_figures(navigator, axis, colour, f"difference from {other}" if other else "error")
         integrity = figures.integrity_figure(navigator, axis, colour)
         content = [*errors, integrity, figures.ratio_figure(navigator, axis), aids, states]
-        sections.append(section(f"{name}: errors in their sigmas" if errors else name, *content))
+        sections.append(section(f"{name}: {'differences' if other else 'errors'} in their sigmas" if errors else name, *content))
     return sections

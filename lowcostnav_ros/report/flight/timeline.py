@@ -7,10 +7,10 @@ import numpy as np
 from lowcostnav_ros.navigators.registry import known_modes
 from lowcostnav_ros.replay.runs import TIMEOUT_S
 from lowcostnav_ros.report import svg
-from lowcostnav_ros.report.chart import TimeAxis
+from lowcostnav_ros.report.chart import BOTTOM, TOP, Frame, TimeAxis, time_grid
 from lowcostnav_ros.report.flight.result_folder import NavigatorResult
 
-WIDTH, LEFT, RIGHT, LANE = 960, 236, 12, 22
+WIDTH, LEFT, LANE = 960, 236, 22
 MAX_REFUSALS = 14
 _OTHER = ("#7f8fa6", "#9b8579", "#6c8e8e", "#a17fa6")
 
@@ -47,56 +47,51 @@ def refusals(navigator: NavigatorResult) -> list[tuple[str, str, np.ndarray]]:
 
 def timeline(navigators: list[NavigatorResult], axis: TimeAxis) -> str:
     """Draw the lanes of all navigators; an empty string without solutions."""
-    lanes: list[str] = []
-    y = 8
+    inside, beside = list[str](), list[str]()
+    y = 0
+    frame = Frame(axis, WIDTH, 0, left=LEFT)
     for navigator in navigators:
         spans = mode_spans(navigator.solutions.get("t_s", np.empty(0)), navigator.solutions.get("mode", np.empty(0, dtype=str)))
         if not spans:
             continue
-        lanes.append(_mode_lane(navigator.name, spans, axis, y))
+        fields, words = _mode_lane(navigator.name, spans, frame, y)
+        inside.append(fields)
+        beside.append(words)
         y += LANE + 2
         for aid, reason, stamps in refusals(navigator):
-            lanes.append(_refusal_lane(f"{aid}: {reason}", stamps, axis, y))
+            ticks, name = _refusal_lane(f"{aid}: {reason}", stamps, frame, y)
+            inside.append(ticks)
+            beside.append(name)
             y += LANE - 8
         y += 8
-    if not lanes:
+    if not inside:
         return ""
-    height = y + 22
-    shading = "".join(
-        svg.element("rect", x=f"{_x(a, axis):.1f}", y=2, width=f"{_x(b, axis) - _x(a, axis):.1f}", height=y - 2, class_="outage")
-        for a, b in axis.outages
-    )
-    return axis.drawing("modes and refusals", LEFT, WIDTH - RIGHT, (WIDTH, height), "".join([shading, *lanes, _ticks(axis, y)]))
+    whole = Frame(axis, WIDTH, y + TOP + BOTTOM, left=LEFT)
+    under = svg.element("g", time_grid(whole), class_="axes")
+    return whole.drawing("modes and refusals", under, "".join(inside), "".join(beside))
 
 
-def _x(t_s: float, axis: TimeAxis) -> float:
-    return float(axis.x(t_s, LEFT, WIDTH - RIGHT))
-
-
-def _mode_lane(name: str, spans: list[tuple[float, float, str]], axis: TimeAxis, y: int) -> str:
-    parts = [svg.text(LEFT - 8, y + 14, name, class_="lane", text_anchor="end")]
+def _mode_lane(name: str, spans: list[tuple[float, float, str]], frame: Frame, y: int) -> tuple[str, str]:
+    """The fields of the modes in units, and the name of the lane and of the modes in pixels."""
+    fields, words = [], [svg.text(LEFT - 8, TOP + y + 14, name, class_="lane", text_anchor="end")]
     known = known_modes()
     others = sorted({mode for _, _, mode in spans} - set(known))
     for start, end, mode in spans:
-        x, width = _x(start, axis), max(1.0, _x(end, axis) - _x(start, axis))
+        x, width = float(frame.x(start)), max(8.0, float(frame.x(end) - frame.x(start)))
         colour = known[mode][0] if mode in known else _OTHER[others.index(mode) % len(_OTHER)]
-        title = svg.element("title", svg.escape(f"{name}: {mode}, {start:.1f} s to {end:.1f} s"))
-        parts.append(svg.element("rect", title, x=f"{x:.1f}", y=y, width=f"{width:.1f}", height=LANE - 4, fill=colour, rx=2))
-        if width > 7.0 * len(mode) + 8:
-            parts.append(svg.text(x + 6, y + 13, mode, class_="mode"))
-    return "".join(parts)
+        since = frame.axis.start_s
+        title = svg.element("title", svg.escape(f"{name}: {mode}, {start - since:.1f} s to {end - since:.1f} s after the start"))
+        fields.append(svg.element("rect", title, x=f"{x:.0f}", y=y, width=f"{width:.0f}", height=LANE - 4, fill=colour))
+        room = float(frame.pixel_x(end) - frame.pixel_x(start))
+        ends = {"data_from": f"{start:.2f}", "data_to": f"{end:.2f}", "visibility": None if room > 7.0 * len(mode) + 8 else "hidden"}
+        words.append(svg.text(float(frame.pixel_x(start)) + 6, TOP + y + 13, mode, class_="mode", **ends))
+    return "".join(fields), "".join(words)
 
 
-def _refusal_lane(label: str, stamps: np.ndarray, axis: TimeAxis, y: int) -> str:
+def _refusal_lane(label: str, stamps: np.ndarray, frame: Frame, y: int) -> tuple[str, str]:
     short = label if len(label) <= 42 else label[:41] + "\N{HORIZONTAL ELLIPSIS}"
-    x = np.unique(np.round([_x(t, axis) for t in stamps], 1))
+    x = np.unique(np.round(frame.x(stamps)))
     ticks = "".join(f"M{v:g} {y + 2}v8" for v in x)
     title = svg.element("title", svg.escape(f"{label}, {len(stamps)} times"))
-    name = svg.element("text", svg.escape(short) + title, x=LEFT - 8, y=y + 10, class_="refusal", text_anchor="end")
-    return name + svg.element("path", d=ticks, class_="refused")
-
-
-def _ticks(axis: TimeAxis, y: int) -> str:
-    parts = [svg.element("line", x1=LEFT, x2=WIDTH - RIGHT, y1=y, y2=y, class_="zero")]
-    parts += [svg.text(_x(t_s, axis), y + 14, label, class_="tick", text_anchor="middle") for t_s, label in axis.ticks(10)]
-    return "".join(parts)
+    name = svg.element("text", svg.escape(short) + title, x=LEFT - 8, y=TOP + y + 10, class_="refusal", text_anchor="end")
+    return svg.element("path", d=ticks, class_="refused"), name

@@ -13,7 +13,7 @@ from lowcostnav_ros.report.gnss.track import TrackSummary, epochs_of, error_tabl
 from lowcostnav_ros.report.svg import escape
 
 BLUE, ORANGE, GREEN, RED = "#1f77b4", "#d95f02", "#2a9d5c", "#c0392b"
-_COLOURS = {raim.HEALTHY: GREEN, raim.EXCLUDED: ORANGE, raim.NOT_POSSIBLE: "#8a8f94", raim.FAULTY: RED, "no position": "#222222"}
+_COLOURS = {raim.HEALTHY: GREEN, raim.EXCLUDED: ORANGE, raim.NOT_POSSIBLE: "#8a8f94", raim.FAULTY: RED, "no position": "var(--ink)"}
 
 
 def write_page(summary: TrackSummary, path: Path) -> int:

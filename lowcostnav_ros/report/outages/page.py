@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from lowcostnav_ros.replay.words import distance
 from lowcostnav_ros.report import svg
-from lowcostnav_ros.report.chart import Curve, Dots, Item, TimeAxis, time_chart
+from lowcostnav_ros.report.chart import HALF, Curve, Dots, Item, TimeAxis, time_chart
 from lowcostnav_ros.report.document import details, document, html_table, section
-from lowcostnav_ros.report.flight.figures import HALF, colour_of
+from lowcostnav_ros.report.flight.figures import colour_of
 from lowcostnav_ros.report.flight.map_chart import Track, map_chart
 from lowcostnav_ros.studies.outages.result import End, Flown, Outage, OutageStudy
 from lowcostnav_ros.studies.outages.tables import outage_table, window_table
@@ -39,6 +40,26 @@ def page_of(study: OutageStudy) -> str:
         *(section(flown.label, *_one(study, flown, colour_of(flown.navigator, names))) for flown in study.flown),
     ]
     return document(f"{study.recording}: outages", sections)
+
+
+def outage_finding(study: OutageStudy) -> str:
+    """The study in one sentence: the longest outages, the navigator that came through them best."""
+    best = min(study.flown, key=lambda flown: flown.statistics[-1].max_m)
+    found = best.statistics[-1]
+    half, worst = (distance(metres) for metres in (found.median_m, found.max_m))
+    lost = f"Had GPS been lost for {found.length_s:g} s, at any of {found.windows} moments"
+    return f"{lost}, {best.navigator} had been within {half} in half of them, {worst} at worst."
+
+
+def outage_section(study: OutageStudy) -> str:
+    """The study as one section of another page: table, the worst, and for each navigator its errors and a map."""
+    names = list(dict.fromkeys(flown.navigator for flown in study.flown))
+    each = []
+    for flown in study.flown:
+        longest_s = max(s.length_s for s in flown.statistics)
+        parts = [error_chart(study, flown, colour_of(flown.navigator, names)), *maps_of(study, flown, longest_s)[:1]]
+        each.append(details(f"{flown.label}: errors and where", "".join(parts)))
+    return section("Had GPS been lost", html_table(outage_table(study)), _sentences(study, names), *each)
 
 
 def _sentences(study: OutageStudy, names: list[str]) -> str:
@@ -95,7 +116,7 @@ def error_chart(study: OutageStudy, flown: Flown, colour: str) -> str:
     items: list[Item] = [Curve(t_s, row, "#cfd6dc", "each outage", 0.8) for row in few]
     for share, label, dash in ((50, "median", None), (95, "95 %", "5 3")):
         items.append(Curve(t_s, np.nanpercentile(errors, share, axis=0), colour, label, 2.2, dash))
-    items.append(Curve(t_s, np.nanmedian(sigmas, axis=0), "#222222", "sigma, median", 1.4, "2 3"))
+    items.append(Curve(t_s, np.nanmedian(sigmas, axis=0), "var(--ink)", "sigma, median", 1.4, "2 3"))
     top = 1.05 * float(np.nanmax(errors))
     axis = TimeAxis(0.0, float(t_s[-1]))
     return time_chart("Horizontal error [m] against the time since GPS was lost", axis, items, height=240, limits=(0.0, top))

@@ -56,7 +56,7 @@ class Loss:
         """Feed the copy all but what is withheld from the start of the window on; return the newest stamp of its solutions."""
         given, _ = split(measurement, (self._withheld,))
         newest_ns = -(2**62)
-        for name, solution, _ in self.chain.feed(given) if given is not None else ():
+        for name, solution in self.chain.feed(given) if given is not None else ():
             self.lost[name].append(solution)
             newest_ns = max(newest_ns, solution.stamp_ns)
         return newest_ns
@@ -92,7 +92,7 @@ class Losses:
             self._lose(measurement)
             for loss in self._flying:
                 self._newest_ns = max(self._newest_ns, loss.feed(measurement))
-            for name, solution, _ in self.chain.feed(measurement) if self._waiting or self.to_the_end else ():
+            for name, solution in self.chain.feed(measurement) if self._waiting or self.to_the_end else ():
                 self._kept[name].append(solution)
                 self._newest_ns = max(self._newest_ns, solution.stamp_ns)
             yield from self._over(self._newest_ns)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lowcostnav_ros.base.measurements import GpsPosition, Measurement, NavSolution
-from lowcostnav_ros.replay.columns import NavColumns, interpolate
-from lowcostnav_ros.replay.evaluation import MAX_GAP_NS, Track, Truth, fix_columns, solution_columns
+from lowcostnav_ros.replay.columns import NavColumns, columns_of, interpolate
+from lowcostnav_ros.replay.evaluation import MAX_GAP_NS, Track, Truth, fix_columns, in_order
 from lowcostnav_ros.replay.metrics import AXES, Errors, errors_between
 from lowcostnav_ros.replay.outages import GAP_NS
 from lowcostnav_ros.replay.withhold import NS
@@ -105,7 +105,7 @@ def _judged(
     ends_ns = {length_s: end_ns for length_s, end_ns in ends_ns.items() if end_ns <= loss.window.end_ns}
     seconds = np.arange(start_ns, max(ends_ns.values()) + 1, NS)
     grid = np.unique([*seconds, *ends_ns.values()])
-    estimate, with_gps = solution_columns(lost), solution_columns(kept)
+    estimate, with_gps = in_order(columns_of(lost)), in_order(columns_of(kept))
     true = reference.at(grid, with_gps)
     errors = _errors(interpolate(estimate, grid, MAX_GAP_NS), true)
     horizontal = np.hypot(errors.axis("north_m"), errors.axis("east_m"))

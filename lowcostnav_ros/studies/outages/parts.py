@@ -52,7 +52,9 @@ def parts_of(
         circumstances["wind_change_mps"] = float(np.linalg.norm(reference.wind_n[-1] - reference.wind_n[0]))
         circumstances["airspeed_error_mps"] = float(forward.mean())
     else:
-        acceleration = np.gradient(reference.vel_n[:, :2], t_s, axis=0)
+        rising = np.diff(t_s, prepend=-1.0) > 0.0  # a stamp that comes twice has no rate of its own
+        slope = np.gradient(reference.vel_n[rising, :2], t_s[rising], axis=0) if rising.sum() > 1 else np.zeros((1, 2))
+        acceleration = slope[np.cumsum(rising) - 1]
         rotated = turned[:, None] * np.column_stack([-acceleration[:, 1], acceleration[:, 0]])
         found["velocity"] = velocity[0] * t_s[-1]
         found["heading"] = _integral(_integral(rotated, t_s), t_s)[-1]

@@ -1,0 +1,1 @@
+"""Position and velocity from an attitude reference with accelerometers, and GPS."""

@@ -1,0 +1,1 @@
+"""Results of the thesis on a low-cost MEMS AHRS and GPS."""

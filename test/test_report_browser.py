@@ -1,0 +1,118 @@
+"""The page in a real browser: no script error, every chart drawn, values at the cursor, zoom, map and player that belong together."""
+
+import html
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from replay_fakes import FakeAhrs, FakeSettings, FixFollower, flight
+
+from lowcostnav_ros.replay.session import replay_stream
+from lowcostnav_ros.replay.withhold import parse_withhold
+from lowcostnav_ros.report.chart import Band, Curve, Dots, TimeAxis, time_chart
+from lowcostnav_ros.report.document import document, section
+from lowcostnav_ros.report.flight.map_chart import Track, map_chart
+from lowcostnav_ros.report.flight.page import page_of
+from lowcostnav_ros.report.flight.result_folder import read_result
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="no chromium here to look at the page with")
+
+ANSWER = "document.body.dataset.answer=JSON.stringify({wrong,answer})"
+LISTEN = "<script>window.wrong=[];addEventListener('error',e=>wrong.push(e.message))</script>"
+
+
+def asked(tmp_path, text, question, width=1200):
+    """What a question, a JavaScript function body, answers in the page."""
+    tell = f"<script>let answer;try{{answer=(()=>{{{question}}})()}}catch(e){{wrong.push(e.stack)}};{ANSWER}</script>"
+    file = tmp_path / "page.html"
+    file.write_text(text.replace("<head>", f"<head>{LISTEN}").replace("</body>", f"{tell}</body>"), encoding="utf-8")
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900"]
+    run = subprocess.run([BROWSER, *flags, "--dump-dom", file.as_uri()], capture_output=True, text=True, timeout=55, check=True)
+    found = re.search(r'data-answer="([^"]*)"', run.stdout)
+    assert found, run.stderr[-2000:]
+    told = json.loads(html.unescape(found[1]))
+    assert told["wrong"] == []
+    return told["answer"]
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    out = tmp_path_factory.mktemp("result")
+    navigators = {"follower": FixFollower(FakeSettings(north_bias_m=3.0)), "ahrs": FakeAhrs(FakeSettings())}
+    summary = replay_stream(flight(30), navigators, (parse_withhold("gps/fix@10-22"),), out=out)
+    (out / "summary.json").write_text(json.dumps(summary.to_mapping()))
+    return read_result(out)
+
+
+def test_a_report_works_in_a_browser(result, tmp_path):
+    answer = asked(tmp_path, page_of(result), """
+        document.querySelectorAll('details').forEach(d => d.open = true);
+        page.fit();
+        const drawn = page.charts.filter(c => c.axes.children.length > 2 && +c.plot.getAttribute('width') > 50).length;
+        const [a, b] = [page.main.t0 + 5, page.main.t0 + 15], north = page.charts.find(c => /^North error/.test(c.svg.ariaLabel));
+        const svg = north.svg, box = svg.getBoundingClientRect();
+        const send = (type, t) => svg.dispatchEvent(new PointerEvent(type, {pointerId: 1, pointerType: 'mouse', button: 0, bubbles: true,
+          clientX: box.left + north.x(t) / north.width * box.width, clientY: box.top + 60}));
+        svg.setPointerCapture = () => {};
+        page.charts.forEach(c => c.seen = true);
+        send('pointermove', a);
+        const text = document.getElementById('when').innerText;
+        send('pointerdown', a); send('pointermove', b); send('pointerup', b);
+        const view = [page.main.a, page.main.b], shown = page.main.charts.map(c => c.plot.getAttribute('viewBox').split(' ').map(Number));
+        const value = north.at(page.main.t0 + 12);
+        goTo(page.main.t0 + 12);
+        const crafts = [...document.querySelectorAll('.craft')].map(g => g.getAttribute('transform'));
+        const ground = page.grounds[0], pin = ground.pins[0].getAttribute('transform');
+        ground.zoom(0.5);
+        const moved = [...document.querySelectorAll('.craft')].map(g => g.getAttribute('transform'));
+        document.getElementById('unzoom').click();
+        const by = document.querySelector('#player .by'), who = document.querySelector('#player .who');
+        who.value = 'follower'; who.dispatchEvent(new Event('change'));
+        const painted = ['error_m', 'ratio', 'mode'].map(v => { by.value = v; by.dispatchEvent(new Event('change'));
+          return document.querySelectorAll('.painted path').length; });
+        document.querySelector('#player .play').click();
+        const playing = document.querySelector('#player .play').textContent;
+        return {painted, playing, charts: document.querySelectorAll('svg.chart').length, drawn, text, view, shown, crafts, moved,
+          whole: page.main.charts.every(c => c.plot.getAttribute('viewBox').startsWith('0 ')),
+          horizon: !!document.querySelector('.horizon svg'),
+          bands: value.filter(v => v[0].kind === 'band').length, error: value.find(v => v[0].kind === 'curve')[1],
+          pinMoved: pin !== ground.pins[0].getAttribute('transform'), contents: document.querySelectorAll('nav a').length}""")  # fmt: skip
+    assert answer["charts"] == answer["drawn"] > 8 and answer["contents"] > 4
+    assert "0:05.0" in answer["text"] and "sigma:" in answer["text"] and " m" in answer["text"]
+    # a drag from 5 to 15 s zooms every chart of the flight to that, and one click shows all again
+    first = result.summary.first_stamp_s
+    assert np.allclose(np.subtract(answer["view"], first), [5.0, 15.0], atol=0.1) and answer["whole"]
+    assert all(np.allclose((x, w), (shown_x, shown_w)) for x, _, w, _ in answer["shown"] for shown_x, _, shown_w, _ in answer["shown"][:1])
+    errors = result.navigators["follower"].errors
+    known = np.isfinite(errors["north_m"])
+    expected = np.interp(first + 12.0, errors["t_s"][known], errors["north_m"][known])
+    assert answer["bands"] == 1 and answer["error"] == pytest.approx(expected, abs=0.05)
+    assert min(answer["painted"]) > 0 and answer["playing"] != "\N{BLACK RIGHT-POINTING TRIANGLE}"
+    assert answer["crafts"] and answer["crafts"] != answer["moved"] and answer["pinMoved"] and answer["horizon"]
+
+
+def test_a_page_without_a_flight_works_on_a_telephone(tmp_path):
+    t = np.arange(0.0, 100.0, 0.1)
+    axis = TimeAxis(0.0, 100.0, [(20.0, 30.0)])
+    items = [Band(t, 1.0 + 0.0 * t, "#00f"), Curve(t, np.sin(t), "#000", "sine"), Dots(t[::50], np.cos(t[::50]), "#f00", "cosine")]
+    charts = time_chart("Sine [m]", axis, items), time_chart("Other [m]", TimeAxis(0.0, 7.0), [Curve(t[:70], t[:70], "#000", "line")])
+    ground = map_chart([Track(np.array([47.0, 47.1]), np.array([8.0, 8.1]), "#000", "way")])
+    answer = asked(tmp_path, document("name", [section("Charts", *charts, ground)]), """
+        page.fit();
+        const [sine, line] = page.charts;
+        sine.seen = line.seen = true;
+        page.show(sine.view, 40, 50);
+        const [band, curve, dots] = ['band', 'curve', 'dots'].map(kind => sine.items().find(i => i.kind === kind));
+        return {width: sine.width, wide: document.documentElement.scrollWidth <= innerWidth,
+          other: line.view.b, at: sine.at(45.0).map(v => v[1]),
+          range: [sine.low, sine.high], points: dots.parts[0][0].length,
+          tick: sine.axes.querySelector('.tick').getBoundingClientRect().height}
+        """, width=400)  # fmt: skip
+    assert answer["width"] < 500 and answer["wide"] and answer["tick"] > 8.0  # text as large as on a desk
+    assert answer["other"] == 7.0  # another axis is not moved
+    assert answer["at"] == pytest.approx([1.0, np.sin(45.0), np.cos(45.0)], abs=0.005) and answer["points"] == 20
+    assert answer["range"][1] == pytest.approx(2.0 * 1.06, abs=0.2)  # two sigma and a margin
