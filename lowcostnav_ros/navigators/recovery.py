@@ -124,6 +124,7 @@ class Recovery:
             if not self._steps:
                 self._widen(WIDENINGS[0])
         if not self._steps and stamp_ns - max(self._rejected_ns, self._recovered_ns) > MEMORY_NS:
+            self._accel = self._rate = 0.0
             self._widen(1.0)
         if self._steps and stamp_ns - max(self._rejected_ns, self._since_ns) > CALM_NS and self._calm:
             self._steps = 0
