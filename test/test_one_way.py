@@ -48,9 +48,10 @@ def test_corrections_that_go_one_way_widen_attitude_and_sensors_and_are_named():
 
 
 def test_a_heading_is_taken_from_the_track_only_where_no_wind_explains_it():
-    for apart_deg, speed, taken in ((10.0, 50.0, False), (40.0, 50.0, False), (60.0, 50.0, True), (60.0, 15.0, False), (150.0, 15.0, True)):
+    cases = (10.0, 50.0, 1.0, False), (40.0, 50.0, 1.0, False), (60.0, 50.0, 1.0, True), (60.0, 15.0, 1.0, False), (150.0, 15.0, 1.0, True)
+    for apart_deg, speed, sigma_deg, taken in (*cases, (60.0, 50.0, 25.0, False)):
         check = OwnHeadingCheck("imu/data_raw")
-        found = [check.compare(round(t * SECOND), apart_deg * DEGREE, speed, 0.0) for t in np.arange(1.0, 4.0, 0.5)]
+        found = [check.compare(round(t * SECOND), apart_deg * DEGREE, sigma_deg * DEGREE, speed, 0.0) for t in np.arange(1.0, 4.0, 0.5)]
         assert any(f is not None for f in found) == taken
         if taken:
             assert found[:2] == [None, None]

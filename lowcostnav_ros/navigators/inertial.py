@@ -377,6 +377,8 @@ class InertialNavigator(Navigator):
                 self._widen(least)
             if self.one_way.held is not None and not named:
                 self.recovery.lose(measurement.stamp_ns)
+        if self.settings.alignment.any_heading:
+            return used  # the track says nothing of the heading
         if isinstance(measurement, GpsVelocity) and not self.excluded(aid) and (used or self._compass_agrees(measurement)):
             self._head_by_track(measurement)
         return used
@@ -397,7 +399,7 @@ class InertialNavigator(Navigator):
             return
         track, sigma = math.atan2(east, north), self.settings.alignment.track_sigma_deg * DEGREE
         heading = math.atan2(C[1, 0], C[0, 0])
-        apart = self.turned.compare(stamp_ns, heading, north, east)
+        apart = self.turned.compare(stamp_ns, heading, math.sqrt(self.P[8, 8]), north, east)
         is_vague = not self.tries_headings and self.P[8, 8] > max(VAGUE_HEADING, 2.0 * sigma) ** 2
         if apart is not None or is_vague:
             reset_to(self, DOWN, np.array([wrap(track - heading)]), np.array([[sigma**2]]))

@@ -8,6 +8,8 @@ from lowcostnav_ros.physics.rotation import wrap
 SLOWEST_MPS = 12.0
 STRONGEST_WIND_MPS = 20.0
 MARGIN_RAD = math.radians(20.0)
+UNKNOWN = 3.0
+"""Sigmas within which a heading contradicts nothing: it is not known."""
 
 
 def crabs(heading: float, north_mps: float, east_mps: float) -> float | None:
@@ -40,9 +42,11 @@ class OwnHeadingCheck(Latch):
     def __init__(self, imu: str) -> None:
         super().__init__("heading and track disagree", (imu, "the GPS track"), "deg", begin_s=1.0, end_s=20.0)
 
-    def compare(self, stamp_ns: int, heading: float, north_mps: float, east_mps: float) -> float | None:
-        """Compare a heading, rad, with the velocity over ground; return heading minus track where it is to be taken from the track."""
+    def compare(self, stamp_ns: int, heading: float, sigma: float, north_mps: float, east_mps: float) -> float | None:
+        """Compare a heading and its sigma, rad, with the velocity over ground; return heading minus track where that is better."""
         apart = crabs(heading, north_mps, east_mps)
+        if apart is not None and abs(apart) < UNKNOWN * sigma:
+            apart = None
         began = self.judge(stamp_ns, apart is not None, math.degrees(abs(apart or 0.0)), self.parties[0], "a gyro is wrong")
         again = apart is not None and self.held is not None and stamp_ns - self._taken_ns >= self.begin_ns
         if not began and not again:
