@@ -31,7 +31,7 @@ def spoofer(rate, rise_s=10.0, start=70.0, end=125.0):
     return lie
 
 
-@pytest.mark.parametrize("rate", [5.0, 30.0])
+@pytest.mark.parametrize("rate", [5.0, 10.0, 30.0])
 def test_a_spoofer_that_is_followed_is_covered_and_the_solution_returns_from_far_away(truth, rate):  # noqa: F811
     navigator, solutions, modes = flown(truth, spoofer(rate))
     t, size, ratio = shares(truth, solutions)

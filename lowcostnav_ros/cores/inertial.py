@@ -422,6 +422,16 @@ class InertialCore:
         if self.history is not None:
             self.history.end(self.P)
 
+    def widen(self, least: np.ndarray) -> None:
+        """Raise the sigmas of the error state to those of ``least`` (n,): it is known less well than the filter believes."""
+        self.settle()
+        if self.history is not None:
+            self.history.begin(self.P)
+        rows = np.arange(len(self.P))
+        self.P[rows, rows] = np.maximum(self.P.diagonal(), least**2)
+        if self.history is not None:
+            self.history.end(self.P)
+
     def bridge(self, t_ns: int) -> None:
         """Carry the state to ``t_ns`` over a hole in the inertial data (:mod:`.bridging`)."""
         self.settle()

@@ -338,6 +338,10 @@ class Navigator(ABC):
             self.history.cut()
         self.core.become(core)
 
+    def doubt(self, stamp_ns: int) -> np.ndarray:
+        """What contradictions add to the covariance (9, 9) of position, velocity and attitude NED: m, m/s, rad."""
+        return self.trust.doubt(stamp_ns)
+
     def contradictions(self) -> tuple[Contradiction, ...]:
         """What contradicts what, for longer than a moment."""
         return self.trust.contradictions()
@@ -601,7 +605,7 @@ class Navigator(ABC):
         ``nav`` begins with lat, lon, height, velocity and ``P`` likewise; ``with_attitude``: attitude errors follow them in ``P``.
         """
         cov = np.empty((3, 3, 3))
-        kalman.three_blocks(P, self.trust.doubt(t_ns), with_attitude, cov)
+        kalman.three_blocks(P, self.doubt(t_ns), with_attitude, cov)
         lat, lon, height = nav[:3].tolist()
         return NavSolution(
             *(int(t_ns), self.name, lat, lon, height, nav[3:6].copy()),

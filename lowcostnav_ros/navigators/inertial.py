@@ -17,17 +17,19 @@ from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, POS, VEL, InertialCore
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import Aid, Decision
+from lowcostnav_ros.estimation.aiding import Aid, Decision, reset_to
 from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
+from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, OwnHeadingCheck, crabs
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
+from lowcostnav_ros.estimation.one_way import OneWay
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.channel import Channel
 from lowcostnav_ros.navigators.headings import UNSEEN, Headings
 from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
 from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.physics.earth import displace
-from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew
+from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew, wrap
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
 from lowcostnav_ros.starts.point_solution import SlopeVelocity
@@ -41,6 +43,11 @@ LEVELLING_NS = 4_000_000_000
 """Levelling after a hole takes two GPS velocities a second or two apart."""
 RECENT_NS = 3_000_000_000
 """A refused fix this recent is the reason why there is none; an older one is not."""
+DOWN, VAGUE_HEADING, STEEPEST = slice(8, 9), 30.0 * DEGREE, 0.9
+"""Row of the heading; a sigma of it beyond which the track knows it better; sine of the pitch beyond which there is no heading."""
+UPSIDE_DOWN = np.eye(3) * np.pi**2
+"""What is added to the covariance of the attitude when nobody knows which side of the IMU is up, rad^2."""
+NOTHING = (None,) * 4
 TRANSFER_SPAN_S = 0.2
 """Inertial data of this length is tested before a transfer alignment."""
 
@@ -92,11 +99,19 @@ class InertialNavigator(Navigator):
         self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float) - self.imu_arm_b
         self.headings = Headings()
         self._attach(layout, InertialCore(layout))
-        self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
+        self._compass = next(iter(self.aids_of(MagneticAid)), None)
+        self.start = GpsStart(settings.alignment, settings.imu, layout, self._compass)
         self.slope = SlopeVelocity()
-        self.axes, self.recovery = AxesCheck(IMU), Recovery(settings.imu, layout)
+        self.axes, self.turned = AxesCheck(IMU), OwnHeadingCheck(IMU)
+        self._remember(settings.imu, layout)
         self._wind_aids = [aid for aid in self.aids if "wind" in aid.teaches]
         self._restart()
+
+    def _remember(self, imu: ImuSettings, layout: Layout) -> None:
+        """Begin to remember recoveries and corrections of an IMU with these settings."""
+        self.recovery = Recovery(imu, layout)
+        self.one_way = OneWay(layout, IMU, next((aid.source for aid in self.aids_of(VelocityAid)), self.fix_word))
+        self._moved = np.zeros(layout.size)
 
     def own_inputs(self) -> list[str]:
         """The IMU, and the master of a transfer alignment."""
@@ -137,9 +152,10 @@ class InertialNavigator(Navigator):
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity and with its settings."""
-        own = self.axes.held, self.recovery.contradiction(self.core.estimate) if self._aligned else None
+        beyond = self.recovery.contradiction(self.core.estimate) if self._aligned else None
+        own = self.axes.held, self.one_way.held, self.turned.held, beyond
         others = super().contradictions()
-        return others if own == (None, None) else (*others, *(held for held in own if held is not None))
+        return others if own == NOTHING else (*others, *(held for held in own if held is not None))
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
@@ -147,6 +163,9 @@ class InertialNavigator(Navigator):
         self._aligned = self._led_away = False
         self.headings.close()
         self.axes.clear()
+        self.one_way.clear()
+        self.turned.clear()
+        self._began_over = False
         self.recovery.restart()
         self._emitted = -1
         self._sampled_ns = self._levelling_until_ns = 0
@@ -184,8 +203,12 @@ class InertialNavigator(Navigator):
                     decision = None
                 elif decision is Decision.RECOVER and aid.measurement is GpsPosition and self.trust.agreement().get(GpsVelocity, False):
                     decision = Decision.REJECT  # where the velocity agrees it is not the IMU
-                recovery.note(item.stamp_ns, decision)
-                self.inertial_is_suspect = recovery.is_widened
+                off = aid.status.innovation if aid.measurement is GpsVelocity else None
+                recovery.note(item.stamp_ns, decision, 0.0 if off is None else float(np.linalg.norm(off)))
+                if decision is Decision.RECOVER and off is not None:
+                    self._widen(recovery.seen())
+                found = recovery.contradiction(self.core.estimate) or self.one_way.held
+                self.inertial_is_suspect = recovery.is_widened or found is not None
         if not recovery.gathers:
             self.start_is_fed = False
             return
@@ -210,6 +233,8 @@ class InertialNavigator(Navigator):
         self.core.start(start.stamp_ns, start.nav, start.covariance)
         if self.offsets is not None:
             self.offsets.restart()
+        self.one_way.clear()
+        self._look_at_axes(start.stamp_ns)
         self.recovery.begin(start.stamp_ns, self.P, moving=self.start.moving)
         self.inertial_is_suspect = True
         self._fused_fix_ns, self._sampled_ns = start.fix_ns, start.stamp_ns
@@ -306,8 +331,10 @@ class InertialNavigator(Navigator):
 
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """As every navigator; while it tries several headings, each takes the measurement."""
+        if not self.headings.cores:
+            return self._use_watched(aid, measurement)
         used = super().use_aid(aid, measurement)
-        if used and self.headings.cores:
+        if used:
             self.headings.take(aid, measurement, self)
             self._show_headings()
         return used
@@ -334,6 +361,61 @@ class InertialNavigator(Navigator):
         if channel.aids[0].needs_rate and channel.is_due(measurement.stamp_ns):
             self.core.note()
         return super().use_channel(channel, measurement)
+
+    # sensors that GPS shows to be wrong --------------------------------------------------------------------------------------
+
+    def _use_watched(self, aid: Aid, measurement: Measurement) -> bool:
+        """Use a measurement; where GPS moves the attitude one way again and again, attitude and sensors are known less well."""
+        if not aid.is_fix and not isinstance(aid, VelocityAid):
+            return super().use_aid(aid, measurement)
+        before = self.one_way.seen(self.P)
+        used = super().use_aid(aid, measurement)
+        if used and aid.decision is Decision.FUSE:
+            named = self.one_way.held is not None
+            least = self.one_way.take(measurement.stamp_ns, self._moved, before - self.one_way.seen(self.P))
+            if least is not None:
+                self._widen(least)
+            if self.one_way.held is not None and not named:
+                self.recovery.lose(measurement.stamp_ns)
+        if self.settings.alignment.any_heading:
+            return used  # the track says nothing of the heading
+        if isinstance(measurement, GpsVelocity) and not self.excluded(aid) and (used or self._compass_agrees(measurement)):
+            self._head_by_track(measurement)
+        return used
+
+    def _compass_agrees(self, velocity: GpsVelocity) -> bool:
+        """Whether the magnetic heading, too, is such that wind explains the track of a velocity that is refused."""
+        north, east, _ = velocity.vel_n
+        C, seen = self.core.C_nb(), self._compass
+        if seen is None or seen.status.observation is None or velocity.stamp_ns - seen.status.stamp_ns > RECENT_NS:
+            return False
+        return crabs(math.atan2(C[1, 0], C[0, 0]) + float(seen.status.observation[0]), north, east) is None
+
+    def _head_by_track(self, velocity: GpsVelocity) -> None:
+        """Take the heading from the track where no wind explains how far they are apart, or where it is hardly known."""
+        stamp_ns, (north, east, _) = velocity.stamp_ns, velocity.vel_n
+        C = self.core.C_nb()
+        if math.hypot(north, east) < SLOWEST_MPS or abs(C[2, 0]) > STEEPEST:
+            return
+        track, sigma = math.atan2(east, north), self.settings.alignment.track_sigma_deg * DEGREE
+        heading = math.atan2(C[1, 0], C[0, 0])
+        apart = self.turned.compare(stamp_ns, heading, math.sqrt(self.P[8, 8]), north, east)
+        is_vague = not self.tries_headings and self.P[8, 8] > max(VAGUE_HEADING, 2.0 * sigma) ** 2
+        if apart is not None or is_vague:
+            reset_to(self, DOWN, np.array([wrap(track - heading)]), np.array([[sigma**2]]))
+        if apart is not None:
+            self._widen(self.recovery.turned(stamp_ns, abs(apart)))
+
+    def _widen(self, least: np.ndarray) -> None:
+        """Raise sigmas to those of ``least`` (n,); of several headings, go on with what they say together."""
+        if self.headings.cores:
+            self._close_headings()
+        self.core.widen(least)
+
+    def correct(self, dx: np.ndarray) -> None:
+        """As every navigator."""
+        super().correct(dx)
+        self._moved = dx
 
     def _judge(self, *, speaks: bool = True) -> None:
         """Keep mode and reason in step with what was fused; what changes in the reason alone is told at outputs (``speaks``)."""
@@ -392,12 +474,17 @@ class InertialNavigator(Navigator):
         self.begin(start.stamp_ns, start.nav, start.covariance)
         if start.headings:
             self.headings.begin(self.core, start.headings)
-        if self.start.force_b is not None:
-            self.axes.begin(start.stamp_ns, self.start.force_b[2])
+        self._look_at_axes(start.stamp_ns)
         if self.start.turned is not None:
             self.recovery.distrust_compass(start.stamp_ns)
         self._fused_fix_ns = start.fix_ns
         self._judge()
+
+    def _look_at_axes(self, stamp_ns: int) -> None:
+        """Note an alignment upside down."""
+        if self.start.force_b is not None:
+            self.axes.begin(stamp_ns, self.start.force_b[2])
+            self._began_over = self.axes.held is not None
 
     def begin(self, stamp_ns: int, nav: np.ndarray, core_covariance: np.ndarray) -> None:
         """Start at a state known from elsewhere (transfer alignment): ``nav`` (10,) and the covariance (9, 9) of the core states."""
@@ -412,7 +499,7 @@ class InertialNavigator(Navigator):
         self.settings = replace(self.settings, imu=imu)
         layout = Layout(self.blocks())
         self._attach(layout, InertialCore(layout))
-        self.recovery = Recovery(imu, layout)
+        self._remember(imu, layout)
 
     def _transfer(self, item: NavSolution) -> None:
         """Start at the state of the master; once aligned, its solutions are ignored."""
@@ -456,10 +543,18 @@ class InertialNavigator(Navigator):
             cov_wind=None if wind is None else P[wind, wind].copy(),
         )
 
+    def doubt(self, t_ns: int) -> np.ndarray:
+        """As every navigator; of an attitude that may be upside down nothing is known."""
+        doubt = self.trust.doubt(t_ns)
+        if self._began_over and self.axes.held is not None:
+            doubt = doubt.copy()
+            doubt[ATT, ATT] += UPSIDE_DOWN
+        return doubt
+
     def _sigmas(self) -> dict[str, float]:
         if not self._aligned:
             return {}
-        P = self.P[:CORE, :CORE] + self.trust.doubt(self.core.t_ns)
+        P = self.P[:CORE, :CORE] + self.doubt(self.core.t_ns)
         north, east, down = np.sqrt(np.maximum(np.diag(P)[ATT], 0.0)) / DEGREE
         return position_sigmas(P) | {"tilt_deg": float(np.hypot(north, east)), "heading_deg": float(down)}
 

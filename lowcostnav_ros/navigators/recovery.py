@@ -15,6 +15,7 @@ from lowcostnav_ros.cores.imu_errors import ImuSettings, typical
 from lowcostnav_ros.cores.inertial import ATT, VEL
 from lowcostnav_ros.estimation.aiding import Decision
 from lowcostnav_ros.estimation.error_state import Kind, Layout
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 
 MEMORY_NS = 60_000_000_000
 ONE_EVENT_NS = 2_000_000_000
@@ -24,12 +25,22 @@ WIDENINGS = (10.0, 30.0)
 CALM_NS = 120_000_000_000
 """Without a rejection for so long, and with biases as the settings say, a fault of the IMU has ended."""
 COMPASS_NS, COMPASS_LATEST_NS = 30_000_000_000, 180_000_000_000
-HEADING_SIGMA = 4.0 * DEGREE
-"""The magnetometer waits until GPS has shown the heading to this, between these times after the alignment."""
+HEADING_SIGMA, UNKNOWN_SIGMA = 4.0 * DEGREE, 20.0 * DEGREE
+"""The magnetometer waits until GPS has shown the heading to the first, or lost it beyond the second, between these times."""
 EXCEEDED, FAR_EXCEEDED = 3.0, 6.0
 """Sigmas of its setting by which a bias is too large: after an alignment anew; and where it was learnt without one."""
 BEYOND_SPOOFING = 20.0
 """Sigmas of its setting that no bias learnt from a spoofer reaches."""
+UNNOTICED_S = 1.0
+"""An error of the sensors works so long before it shows."""
+LASTING_NS = 4_000_000_000
+"""A velocity that was rejected so long and passes the gate again has not come back by itself."""
+LARGE, VERY_LARGE = 0.5, 1.5
+"""Errors of the sensors, m/s^2, that leave no attitude (3 deg) to go on with; and that call for the wider settings at once."""
+TURNED_S = 10.0
+"""A gyro that has turned the heading beyond what wind explains has taken about so long."""
+FASTEST, STEEPEST = 0.5, 0.6
+"""Largest rate, rad/s, and tilt, rad, that sensors are taken to be off by."""
 NEVER_NS = -(10**18)
 SETTINGS = "its settings"
 LOOK_NS = 1_000_000_000
@@ -58,6 +69,7 @@ class Recovery:
         self._found: Contradiction | None = None
         self._sensors = np.isin(layout.kind, [int(kind) for kind in (Kind.ACCEL_BIAS, Kind.GYRO_BIAS, Kind.ACCEL_SCALE, Kind.GYRO_SCALE)])
         accel, gyro = (("imu.accel_turn_on_mg", MILLI_G, "mg"), ("imu.gyro_turn_on_dps", DEGREE, "deg/s"))
+        self._rows = {kind: np.flatnonzero(layout.kind == int(kind)) for kind in (Kind.ACCEL_BIAS, Kind.GYRO_BIAS)}
         self._named = {
             int(Kind.ACCEL_BIAS): (*accel, math.hypot(typical(imu.accel_turn_on_mg), typical(imu.accel_bias_mg))),
             int(Kind.GYRO_BIAS): (*gyro, math.hypot(typical(imu.gyro_turn_on_dps), typical(imu.gyro_bias_dps))),
@@ -69,6 +81,8 @@ class Recovery:
     def restart(self) -> None:
         """Forget the recoveries; what was learnt of the IMU stays."""
         self.is_lost = False
+        self._off_since_ns: int | None = None
+        self._accel = self._rate = 0.0
         self._recovered_ns = self._rejected_ns = self._compass_off_ns = NEVER_NS
         self._now_ns = 0
 
@@ -86,7 +100,7 @@ class Recovery:
     @property
     def widening(self) -> float:
         """By how much the IMU may be worse than its settings at the next alignment."""
-        return WIDENINGS[min(self._steps, len(WIDENINGS) - 1)]
+        return WIDENINGS[-1] if self._steps or self._accel > VERY_LARGE else WIDENINGS[0]
 
     @property
     def gathers(self) -> bool:
@@ -97,21 +111,54 @@ class Recovery:
         """How long GPS must have been rejected, s."""
         return min(usual_s, AGAIN_S) if stamp_ns - self._recovered_ns <= MEMORY_NS else usual_s
 
-    def note(self, stamp_ns: int, decision: Decision | None) -> None:
-        """Take what became of a GPS measurement; None: it was excluded."""
+    def note(self, stamp_ns: int, decision: Decision | None, off_mps: float = 0.0) -> None:
+        """Take what became of a GPS measurement, and the size of the innovation of a velocity; None: it was excluded."""
         self._now_ns = stamp_ns
+        if off_mps > 0.0:
+            self._size(stamp_ns, decision, off_mps)
         if decision in (Decision.REJECT, Decision.RECOVER):
             self._rejected_ns = stamp_ns
         if decision is Decision.RECOVER and stamp_ns - self._recovered_ns > ONE_EVENT_NS:
-            self.is_lost |= stamp_ns - self._recovered_ns <= MEMORY_NS
+            self.is_lost |= stamp_ns - self._recovered_ns <= MEMORY_NS or self._accel > LARGE
             self._recovered_ns = stamp_ns
             if not self._steps:
                 self._widen(WIDENINGS[0])
         if not self._steps and stamp_ns - max(self._rejected_ns, self._recovered_ns) > MEMORY_NS:
+            self._accel = self._rate = 0.0
             self._widen(1.0)
         if self._steps and stamp_ns - max(self._rejected_ns, self._since_ns) > CALM_NS and self._calm:
             self._steps = 0
             self._widen(1.0)
+
+    def _size(self, stamp_ns: int, decision: Decision | None, off_mps: float) -> None:
+        """Find how large an error of the sensors explains a velocity that GPS contradicts: |y| = a T, or |y| = g w T^2 / 2."""
+        if decision not in (Decision.REJECT, Decision.RECOVER):
+            lasted = self._off_since_ns is not None and stamp_ns - self._off_since_ns > LASTING_NS
+            self.is_lost |= lasted and self._accel > LARGE  # the gate has grown to it
+            self._off_since_ns = None
+            return
+        self._off_since_ns = self._off_since_ns or stamp_ns
+        lasted_s = 1e-9 * (stamp_ns - self._off_since_ns) + UNNOTICED_S
+        self._accel = min(max(self._accel, off_mps / lasted_s), STANDARD_GRAVITY)
+        self._rate = min(max(self._rate, 2.0 * off_mps / (STANDARD_GRAVITY * lasted_s**2)), FASTEST)
+
+    def lose(self, stamp_ns: int) -> None:
+        """Take attitude and biases for lost: GPS corrects them one way again and again."""
+        self.is_lost, self._rejected_ns = True, stamp_ns
+
+    def turned(self, stamp_ns: int, apart: float) -> np.ndarray:
+        """Note a heading that is off by ``apart``, rad, as a recovery; sigmas (n,) that the gyro biases must have at least, rad/s."""
+        self.note(stamp_ns, Decision.RECOVER)
+        least = np.zeros(self._layout.size)
+        least[self._rows[Kind.GYRO_BIAS]] = apart / TURNED_S
+        return least
+
+    def seen(self) -> np.ndarray:
+        """Sigmas (n,) that there must be at least of attitude and sensor errors, by what GPS has shown them to be off by."""
+        least = np.zeros(self._layout.size)
+        least[ATT] = min(self._accel / STANDARD_GRAVITY, STEEPEST)
+        least[self._rows[Kind.ACCEL_BIAS]], least[self._rows[Kind.GYRO_BIAS]] = self._accel, self._rate
+        return least
 
     def begin(self, stamp_ns: int, P: np.ndarray, *, moving: bool) -> None:
         """Widen the covariance of the sensor errors, in place, and the driving noise, after an alignment."""
@@ -119,6 +166,8 @@ class Recovery:
         self._steps, self._since_ns, self.is_lost = self._steps + 1, stamp_ns, False
         self._calm = False
         P[np.ix_(self._sensors, self._sensors)] *= factor**2
+        rows = np.arange(len(P))
+        P[rows, rows] = np.maximum(P.diagonal(), self.seen() ** 2)
         self._widen(factor)
         if moving:
             self.distrust_compass(stamp_ns)
@@ -136,7 +185,7 @@ class Recovery:
     def compass_waits(self, now_ns: int, P: np.ndarray) -> bool:
         """Whether the magnetometer is not to be used yet."""
         since_ns = now_ns - self._compass_off_ns
-        return since_ns < COMPASS_NS or (since_ns < COMPASS_LATEST_NS and P[8, 8] > HEADING_SIGMA**2)
+        return since_ns < COMPASS_NS or (since_ns < COMPASS_LATEST_NS and HEADING_SIGMA**2 < P[8, 8] < UNKNOWN_SIGMA**2)
 
     def contradiction(self, estimate: np.ndarray) -> Contradiction | None:
         """The IMU against its settings, while it is taken for worse or a bias is far too large; looked at once a second."""

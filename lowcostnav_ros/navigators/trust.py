@@ -41,6 +41,8 @@ APART = 25.0
 """Squared distance of witness and solution over both covariances, of position or velocity, above which they disagree."""
 LOOKS_NS, LASTS_NS, RETURNS_NS = 20_000_000_000, 120_000_000_000, 2_000_000_000
 """A witness that agrees is heard so long; one that does not, so long after the last suspicion; GPS is back after so long."""
+BEYOND_SPOOFING_MPS = 50.0
+"""Nobody is led away at such a speed unnoticed: a prediction that is off by so much is a fault of what it is made of."""
 NEARER = 0.6
 """GPS that is so much nearer to the witness than the state is is back."""
 ROWS, FLOORS = {"m": slice(0, 3), "m/s": slice(3, 6)}, {"m": 3.0, "m/s": 0.3}
@@ -284,7 +286,15 @@ class Trust:
         """Whether the witness need not be heard any longer."""
         quiet_ns = now_ns - self._heard_ns
         together = self.led_away is None or (ratio < APART and size < BACK * self._largest)
-        return (together and quiet_ns > LOOKS_NS) or self.host.explains() or quiet_ns > LASTS_NS
+        return (together and quiet_ns > LOOKS_NS) or self._is_explained() or quiet_ns > LASTS_NS
+
+    def _is_explained(self) -> bool:
+        """Whether a fault of what carries the state explains what witness and state are apart.
+
+        What is learnt of a sensor is learnt of GPS, and a spoofer that speeds up teaches a bias of any size for as long as it does:
+        it must have moved the witness further than a spoofer could have moved the state.
+        """
+        return float(np.linalg.norm(self._apart[ROWS["m/s"]])) > BEYOND_SPOOFING_MPS and self.host.explains()
 
     def _is_back(self, now_ns: int, other: Motion) -> bool:
         """Whether GPS, refused, has agreed with the witness for a while where it disagrees with the state."""

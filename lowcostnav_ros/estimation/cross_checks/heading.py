@@ -1,4 +1,4 @@
-"""Magnetic heading against the track over ground: apart by more than any wind makes an aircraft crab, the magnetometer is turned."""
+"""A heading against the track over ground: apart by more than any wind makes an aircraft crab, magnetometer or gyro is wrong."""
 
 import math
 
@@ -8,6 +8,8 @@ from lowcostnav_ros.physics.rotation import wrap
 SLOWEST_MPS = 12.0
 STRONGEST_WIND_MPS = 20.0
 MARGIN_RAD = math.radians(20.0)
+UNKNOWN = 3.0
+"""Sigmas within which a heading contradicts nothing: it is not known."""
 
 
 def crabs(heading: float, north_mps: float, east_mps: float) -> float | None:
@@ -30,3 +32,29 @@ class HeadingCheck(Latch):
         apart = crabs(heading, north_mps, east_mps)
         advice = "magnetometer mounted turned, its axes half converted, or not calibrated"
         return self.judge(stamp_ns, apart is not None, math.degrees(abs(apart or 0.0)), self.parties[0], advice)
+
+
+class OwnHeadingCheck(Latch):
+    """A navigator's own heading and the track, deg: what the gyros have turned it by."""
+
+    _taken_ns: int
+
+    def __init__(self, imu: str) -> None:
+        super().__init__("heading and track disagree", (imu, "the GPS track"), "deg", begin_s=1.0, end_s=20.0)
+
+    def compare(self, stamp_ns: int, heading: float, sigma: float, north_mps: float, east_mps: float) -> float | None:
+        """Compare a heading and its sigma, rad, with the velocity over ground; return heading minus track where that is better."""
+        apart = crabs(heading, north_mps, east_mps)
+        if apart is not None and abs(apart) < UNKNOWN * sigma:
+            apart = None
+        began = self.judge(stamp_ns, apart is not None, math.degrees(abs(apart or 0.0)), self.parties[0], "a gyro is wrong")
+        again = apart is not None and self.held is not None and stamp_ns - self._taken_ns >= self.begin_ns
+        if not began and not again:
+            return None
+        self._taken_ns = stamp_ns
+        return apart
+
+    def clear(self) -> None:
+        """Forget all."""
+        super().clear()
+        self._taken_ns = 0

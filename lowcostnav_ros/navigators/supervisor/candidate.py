@@ -44,6 +44,12 @@ class Look:
 class Candidate:
     """A solution, tested against itself.
 
+    Parameters
+    ----------
+    name : str
+    fixes : bool
+        Whether its positions are fixes as received, whose errors are independent: both of two are uncertain, not the first alone.
+
     Attributes
     ----------
     name : str
@@ -58,8 +64,8 @@ class Candidate:
         When it last did.
     """
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, fixes: bool = False) -> None:
+        self.name, self._fixes = name, fixes
         self.newest: NavSolution | None = None
         self.health: Health | None = None
         self.contradiction: Contradiction | None = None
@@ -106,7 +112,7 @@ class Candidate:
 
     def _test(self, now: Look, still: bool) -> None:
         looks = [next((look for look in self._looks if now.stamp_ns - look.stamp_ns <= window), None) for window in WINDOWS_NS]
-        off = next((look for look in looks if look is not None and _is_off(look, now)), None)
+        off = next((look for look in looks if look is not None and self._is_off(look, now)), None)
         if still and off is None:
             off = next((look for look in reversed(looks) if look is not None), None)
         if off is not None:
@@ -115,7 +121,7 @@ class Candidate:
             return
         if self._anchor is not None:
             self.offset_n = _apart(self._anchor, now)
-        if off is None and (now.stamp_ns >= self._until_ns or (self._anchor is not None and not _is_off(self._anchor, now))):
+        if off is None and (now.stamp_ns >= self._until_ns or (self._anchor is not None and not self._is_off(self._anchor, now))):
             self.forgive()
         else:
             self.contradiction = replace(self.contradiction, size=_size(self.offset_n))
@@ -127,6 +133,12 @@ class Candidate:
             self.contradiction = Contradiction(name, (self.name, "its velocity"), 0.0, "m", stamp_ns, self.name)
             self._anchor = look
         self.doubted_ns, self._until_ns = stamp_ns, stamp_ns + self._kept_ns
+
+    def _is_off(self, look: Look, now: Look) -> bool:
+        lasted_s = 1e-9 * (now.stamp_ns - look.stamp_ns)
+        sigma = np.hypot(look.sigma, now.sigma) if self._fixes else look.sigma
+        allowed = SIGMAS * sigma + SIGMAS_WAY * (now.sigma_way - look.sigma_way) + FLOOR_M + FLOOR_MPS * lasted_s + now.slack - look.slack
+        return bool((np.abs(_apart(look, now)) > allowed).any())
 
     def forgive(self) -> None:
         """Believe it again."""
@@ -158,9 +170,3 @@ def _sigmas(covariance: np.ndarray) -> np.ndarray:
 def _apart(look: Look, now: Look) -> np.ndarray:
     """How far the way since a look and the velocity since then are apart, (3,) m NED."""
     return difference_n(*now.place, *look.place) - (now.way - look.way)
-
-
-def _is_off(look: Look, now: Look) -> bool:
-    lasted_s = 1e-9 * (now.stamp_ns - look.stamp_ns)
-    allowed = SIGMAS * look.sigma + SIGMAS_WAY * (now.sigma_way - look.sigma_way) + FLOOR_M + FLOOR_MPS * lasted_s + now.slack - look.slack
-    return bool((np.abs(_apart(look, now)) > allowed).any())

@@ -123,7 +123,7 @@ class Supervisor(Navigator):
     def _restart(self) -> None:
         self.active: str | None = None
         self.switches: deque[Switch] = deque(maxlen=SWITCHES_KEPT)
-        self._candidates = {name: Candidate(name) for name in (*self._sources.values(), GPS)}
+        self._candidates = {name: Candidate(name, fixes=name == GPS) for name in (*self._sources.values(), GPS)}
         self._motion = Motion()
         self._attitude: Attitude | None = None
         self._flown: NavSolution | None = None
