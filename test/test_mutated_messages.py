@@ -3,6 +3,17 @@
 from collections import Counter
 
 import mutated_messages as campaign
+import pytest
+
+
+@pytest.fixture(autouse=True, scope="module")
+def short_way_to_the_copies():
+    """The copies are taken after a minute with GPS, and 25 s after it was lost: the way there is not what is judged."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, seconds in {"GOOD_S": 60.0, "LOST_S": 70.0, "OUT_S": 95.0}.items():
+            patch.setattr(campaign, name, seconds)
+        yield
+        campaign.flight_of.cache_clear()
 
 
 def test_one_bad_message_is_refused_or_limited_alone():

@@ -25,11 +25,12 @@ QUICK = (
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A fault (empty: none) on the flight of a seed, flown by navigators."""
+    """A fault (empty: none) on the flight of a seed, flown by navigators; ``flying`` are all that the study needs on the sound flight."""
 
     fault: str
     seed: int
     navigators: tuple[str, ...]
+    flying: tuple[str, ...]
 
 
 def chosen(patterns: Collection[str] = (), quick: bool = False) -> list[str]:
@@ -66,14 +67,15 @@ def study(faults: Sequence[str], navigators: Collection[str] = (), seeds: Sequen
         if name not in CHAIN:
             raise SettingsError(f"There is no navigator '{name}' in the chain{nearest(name, list(CHAIN))}.")
     wanted = {name: [n for n in concerned(FAULTS[name].sources) if not navigators or n in navigators] for name in faults}
-    cases = [Case(name, seed, tuple(wanted[name])) for seed in seeds for name in faults if wanted[name]]
+    flying = tuple(crew({name for names in wanted.values() for name in names}))
+    cases = [Case(name, seed, tuple(wanted[name]), flying) for seed in seeds for name in faults if wanted[name]]
     return [row for rows in run_campaign(judged, cases, workers, label="faults") for row in rows]
 
 
 def judged(case: Case) -> list[Row]:
     """Fly one case, and judge its navigators."""
     fault = FAULTS[case.fault]
-    sound = healthy(case.seed, fault.outage)
+    sound = healthy(case.seed, fault.outage, case.flying)
     try:
         made = flown(case.seed, fault, fault.outage, crew(case.navigators))
     except Exception as error:  # what a navigator raises is a finding, not the end of the study
@@ -83,6 +85,6 @@ def judged(case: Case) -> list[Row]:
 
 
 @cache
-def healthy(seed: int, outage: bool) -> Pass:
+def healthy(seed: int, outage: bool, names: tuple[str, ...]) -> Pass:
     """The flight of a seed without a fault, once a process."""
-    return flown(seed, None, outage, tuple(CHAIN))
+    return flown(seed, None, outage, names)
