@@ -186,9 +186,10 @@ def test_magcal_of_a_swing_gives_a_calibration_that_shows_the_headings(columns, 
     assert out.with_suffix(".png").stat().st_size > 5000
 
 
-def test_magcal_of_a_swing_in_a_bag_takes_off_the_declination(tmp_path):
+def swung_bag(path):
+    """A bag of twelve headings, twenty seconds each, with 3 and -2 uT of hard iron."""
     start, field, rng = 1_767_225_600_000_000_000, field_n(*PLACE, 2026.0), np.random.default_rng(4)
-    with BagWriter(tmp_path / "bag") as writer:
+    with BagWriter(path) as writer:
         sent = [GpsPosition(start, "gps/fix", *PLACE, np.eye(3))]
         for k in range(480):
             stamp, q_nb = start + k * 500_000_000, euler_to_quat(0.02, -0.03, np.radians(30.0) * (k // 40))
@@ -198,7 +199,12 @@ def test_magcal_of_a_swing_in_a_bag_takes_off_the_declination(tmp_path):
         for measurement in sent:
             for stamp_ns, topic, msgtype, cdr in encode_cdr(measurement):
                 writer.write(topic, msgtype, stamp_ns, cdr)
-    assert cli.main(["magcal", str(tmp_path / "bag"), "--method", "swing", "-o", str(tmp_path / "mag.yaml")]) == 0
+    return str(path)
+
+
+def test_magcal_of_a_swing_in_a_bag_takes_off_the_declination(tmp_path):
+    bag = swung_bag(tmp_path / "bag")
+    assert cli.main(["magcal", bag, "--method", "swing", "-o", str(tmp_path / "mag.yaml")]) == 0
     loaded = load_settings(AhrsSettings, tmp_path / "mag.yaml").magnetometer
     np.testing.assert_allclose(loaded.hard_iron_ut, [3.0, -2.0, 0.0], atol=0.1)
     np.testing.assert_allclose(loaded.matrix, np.eye(3).ravel(), atol=0.004)
@@ -212,3 +218,51 @@ def test_magcal_of_a_swing_refuses_in_a_sentence(tmp_path, capsys):
     assert "heading,measured or heading,x,y,z" in capsys.readouterr().err
     assert cli.main(["magcal", table, "--method", "swing"]) == 2
     assert "--strength" in capsys.readouterr().err
+
+
+def test_calibrate_temperature_gives_the_slope_that_a_profile_takes(tmp_path, capsys):
+    temperature_c = np.arange(0.0, 61.0, 10.0)
+    output = 60.0 * (1.0 + 430e-6 * (temperature_c - 30.0)) + 0.001 * np.array([1.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0])
+    table = write_table(tmp_path / "runs.csv", ["temperature_c", "output"], np.column_stack([temperature_c, output]))
+    assert cli.main(["calibrate", "temperature", table, "--input", "60"]) == 0
+    said = capsys.readouterr().out
+    assert "scale factor: 42" in said or "scale factor: 43" in said
+    assert "from 0 to 60 degC" in said
+    assert imu_profile_from_text("gyro: {" + said.split("gyro.")[1].split("  and")[0] + "}").gyro.scale_factor_ppm_per_k[0] > 420.0
+    assert cli.main(["calibrate", "temperature", table, "--input", "0"]) == 2
+    assert "not zero" in capsys.readouterr().err
+
+
+def test_calibrate_warm_up_gives_the_transient_that_a_profile_takes(tmp_path, capsys):
+    t_s = np.arange(0.0, 10800.0, 60.0)
+    table = write_table(tmp_path / "start.csv", ["t_s", "output"], np.column_stack([t_s, 0.01 + 0.05 * np.exp(-t_s / 1800.0)]))
+    assert cli.main(["calibrate", "warm-up", table]) == 0
+    assert "0.01 deg/s settled, +0.05 deg/s at power-up, gone with 1800 s" in capsys.readouterr().out
+
+
+def test_calibrate_heading_gives_the_settings_of_the_magnetic_aid(tmp_path, capsys):
+    rng, slow, decay = np.random.default_rng(6), np.zeros(28_800), np.exp(-0.5 / 120.0)
+    for k in range(1, len(slow)):
+        slow[k] = decay * slow[k - 1] + 2.5 * np.sqrt(1.0 - decay**2) * rng.standard_normal()
+    error = slow + 0.8 * rng.standard_normal(len(slow)) + 1.0
+    table = write_table(tmp_path / "error.csv", ["t_s", "error"], np.column_stack([0.5 * np.arange(len(slow)), error]))
+    assert cli.main(["calibrate", "heading", table, "-o", str(tmp_path / "heading.yaml")]) == 0
+    assert "mean +" in capsys.readouterr().out
+    loaded = load_settings(AhrsSettings, tmp_path / "heading.yaml").magnetic
+    assert loaded.noise_deg == pytest.approx(0.8, rel=0.05)
+    assert loaded.bias_deg == pytest.approx(np.hypot(2.5, error.mean()), rel=0.2)
+    assert loaded.bias_tau_s == pytest.approx(120.0, rel=0.4)  # 120 correlation times: 13 % one sigma of sigma, twice that of tau
+
+
+def test_calibrate_heading_of_a_bag_applies_the_calibration(tmp_path, capsys):
+    bag = swung_bag(tmp_path / "bag")
+    assert cli.main(["magcal", bag, "--method", "swing", "-o", str(tmp_path / "mag.yaml")]) == 0
+    left = []
+    for more in ([], ["--calibration", str(tmp_path / "mag.yaml")]):
+        capsys.readouterr()
+        out = tmp_path / "heading.yaml"
+        assert cli.main(["calibrate", "heading", bag, *more, "-o", str(out)]) == 0
+        own = load_settings(AhrsSettings, out).magnetic
+        left.append(own.bias_deg)
+    assert left[0] > 3.0
+    assert left[1] < 0.1

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,16 +59,36 @@ def read_swing(arguments: argparse.Namespace) -> Swung:
     return Swung(heading, measured, columns)
 
 
-def _of_bag(arguments: argparse.Namespace) -> Swung:
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Known and measured magnetic headings (n,), rad, at the stamps of the attitudes, s, with the larger of roll and pitch, rad."""
+
+    stamps_s: np.ndarray
+    known: np.ndarray
+    measured: np.ndarray
+    tilt: np.ndarray
+    columns: Columns
+
+
+def read_pairs(arguments: argparse.Namespace, apply: Callable[[np.ndarray], np.ndarray] = lambda field: field) -> Pairs:
+    """Headings of a bag's fields, levelled by the attitudes of :attr:`arguments.reference` nearest in time, beside theirs.
+
+    Parameters
+    ----------
+    arguments : Namespace
+        With ``source``, ``topic``, ``reference``, ``place``, ``date`` and the options of reading.
+    apply : callable
+        Calibration of the fields.
+    """
     rules, maps = DecodeRules(everywhere=tuple(arguments.frame)), parse_maps(arguments.map)
     with BagReader(arguments.source, Decoder(rules), maps) as reader:
         reader.require((arguments.topic, arguments.reference))
         read: list[Any] = list(reader.measurements((arguments.topic, arguments.reference)))
         fix: Any = next(reader.measurements(["gps/fix"]), None) if "gps/fix" in reader.decodable() else None
-    fields, attitudes = ([m for m in read if isinstance(m, kind)] for kind in (MagneticField, Attitude))
+    fields, attitudes = [m for m in read if isinstance(m, MagneticField)], [m for m in read if isinstance(m, Attitude)]
     if not fields or not attitudes:
-        raise CalibrationError(f"A swing needs fields on {arguments.topic} and attitudes on {arguments.reference}; got {len(fields)} and "
-                               f"{len(attitudes)}.")  # fmt: skip
+        found = f"{len(fields)} fields on {arguments.topic} and {len(attitudes)} attitudes on {arguments.reference}"
+        raise CalibrationError(f"Headings need fields and attitudes to compare; the bag holds {found}.")
     place = arguments.place or (None if fix is None else (fix.lat, fix.lon, fix.height))
     year = arguments.date or year_of_stamp(fields[0].stamp_ns)
     if place is None or year is None:
@@ -76,22 +97,26 @@ def _of_bag(arguments: argparse.Namespace) -> Swung:
         declination = declination_of(field_n(place[0], place[1], place[2], year))
     except ValueError as error:
         raise CalibrationError(str(error)) from None
-    heading, measured = _paired(fields, attitudes, declination)
-    return Swung(heading, measured, Columns(Path(arguments.source).name, {}, {}, None, place, year))
+    stamps, rows = np.array([m.stamp_ns for m in fields]), []
+    for attitude in attitudes:
+        field = fields[int(np.argmin(np.abs(stamps - attitude.stamp_ns)))]
+        if abs(attitude.stamp_ns - field.stamp_ns) <= 1e9 * NEAR_S:
+            roll, pitch, true = quat_to_euler(attitude.q_nb)
+            measured = magnetic_heading(roll, pitch, apply(field.field_b), 0.0)
+            rows.append((1e-9 * (attitude.stamp_ns - attitudes[0].stamp_ns), true - declination, measured, max(abs(roll), abs(pitch))))
+    if not rows:
+        raise CalibrationError(f"No field of {arguments.topic} lies within {NEAR_S:g} s of an attitude of {arguments.reference}.")
+    stamps_s, known, levelled, tilt = np.array(rows).T
+    return Pairs(stamps_s, known, levelled, tilt, Columns(Path(arguments.source).name, {}, {}, None, place, year))
 
 
-def _paired(fields: list[Any], attitudes: list[Any], declination: float) -> tuple[np.ndarray, np.ndarray]:
-    """Known and measured magnetic headings by sector, rad."""
-    stamps = np.array([a.stamp_ns for a in attitudes])
-    sectors: dict[int, list[tuple[float, float]]] = {}
-    for field in fields:
-        attitude = attitudes[int(np.argmin(np.abs(stamps - field.stamp_ns)))]
-        roll, pitch, true = quat_to_euler(attitude.q_nb)
-        if abs(attitude.stamp_ns - field.stamp_ns) <= 1e9 * NEAR_S and max(abs(roll), abs(pitch)) < math.radians(LEVEL_DEG):
-            known = float(wrap(true - declination))
-            error = float(wrap(magnetic_heading(roll, pitch, field.field_b, 0.0) - known))
-            sectors.setdefault(int(math.degrees(known) // SECTOR_DEG), []).append((known, error))
-    if not sectors:
-        raise CalibrationError(f"No field lies within {NEAR_S:g} s of an attitude level to {LEVEL_DEG:g} deg; stand level at each heading.")
-    known, error = np.array([np.mean(pairs, axis=0) for _, pairs in sorted(sectors.items())]).T
-    return known, known + error
+def _of_bag(arguments: argparse.Namespace) -> Swung:
+    """Level headings of a bag, averaged by sector."""
+    pairs = read_pairs(arguments)
+    level = pairs.tilt < math.radians(LEVEL_DEG)
+    if not np.any(level):
+        raise CalibrationError(f"No attitude is level to {LEVEL_DEG:g} deg; stand level at each heading.")
+    known, error = wrap(pairs.known[level]), wrap(pairs.measured - pairs.known)[level]
+    sector = np.floor(np.degrees(known) / SECTOR_DEG)
+    heading, mean = np.array([[values[sector == one].mean() for one in np.unique(sector)] for values in (known, error)])
+    return Swung(heading, heading + mean, pairs.columns)
