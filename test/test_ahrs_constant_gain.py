@@ -58,7 +58,7 @@ def test_only_who_uses_gps_attitude_listens_to_it():
     assert "gps/attitude" in Ahrs(settings(gps_attitude__enabled=True)).inputs
 
 
-@pytest.mark.parametrize("kind", ["euler", "quaternion", "vector_matching"])
+@pytest.mark.parametrize("kind", ["euler", "quaternion", "vector_matching", "wahba"])
 @pytest.mark.parametrize("bank_deg", [0.0, 25.0])
 def test_calibrates_attitude_and_gyro_bias(kind, bank_deg):
     turn = Turn(bank_deg)
@@ -78,7 +78,7 @@ def test_euler_and_quaternion_forms_agree():
     np.testing.assert_allclose(euler.cov_att, quaternion.cov_att, rtol=0.02, atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["euler", "quaternion", "vector_matching", "switched"])
+@pytest.mark.parametrize("kind", ["euler", "quaternion", "vector_matching", "wahba", "switched"])
 def test_without_gps_it_levels_in_steady_flight(kind):
     turn = Turn(0.0)
     navigator = flown(turn, kind, 60.0, 30.0, bias=np.zeros(3))
@@ -174,6 +174,16 @@ def test_vector_matching_says_when_the_dip_is_unknown():
     assert navigator.aid("specific_force_vector").status.fused >= 5
 
 
+def test_two_vectors_solved_together_need_both():
+    navigator = Ahrs(settings(filter="wahba"))
+    navigator.feed_all(Turn(20.0).measurements(0.0, 10.0, ("gps", "mag")))
+    assert navigator.aid("wahba_attitude").status.fused >= 5
+    alone = Ahrs(settings(filter="wahba", magnetic__enabled=False))
+    alone.feed_all(Turn(20.0).measurements(0.0, 10.0, ("gps", "mag")))
+    assert alone.aid("wahba_attitude").status.fused == 0
+    assert alone.aid("wahba_attitude").status.reason == "no magnetic field"
+
+
 FLIGHT = """
 name: honest
 seed: 5
@@ -193,7 +203,7 @@ def simulated():
     return np.concatenate([t.stamps_ns for t in truths]), np.concatenate([t.q_nb for t in truths]), heard
 
 
-@pytest.mark.parametrize(("kind", "rms_deg"), [("quaternion", 0.6), ("vector_matching", 0.7), ("switched", 2.5)])
+@pytest.mark.parametrize(("kind", "rms_deg"), [("quaternion", 0.6), ("vector_matching", 0.7), ("wahba", 0.7), ("switched", 2.5)])
 def test_simulated_flight_stays_inside_its_sigmas(simulated, kind, rms_deg):
     stamps, quats, heard = simulated
     changes = {"imu__gyro_turn_on_dps": 0.0, "imu__accel_turn_on_mg": 0.0, "imu__gyro_noise_dps_rthz": 0.05 / math.sqrt(20.0)}

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from lowcostnav_ros.estimation import attitude_vectors as vectors
+from lowcostnav_ros.gnss.attitude_antennas import attitude_from_phases, isosceles_array, phase_differences
 from lowcostnav_ros.physics.attitude_propagation import body_rate_matrix, coast_quaternion, euler_rate_matrix
 from lowcostnav_ros.physics.rotation import euler_to_dcm, euler_to_quat, quat_rotate, quat_to_dcm, rotvec_from_quat, wrap
-from lowcostnav_ros.studies.attitude_antennas import attitude_from_phases, isosceles_array, phase_differences
 
 ROLL, PITCH, HEADING = st.floats(-3.0, 3.0), st.floats(-1.3, 1.3), st.floats(-3.1, 3.1)
 DEG = math.pi / 180.0

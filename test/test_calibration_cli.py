@@ -5,13 +5,15 @@ import gzip
 import numpy as np
 import pytest
 
-from lowcostnav_ros.base.measurements import GpsPosition, ImuBlock, MagneticField
+from lowcostnav_ros.base.measurements import Attitude, GpsPosition, ImuBlock, MagneticField
+from lowcostnav_ros.calibration.magnetometer_swing import level_field
 from lowcostnav_ros.catalogue.config_files import load_settings
 from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.navigators.ahrs.navigator import AhrsSettings
 from lowcostnav_ros.physics.geomagnetism import field_n
+from lowcostnav_ros.physics.rotation import euler_to_dcm, euler_to_quat, quat_to_dcm, wrap
 from lowcostnav_ros.sensors.imu_profile import imu_profile_from_text
 
 RATE = 50.0
@@ -100,8 +102,6 @@ IRON_UT, SCALE = np.array([6.0, -4.0, 3.0]), np.array([1.02, 0.985, 1.01])
 
 def turns(n=2000, tilt=1.0, noise_ut=0.1):
     """Measured field, microtesla, of a flight with bank and pitch at Palo Alto in 2026."""
-    from lowcostnav_ros.physics.rotation import euler_to_dcm
-
     rng, field = np.random.default_rng(3), field_n(*PLACE, 2026.0) * 1e6
     t = np.arange(n) * 0.05
     angles = np.column_stack([tilt * 0.7 * np.sin(0.9 * t), tilt * 0.3 * np.sin(0.37 * t), 0.25 * t])
@@ -156,3 +156,113 @@ def test_magcal_refusals(tmp_path, capsys):
     assert "three columns" in capsys.readouterr().err
     assert cli.main(["magcal", table, *place, "--method", "level-turn"]) == 0
     assert "z was not calibrated" in capsys.readouterr().out
+
+
+DEVIATING = (np.array([3.0, -2.0]), np.array([[0.06, 0.02], [-0.01, -0.04]]))
+
+
+def rose_fields(headings_deg, strength_ut=25.0):
+    return level_field(np.radians(headings_deg), tuple(DEVIATING[0]), DEVIATING[1], strength_ut)
+
+
+@pytest.mark.parametrize("columns", ["heading,measured", "heading,x,y,z", "turned,measured"])
+def test_magcal_of_a_swing_gives_a_calibration_that_shows_the_headings(columns, tmp_path, capsys):
+    heading, out = np.arange(0.0, 360.0, 30.0), tmp_path / "mag.yaml"
+    field = np.column_stack([rose_fields(heading), np.full(len(heading), 40.0)])
+    measured = np.degrees(np.arctan2(-field[:, 1], field[:, 0])) % 360.0
+    known = heading - 77.0 if columns.startswith("turned") else heading
+    rows = np.column_stack([known, measured] if columns.endswith("measured") else [known, field])
+    table = write_table(tmp_path / "rose.csv", columns.split(","), rows)
+    last = ["--last-heading", "330"] if columns.startswith("turned") else []
+    assert cli.main(["magcal", table, "--method", "swing", "--column", columns, "--strength", "25", *last, "-o", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "by the iron 0.000 deg RMS" in said
+    assert "left by the curve 0.283" in said
+    between = np.arange(5.0, 360.0, 10.0)
+    seen = load_settings(AhrsSettings, out).magnetometer.apply(np.column_stack([rose_fields(between), np.zeros(36)]) * 1e-6)
+    shown = np.arctan2(-seen[:, 1], seen[:, 0])
+    error_deg = np.degrees(np.abs(wrap(shown - np.radians(between)))).max()
+    assert error_deg < 0.1  # 1 % of iron: the factor common to both axes, which headings do not show; the curve leaves 0.28 deg
+    assert out.with_suffix(".png").stat().st_size > 5000
+
+
+def swung_bag(path):
+    """A bag of twelve headings, twenty seconds each, with 3 and -2 uT of hard iron."""
+    start, field, rng = 1_767_225_600_000_000_000, field_n(*PLACE, 2026.0), np.random.default_rng(4)
+    with BagWriter(path) as writer:
+        sent = [GpsPosition(start, "gps/fix", *PLACE, np.eye(3))]
+        for k in range(480):
+            stamp, q_nb = start + k * 500_000_000, euler_to_quat(0.02, -0.03, np.radians(30.0) * (k // 40))
+            iron = 1e-6 * np.array([3.0, -2.0, 0.0]) + 2e-8 * rng.standard_normal(3)
+            sent.append(Attitude(stamp, "gps/attitude", q_nb, np.eye(3) * 1e-6, np.zeros(3), np.array([0.0, 0.0, -9.8])))
+            sent.append(MagneticField(stamp, "imu/mag", quat_to_dcm(q_nb).T @ field + iron, np.eye(3) * 1e-16))
+        for measurement in sent:
+            for stamp_ns, topic, msgtype, cdr in encode_cdr(measurement):
+                writer.write(topic, msgtype, stamp_ns, cdr)
+    return str(path)
+
+
+def test_magcal_of_a_swing_in_a_bag_takes_off_the_declination(tmp_path):
+    bag = swung_bag(tmp_path / "bag")
+    assert cli.main(["magcal", bag, "--method", "swing", "-o", str(tmp_path / "mag.yaml")]) == 0
+    loaded = load_settings(AhrsSettings, tmp_path / "mag.yaml").magnetometer
+    np.testing.assert_allclose(loaded.hard_iron_ut, [3.0, -2.0, 0.0], atol=0.1)
+    np.testing.assert_allclose(loaded.matrix, np.eye(3).ravel(), atol=0.004)
+
+
+def test_magcal_of_a_swing_refuses_in_a_sentence(tmp_path, capsys):
+    table = write_table(tmp_path / "rose.csv", ["heading", "measured"], np.column_stack([np.arange(0.0, 180.0, 30.0)] * 2))
+    assert cli.main(["magcal", table, "--method", "swing", "--strength", "25"]) == 2
+    assert "gap of 210 deg" in capsys.readouterr().err
+    assert cli.main(["magcal", table, "--method", "swing", "--strength", "25", "--column", "heading"]) == 2
+    assert "heading,measured or heading,x,y,z" in capsys.readouterr().err
+    assert cli.main(["magcal", table, "--method", "swing"]) == 2
+    assert "--strength" in capsys.readouterr().err
+
+
+def test_calibrate_temperature_gives_the_slope_that_a_profile_takes(tmp_path, capsys):
+    temperature_c = np.arange(0.0, 61.0, 10.0)
+    output = 60.0 * (1.0 + 430e-6 * (temperature_c - 30.0)) + 0.001 * np.array([1.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0])
+    table = write_table(tmp_path / "runs.csv", ["temperature_c", "output"], np.column_stack([temperature_c, output]))
+    assert cli.main(["calibrate", "temperature", table, "--input", "60"]) == 0
+    said = capsys.readouterr().out
+    assert "scale factor: 42" in said or "scale factor: 43" in said
+    assert "from 0 to 60 degC" in said
+    assert imu_profile_from_text("gyro: {" + said.split("gyro.")[1].split("  and")[0] + "}").gyro.scale_factor_ppm_per_k[0] > 420.0
+    assert cli.main(["calibrate", "temperature", table, "--input", "0"]) == 2
+    assert "not zero" in capsys.readouterr().err
+
+
+def test_calibrate_warm_up_gives_the_transient_that_a_profile_takes(tmp_path, capsys):
+    t_s = np.arange(0.0, 10800.0, 60.0)
+    table = write_table(tmp_path / "start.csv", ["t_s", "output"], np.column_stack([t_s, 0.01 + 0.05 * np.exp(-t_s / 1800.0)]))
+    assert cli.main(["calibrate", "warm-up", table]) == 0
+    assert "0.01 deg/s settled, +0.05 deg/s at power-up, gone with 1800 s" in capsys.readouterr().out
+
+
+def test_calibrate_heading_gives_the_settings_of_the_magnetic_aid(tmp_path, capsys):
+    rng, slow, decay = np.random.default_rng(6), np.zeros(28_800), np.exp(-0.5 / 120.0)
+    for k in range(1, len(slow)):
+        slow[k] = decay * slow[k - 1] + 2.5 * np.sqrt(1.0 - decay**2) * rng.standard_normal()
+    error = slow + 0.8 * rng.standard_normal(len(slow)) + 1.0
+    table = write_table(tmp_path / "error.csv", ["t_s", "error"], np.column_stack([0.5 * np.arange(len(slow)), error]))
+    assert cli.main(["calibrate", "heading", table, "-o", str(tmp_path / "heading.yaml")]) == 0
+    assert "mean +" in capsys.readouterr().out
+    loaded = load_settings(AhrsSettings, tmp_path / "heading.yaml").magnetic
+    assert loaded.noise_deg == pytest.approx(0.8, rel=0.05)
+    assert loaded.bias_deg == pytest.approx(np.hypot(2.5, error.mean()), rel=0.2)
+    assert loaded.bias_tau_s == pytest.approx(120.0, rel=0.4)  # 120 correlation times: 13 % one sigma of sigma, twice that of tau
+
+
+def test_calibrate_heading_of_a_bag_applies_the_calibration(tmp_path, capsys):
+    bag = swung_bag(tmp_path / "bag")
+    assert cli.main(["magcal", bag, "--method", "swing", "-o", str(tmp_path / "mag.yaml")]) == 0
+    left = []
+    for more in ([], ["--calibration", str(tmp_path / "mag.yaml")]):
+        capsys.readouterr()
+        out = tmp_path / "heading.yaml"
+        assert cli.main(["calibrate", "heading", bag, *more, "-o", str(out)]) == 0
+        own = load_settings(AhrsSettings, out).magnetic
+        left.append(own.bias_deg)
+    assert left[0] > 3.0
+    assert left[1] < 0.1

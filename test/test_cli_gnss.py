@@ -10,6 +10,8 @@ import pytest
 from rinex_text import ephemerides, navigation_text, observation_text, seen_at, yuma_text
 
 from lowcostnav_ros.cli import main as cli
+from lowcostnav_ros.gnss.dop import los_n
+from lowcostnav_ros.gnss.error_budget import range_covariance
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.physics.earth import geodetic_to_ecef
 
@@ -100,6 +102,12 @@ def test_plan_of_a_canyon_names_its_windows_and_draws(tmp_path, capsys):
     plan = json.loads((tmp_path / "plan" / "plan.json").read_text())
     assert len(plan["times"]) == 73 and not plan["good_enough"] and plan["windows"][0]["fewest_satellites"] >= 0
     assert all(s["elevation_deg"] >= 5.0 for t in plan["times"] for s in t["satellites"])
+    best = max(plan["times"], key=lambda t: len(t["satellites"]))
+    up = np.radians([s["elevation_deg"] for s in best["satellites"]])
+    rows = np.column_stack([-los_n(np.radians([s["azimuth_deg"] for s in best["satellites"]]), up), np.ones(len(up))])
+    cofactor = np.linalg.inv(rows.T @ np.linalg.inv(range_covariance(up, 1.0)) @ rows)
+    assert best["effective"]["gdop"] == pytest.approx(np.sqrt(np.trace(cofactor)), rel=1e-3)
+    assert "TDOP, effective" in out
     for name in ("sky.png", "geometry.png", "satellites.png"):
         assert (tmp_path / "plan" / name).read_bytes()[:4] == b"\x89PNG"
     status, out, _ = run(capsys, "gnss", "plan", "--almanac", "gps_galileo", *place)

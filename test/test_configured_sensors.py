@@ -59,7 +59,7 @@ def test_settings_flown_in_a_graph_replay_with_their_list_of_sensors(bag):
 def test_the_observability_of_a_further_sensor_can_be_studied(bag):
     from lowcostnav_ros.cli.observability import watch_bag
 
-    navigator, found = watch_bag(bag, "ins_gps", None, 5.0)
+    navigator, found, _ = watch_bag(bag, "ins_gps", None, 5.0)
     assert found and navigator.aid("baro2_height").status.fused > 50
 
 

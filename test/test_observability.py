@@ -149,8 +149,14 @@ def test_dead_reckoning_on_the_reference_flight(capsys, tmp_path):
     """The recording has no attitude of its own, so the attitude reference runs beside; fixes and velocities tell position and wind."""
     reference = str(config_dir().parent / "bags" / "reference")
     out = tmp_path / "o.json"
-    assert cli.main(["observability", reference, "--navigator", "dead_reckoning", "--period", "1", "--json", str(out)]) == 0
+    options = ["--navigator", "dead_reckoning", "--period", "1", "--ranges", "300", "--json", str(out)]
+    assert cli.main(["observability", reference, *options]) == 0
     written = json.loads(out.read_text())
+    assert "position, of 2" in capsys.readouterr().out
+    (window,) = written["range_windows"]
+    assert window["ranges"] == 3  # of two stations, one at a time: as many unknowns as ranges, position and one direction of the wind
+    assert window["ranks"] == [2, 3, 3]
+    assert written["instants"][0]["operations"] > 50_000
     by_rows = {i["rows"]: i for i in written["instants"]}
     names = ("position_north_m", "wind_variation_north_mps", "wind_mean_north_mps")
     north, variation, mean = (written["states"].index(name) for name in names)
@@ -161,6 +167,7 @@ def test_dead_reckoning_on_the_reference_flight(capsys, tmp_path):
 
 def test_the_command_refuses_in_a_sentence(bag, capsys):
     assert cli.main(["observability", str(bag), "--period", "0"]) == 2
+    assert cli.main(["observability", str(bag), "--ranges", "0"]) == 2
     assert "--period must be above 0" in capsys.readouterr().err
     assert cli.main(["observability", str(bag), "--navigator", "ins_gps"]) == 2
     assert "gps/fix" in capsys.readouterr().err

@@ -45,3 +45,18 @@ def test_what_is_over_budget_is_refused(scheme, stations, interval_s, sentence):
     with pytest.raises(ScheduleError) as refusal:
         InterrogationSchedule(scheme, stations, interval_s)
     assert sentence in str(refusal.value)
+
+
+def test_the_two_receivers_of_the_source_are_over_the_budget_and_say_so():
+    schedule = InterrogationSchedule("two_receivers", 2, 15.0, over_budget=True)
+    assert schedule.pulses_per_minute == 4 * 565
+    assert schedule.saturation == "DME: 2260 pulses/min on each station, over the budget of 1500: 79 such aircraft saturate it."
+    assert InterrogationSchedule("one_receiver", 2).saturation == InterrogationSchedule("scanning", 3).saturation == ""
+    with pytest.raises(ScheduleError, match="over what a receiver can; use 5 s"):
+        InterrogationSchedule("two_receivers", 2, 4.0, over_budget=True)
+
+
+def test_a_station_answers_what_its_capacity_allows():
+    assert interrogation.answered_share(3000.0) == 1.0
+    assert interrogation.answered_share(4000.0) == 0.75
+    assert interrogation.answered_share(0.0) == 1.0

@@ -56,6 +56,23 @@ def test_over_budget_and_unknown_stations_are_refused():
     assert {v.station.ident for v in usable(lone, *LIVERMORE, 1000.0)} == {"SJC"}
 
 
+def test_other_traffic_leaves_a_share_of_the_questions_unanswered():
+    quiet, _ = ranges(1200.0, scheme="scanning", interval_s=1.0, stations="OAK,SJC", rate_hz=2)
+    settings = {"scheme": "scanning", "interval_s": 1.0, "stations": "OAK,SJC", "tracking_aircraft": 95, "searching_aircraft": 12}
+    crowded, _ = ranges(1200.0, rate_hz=2, **settings)
+    share = 3000.0 / (95 * 25 + 12 * 135 + 25)
+    assert len(crowded) / len(quiet) == pytest.approx(share, abs=4.0 * math.sqrt(share * (1.0 - share) / len(quiet)))
+    (note,) = DmeSimulator(DmeSimulatorSettings(**settings), STATIONS).notes
+    assert note == "DME: stations answer 75 % of the questions under 4020 pulses/s."
+
+
+def test_two_receivers_at_15_s_fly_when_asked_to_and_say_what_it_costs():
+    settings = {"scheme": "two_receivers", "interval_s": 15.0, "over_budget": True}
+    replies, _ = ranges(61.0, stations="OAK,SJC", **settings)
+    assert len(replies) == 8
+    assert "79 such aircraft saturate it" in DmeSimulator(DmeSimulatorSettings(**settings), STATIONS).notes[0]
+
+
 def test_ranges_are_straight_lines_on_the_ellipsoid():
     replies, truth = ranges(stations="OAK,SJC", **QUIET)
     for reply in replies:

@@ -13,7 +13,7 @@ from lowcostnav_ros.messages import encode
 from lowcostnav_ros.messages.decode import Rejected, decode
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.messages.topics import IMU
-from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_euler, wrap
+from lowcostnav_ros.physics.rotation import euler_to_quat, quat_conjugate, quat_multiply, quat_to_euler, rotvec_from_quat, wrap
 from lowcostnav_ros.sensors.gps_attitude import GpsAttitudeSimulator, GpsAttitudeSimulatorSettings
 from lowcostnav_ros.simulation.scenario import scenario_from_text
 
@@ -79,3 +79,34 @@ def test_aboard_only_when_asked_for():
     scenario = scenario_from_text("{name: x, seed: 7, sensors: [imu, gps_attitude], gps_attitude: {outages_s: [[1, 2]]}}")
     assert scenario.gps_attitude.seed == 7
     assert scenario.gps_attitude.outages_s == [1.0, 2.0]
+
+
+def test_the_antenna_triangle_gives_the_sigmas_it_states_unlike_on_the_axes():
+    flown, normalised, errors = truth(250.0, 2), [], []
+    simulator = GpsAttitudeSimulator(GpsAttitudeSimulatorSettings(antennas_m=[0.36, 0.50], phase_mm=2.0))
+    epochs = simulator.simulate(flown)
+    assert len(epochs) == len(flown)
+    for epoch, q_nb in zip(epochs, flown.q_nb, strict=True):
+        error_n = rotvec_from_quat(quat_multiply(epoch.q_nb, quat_conjugate(q_nb)))
+        normalised.append(float(error_n @ np.linalg.solve(epoch.cov_att, error_n)) / 3.0)
+        errors.append(np.degrees(error_n))
+    assert np.mean(normalised) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / (3.0 * len(epochs))))
+    sigma = np.degrees(np.sqrt(np.mean([np.diag(e.cov_att) for e in epochs], axis=0)))
+    np.testing.assert_allclose(np.std(errors, axis=0), sigma, rtol=0.15)
+    assert sigma.max() / sigma.min() > 1.2  # heading is shown best: the whole sky turns with it
+    assert 0.1 < sigma.min() < sigma.max() < 1.0
+
+
+def test_a_wider_triangle_and_a_higher_mask():
+    flown = truth(5.0, 2)
+
+    def sigma(**changes):
+        settings = GpsAttitudeSimulatorSettings(**{"antennas_m": [0.36, 0.50], **changes})
+        return [math.sqrt(np.trace(e.cov_att)) for e in GpsAttitudeSimulator(settings).simulate(flown)]
+
+    assert np.mean(sigma(antennas_m=[3.6, 5.0])) == pytest.approx(0.1 * np.mean(sigma()), rel=0.02)
+    assert sigma(mask_deg=85.0) == []  # fewer than three satellites
+    with pytest.raises(SettingsError, match="triangle"):
+        GpsAttitudeSimulatorSettings(antennas_m=[1.0, 0.3])
+    with pytest.raises(SettingsError, match="two sides"):
+        GpsAttitudeSimulatorSettings(antennas_m=[1.0])

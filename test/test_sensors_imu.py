@@ -149,6 +149,16 @@ def test_warm_up_decays_by_its_time_constant():
     assert bias[[0, 1000, 2000]] == pytest.approx([0.05, 0.05 * np.exp(-1.0), 0.05 * np.exp(-2.0)])
 
 
+def test_the_scale_factor_follows_the_temperature_of_the_unit():
+    unit = imu_profile_from_text("gyro: {scale_factor_ppm_per_k: [430, 0, -430], reference_c: 25.0, warm_up_tau_s: 10.0}")
+    block, truth = simulate(unit, 30.0, temperature_c=[0.0, 60.0])
+    found = 1e6 * (block.angular_rate_b / truth.angular_rate_b - 1.0)
+    above_k = 35.0 - 60.0 * np.exp(-np.array([0.0, 1.0, 2.0]))
+    np.testing.assert_allclose(found[[0, 1000, 2000]], np.outer(above_k, [430.0, 0.0, -430.0]), rtol=1e-9, atol=1e-6)
+    with pytest.raises(SettingsError, match="two numbers"):
+        ImuSimulatorSettings(temperature_c=[20.0])
+
+
 def test_misalignment_turns_and_keeps_the_length():
     turned = imu_profile_from_text("accelerometer: {misalignment_deg: 0.5}")
     block, truth = simulate(turned, 0.1, misalignment=True)

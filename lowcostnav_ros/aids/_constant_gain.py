@@ -21,17 +21,28 @@ from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.views import Attitude as AttitudeView
 from lowcostnav_ros.estimation.aiding import Aid, Host, Innovation, Reason, floored
 from lowcostnav_ros.estimation.attitude_gains import Tuning, axis_gains, scheduled_euler_gain
-from lowcostnav_ros.estimation.attitude_vectors import matching_rows, specific_force_from_velocity
+from lowcostnav_ros.estimation.attitude_vectors import RIGHT, match_vectors, matching_rows, specific_force_from_velocity
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
 from lowcostnav_ros.estimation.inertial_window import InertialWindow
 from lowcostnav_ros.estimation.manoeuvre import RateSwitch, RateSwitchSettings
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace
-from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_conjugate, quat_rotate, quat_to_euler, wrap
+from lowcostnav_ros.physics.rotation import (
+    euler_jacobian_n,
+    quat_conjugate,
+    quat_multiply,
+    quat_rotate,
+    quat_to_euler,
+    rotvec_from_quat,
+    wrap,
+)
 
 STEEPEST_EULER = 80.0 * DEGREE
 LONGEST_SPAN_S, SHORTEST_SPAN_S = 3.0, 0.9
 """Of two GPS velocities between which specific forces are compared."""
+WAHBA_STEPS, FIELD_HELD_S, MOST_PARALLEL = 6, 0.5, 1e6
+"""Whole steps of the iteration, which settles within them; age of a field; condition from which two vectors count as parallel."""
+NO_FIELD, PARALLEL = Reason("no magnetic field"), Reason("field and specific force are parallel")
 UNKNOWN_DIP = Reason("place unknown", "wait for a fix or set place.lat_lon_deg, else the dip of the field is not known")
 
 
@@ -275,3 +286,52 @@ class ForceMatchAid(VectorAid):
         H[:, host.core.attitude_rows], H[:, host.layout["accel_bias"]] = on_attitude, -C / STANDARD_GRAVITY
         R = cov / (seconds * STANDARD_GRAVITY) ** 2 + np.eye(3) * self.noise_g_rthz**2 / seconds
         return Innovation(y, H, R, force_n / STANDARD_GRAVITY, self._matched)
+
+
+class HeldFieldAid(FieldMatchAid):
+    """The field as a vector that moves nothing by itself: it is kept for the next solution of two vectors."""
+
+    held: tuple[int, Innovation] | None = None
+
+    def fuse(self, innovation: Innovation, host: Host) -> None:
+        """Keep what passed the gate."""
+        self.held = self.status.stamp_ns, innovation
+
+
+class WahbaAid(ForceMatchAid):
+    """Attitude of field and specific force together, by iterated least squares from the estimate, as one measurement (equation 4.31).
+
+    The solution weighs both vectors alike, whatever their noise; ``y = phi_n`` and R is that of such a solution.
+    """
+
+    name, labels = "wahba_attitude", ("north_rad", "east_rad", "down_rad")
+    field: HeldFieldAid | None = None
+
+    def innovation(self, measurement: GpsVelocity, host: Host) -> Innovation | str:
+        """Rotation from the estimate to the solution; errors of both vectors enter through the pseudo-inverse of its last step."""
+        force = super().innovation(measurement, host)
+        if isinstance(force, str):
+            return force
+        held = None if self.field is None else self.field.held
+        if held is None or abs(measurement.stamp_ns - held[0]) > 1e9 * FIELD_HELD_S:
+            return NO_FIELD
+        vectors, q_nb, att = (held[1], force), host.core.nav[6:10].copy(), host.core.attitude_rows
+        seen_n = [-_axis(one.H[:, att]) for one in vectors]
+        true_n = [one.y + seen for one, seen in zip(vectors, seen_n, strict=True)]
+        seen_b = [quat_rotate(quat_conjugate(q_nb), seen) for seen in seen_n]
+        q = match_vectors(q_nb, true_n[0], true_n[1], seen_b[0], seen_b[1], 1.0, WAHBA_STEPS, RIGHT)
+        rows = np.vstack([one.H[:, att] for one in vectors])
+        normal = rows.T @ rows
+        if np.linalg.cond(normal) > MOST_PARALLEL:
+            return PARALLEL
+        inverse = np.linalg.solve(normal, rows.T)
+        on_field, on_force = inverse[:, :3], inverse[:, 3:]
+        H = on_field @ vectors[0].H + on_force @ force.H
+        R = turned(on_field, vectors[0].R) + turned(on_force, force.R)
+        y = rotvec_from_quat(quat_multiply(q, quat_conjugate(q_nb)))
+        return Innovation(y, H, R, y.copy(), self._matched)
+
+
+def _axis(matrix: np.ndarray) -> np.ndarray:
+    """Vector (3,) of a skew-symmetric matrix."""
+    return np.array([matrix[2, 1], matrix[0, 2], matrix[1, 0]])

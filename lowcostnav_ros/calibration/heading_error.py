@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.calibration.allan import allan_chart
+from lowcostnav_ros.calibration.allan_fit import fit_chart
+from lowcostnav_ros.calibration.record import checked_record
 from lowcostnav_ros.physics.rotation import euler_to_dcm, wrap
 from lowcostnav_ros.physics.stochastic import GaussMarkov
 
@@ -26,6 +29,36 @@ class HeadingErrorModel:
 
     slow: GaussMarkov = GaussMarkov(math.radians(2.5), 120.0)
     white_sigma: float = math.radians(0.8)
+
+
+@dataclass(frozen=True, slots=True)
+class HeadingErrorFit:
+    """A heading error model out of residuals: mean, rad, and whether the record is long enough to show the correlation time."""
+
+    model: HeadingErrorModel
+    mean: float
+    tau_observed: bool
+
+
+def fit_heading_error(error: np.ndarray, rate_hz: float) -> HeadingErrorFit:
+    """Fit white noise and a slow Gauss-Markov error to measured minus true headings, by their Allan variance.
+
+    Parameters
+    ----------
+    error : ndarray, shape (n,)
+        Rad, evenly spaced.
+    rate_hz : float
+
+    Raises
+    ------
+    CalibrationError
+        For a record too short, with holes, or not finite.
+    """
+    error = checked_record(np.unwrap(error), rate_hz, "the heading error")
+    fit = fit_chart(allan_chart(error, rate_hz))
+    slow = GaussMarkov(fit.drift_sigma, max(fit.drift_tau_s, 1.0 / rate_hz))
+    white = fit.white_density * math.sqrt(rate_hz)
+    return HeadingErrorFit(HeadingErrorModel(slow, white), float(wrap(error.mean())), fit.drift_tau_observed)
 
 
 def averaged_sigma(sample_sigma: float, samples: int) -> float:

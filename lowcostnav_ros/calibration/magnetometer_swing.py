@@ -3,6 +3,9 @@
 Gebre-Egziabher (2004), section 3.11.1: ``error = A + B sin + C cos + D sin 2 + E cos 2`` of the true heading (equation 3.52), error =
 measured minus true.  B and C depend on the horizontal field, so a swing holds for the region where it was made; tilt cannot be
 handled at all.  It needs headings from elsewhere: a compass rose, or equal turns and one known heading at the end.
+
+Navigators take the iron behind the curve rather than the curve (:func:`swing_calibration`): hard iron does not change with the region, and
+what is known of the field is taken off before the field is levelled.
 """
 
 import math
@@ -10,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit, coverage_of
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.physics.rotation import wrap
 
@@ -17,6 +21,8 @@ FEWEST_HEADINGS = 5
 WIDEST_GAP = math.radians(100.0)
 """Gap between neighbouring headings beyond which the second harmonic is guessed rather than seen."""
 _CORRECTIONS = 20
+_MOST_IRON = 0.9
+"""Iron, as a share of the horizontal field, from which a compass does not come round with the aircraft."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,6 +129,62 @@ def level_field(heading: np.ndarray, hard_iron: tuple[float, float], alpha: np.n
     """Measured level field (n, 2), forward and right, at magnetic headings (n,) (equations 3.43, 3.44 and 3.63)."""
     clean = horizontal * np.column_stack([np.cos(heading), -np.sin(heading)])
     return clean @ (np.eye(2) + np.asarray(alpha, dtype=float)).T + np.asarray(hard_iron)
+
+
+def swing_calibration(heading: np.ndarray, measured: np.ndarray, horizontal: float) -> MagnetometerFit:
+    """Level hard and soft iron whose headings are the measured ones: equation 3.51 without its first order, solved by Gauss-Newton.
+
+    Headings show five numbers: hard iron forward and right, and soft iron but for a factor common to both axes, which is left at one.
+
+    Parameters
+    ----------
+    heading, measured : ndarray, shape (n,), n >= 5
+        As :func:`swing_fit`, magnetic headings.
+    horizontal : float
+        Horizontal field strength, in the unit that the calibration is to have.
+
+    Returns
+    -------
+    MagnetometerFit
+        ``residual_rms`` is that of the headings times ``horizontal``.
+
+    Raises
+    ------
+    CalibrationError
+        As :func:`swing_fit`; where the deviation is no level iron's, or the strength not positive.
+    """
+    if not (math.isfinite(horizontal) and horizontal > 0.0):
+        raise CalibrationError(f"The horizontal field strength must be positive, got {horizontal:g}.")
+    swing = swing_fit(heading, measured)
+    heading, measured = np.asarray(heading, dtype=float), np.asarray(measured, dtype=float)
+    a, b, c, d, e = swing.coefficients
+    iron = np.array([-b, -c, -d, a - e, -a - e])
+    for _ in range(_CORRECTIONS):
+        x, y = level_field(heading, (iron[0], iron[1]), _alpha(iron), 1.0).T
+        residual = wrap(measured - np.arctan2(-y, x))
+        north, west = np.cos(heading), np.sin(heading)
+        rows = np.column_stack([y, -x, y * north - x * west, -y * west, -x * north]) / (x * x + y * y)[:, None]
+        step, _, rank, singular = np.linalg.lstsq(rows, residual, rcond=None)
+        iron = iron + step
+        if not np.all(np.abs(iron) < _MOST_IRON) or rank < len(iron):
+            raise CalibrationError("These deviations are not those of iron in a level turn; check the headings.")
+    spare = len(heading) - len(iron)
+    scatter = math.sqrt(float(residual @ residual) / spare) if spare else math.nan
+    sigma = scatter * np.linalg.norm(np.linalg.pinv(rows), axis=1)
+    level = np.column_stack([np.cos(heading), -np.sin(heading), np.zeros(len(heading))])
+    matrix = np.eye(3)
+    matrix[:2, :2] = np.linalg.inv(np.eye(2) + _alpha(iron))
+    return MagnetometerFit(
+        "swing", np.append(iron[:2] * horizontal, 0.0), matrix, np.append(sigma[:2] * horizontal, np.nan),
+        np.array([sigma[2], sigma[2], np.nan]), float(np.sqrt(np.mean(residual**2))) * horizontal, horizontal,
+        float(singular[0] / singular[-1]), coverage_of(level), len(heading),
+        ("z and a factor common to x and y were not calibrated: headings hold for level flight only.",),
+        np.array([0.0, 0.0, math.hypot(sigma[3], sigma[4]) / 2.0]),
+    )  # fmt: skip
+
+
+def _alpha(iron: np.ndarray) -> np.ndarray:
+    return np.array([[iron[2], iron[3]], [iron[4], -iron[2]]])
 
 
 def _checked(heading: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

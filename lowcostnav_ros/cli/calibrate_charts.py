@@ -10,6 +10,8 @@ from lowcostnav_ros.calibration.allan import AllanChart
 from lowcostnav_ros.calibration.allan_fit import AllanFit
 from lowcostnav_ros.calibration.identification import autocorrelation
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit
+from lowcostnav_ros.calibration.magnetometer_swing import HeadingSwing
+from lowcostnav_ros.physics.rotation import wrap
 
 MOST_POINTS = 4000
 
@@ -74,6 +76,24 @@ def sphere_figure(measured: np.ndarray, fit: MagnetometerFit, unit: str) -> Call
             panel.set(xlabel=f"{'xyz'[a]} [{unit}]", ylabel=f"{'xyz'[b]} [{unit}]")
             panel.set_aspect("equal")
         panels[0].legend(fontsize=8)
+
+    return draw
+
+
+def swing_figure(heading: np.ndarray, measured: np.ndarray, curve: HeadingSwing) -> Callable[[Any], None]:
+    """Deviations against magnetic heading, rad, with the fitted curve and what it leaves."""
+    around = np.radians(np.linspace(0.0, 360.0, 361))
+    known, deviation = np.degrees(np.mod(heading, 2.0 * np.pi)), np.degrees(wrap(measured - heading))
+
+    def draw(figure: Any) -> None:
+        panel = figure.add_subplot()
+        panel.plot(np.degrees(around), np.degrees(curve.error(around)), linewidth=1.2, label="curve")
+        panel.plot(known, deviation, "o", markersize=4, label="measured minus known")
+        panel.plot(known, deviation - np.degrees(curve.error(heading)), "k.", markersize=4, label="left by the curve")
+        panel.axhline(0.0, color="k", linewidth=0.5)
+        panel.set(xlabel="magnetic heading [deg]", ylabel="deviation [deg]", xlim=(0.0, 360.0), xticks=range(0, 361, 45))
+        panel.grid(True, linewidth=0.4, alpha=0.5)
+        panel.legend(fontsize=8)
 
     return draw
 

@@ -12,7 +12,8 @@ from pathlib import Path
 
 from lowcostnav_ros.base.registry import Registry
 
-HELPERS = ("calibrate_charts", "calibrate_input", "calibrate_reference", "calibrate_rest", "jobs", "main", "options", "progress")
+_CALIBRATION = ("calibrate_charts", "calibrate_input", "calibrate_reference", "calibrate_rest", "calibrate_swing")
+HELPERS = (*_CALIBRATION, "jobs", "main", "options", "progress")
 """Modules of this package that are no jobs."""
 
 

@@ -1,7 +1,9 @@
 """The magcal job: a magnetometer calibrated from a turn or a flight."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from lowcostnav_ros.calibration.magnetometer_batch import batch_fit
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit, calibration_of
 from lowcostnav_ros.calibration.magnetometer_full import POOREST, full_fit, weakness
 from lowcostnav_ros.calibration.magnetometer_known_strength import known_strength_fit
+from lowcostnav_ros.calibration.magnetometer_swing import swing_calibration, swing_fit
 from lowcostnav_ros.calibration.magnetometer_two_step import level_turn_fit, two_step_fit
 from lowcostnav_ros.calibration.profile_text import calibration_text
 from lowcostnav_ros.calibration.record import CalibrationError
@@ -18,11 +21,13 @@ from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli.calibrate_input import Columns
 from lowcostnav_ros.cli.calibrate_rest import split
+from lowcostnav_ros.cli.calibrate_swing import read_swing
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_reading, check_files, let_values_begin_with_minus, place_of
 from lowcostnav_ros.physics.geomagnetism import field_n
+from lowcostnav_ros.physics.rotation import wrap
 
-METHODS = ("full", "two-step", "batch", "known-strength", "level-turn")
+METHODS = ("full", "two-step", "batch", "known-strength", "level-turn", "swing")
 UNITS = ("T", "G", "mG", "uT", "nT")
 
 
@@ -32,17 +37,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="BAG|CSV", help="recording with the attitudes to calibrate from")
     parser.add_argument("--topic", default="imu/mag", help="magnetometer topic of a bag (default: imu/mag)")
     add_reading(parser)
-    parser.add_argument("--column", metavar="X,Y,Z", default="x,y,z", help="columns forward, right, down of a table (default: x,y,z)")
+    parser.add_argument("--column", metavar="X,Y,Z", help="columns of a table (default: x,y,z; swing: heading,measured)")
     parser.add_argument("--unit", choices=UNITS, help="unit of a table (default: found from the magnitude)")
-    parser.add_argument("--strength", type=float, metavar="UT", help="earth field strength, microtesla (level-turn: the horizontal one)")
+    parser.add_argument("--strength", type=float, metavar="UT", help="field strength, microtesla (level-turn, swing: horizontal)")
     parser.add_argument("--place", metavar="LAT,LON[,M]", help="degrees and metres, for the magnetic model (default: the bag's first fix)")
     parser.add_argument("--date", type=float, metavar="YEAR", help="decimal year for the magnetic model (default: of the bag)")
     parser.add_argument("--method", choices=METHODS, default="full", help="how to fit (default: full, soft iron too)")
     parser.add_argument("--min-coverage", type=float, default=15.0, metavar="DEG", help="refuse free fits from less tilt (default: 15)")
+    text = "swing of a bag: topic of the attitudes that the headings are known from (default: %(default)s)"
+    parser.add_argument("--reference", metavar="TOPIC", default="gps/attitude", help=text)
+    parser.add_argument("--last-heading", type=float, metavar="DEG", help="swing: the headings are angles turned; this one is the last's")
     parser.add_argument("-o", "--output", metavar="FILE.yaml", help="write the calibration, and a chart beside it")
 
 
-EXAMPLE = "example: lowcostnav magcal turns_bag -o magnetometer.yaml"
+EXAMPLE = """examples:
+  lowcostnav magcal turns_bag -o magnetometer.yaml
+  lowcostnav magcal rose.csv --method swing --place 37.4,-122.1 --date 2026.5 -o magnetometer.yaml"""
 
 
 @job("Calibrate a magnetometer from a turn or a flight: hard iron, scale factors, and how far to trust them.", add_arguments, EXAMPLE)
@@ -50,8 +60,10 @@ def magcal(arguments: argparse.Namespace) -> int:
     """Fit, print how far to trust it, write the calibration."""
     check_files(arguments.output)
     arguments.place = None if arguments.place is None else place_of(arguments.place, "--place")
+    if arguments.method == "swing":
+        return _swing(arguments)
     table = files.is_table(arguments.source)
-    wanted = split(arguments.column)
+    wanted = split(arguments.column or "x,y,z")
     columns = files.read_table(arguments.source, wanted, arguments.unit or "") if table else files.read_topic(arguments, files.MAGNETIC)
     if len(columns.values) != 3:
         raise CalibrationError("A calibration needs three columns, forward, right, down; name them with --column.")
@@ -69,7 +81,23 @@ def magcal(arguments: argparse.Namespace) -> int:
         raise CalibrationError(f"The samples do not show {missing}; bank and pitch more in all headings.")
     _print_fit(fit, unit, bool(given))
     if arguments.output:
-        _write_calibration(arguments, fit, measured_ut)
+        _write_calibration(arguments, fit, charts.sphere_figure(measured_ut, fit, "uT"), (11.0, 4.0))
+    return 0
+
+
+def _swing(arguments: argparse.Namespace) -> int:
+    """A deviation curve from known headings, and the level iron behind it, which the nodes take off."""
+    swung = read_swing(arguments)
+    fit = swing_calibration(swung.heading, swung.measured, _strength_ut(arguments, swung.columns))
+    curve = swing_fit(swung.heading, swung.measured)
+    print(f"deviation, measured minus magnetic heading, of {curve.headings} headings, widest gap {np.degrees(curve.widest_gap):.0f} deg:")
+    for letter, term, value, sigma in zip("ABCDE", ("1", "sin", "cos", "sin 2", "cos 2"), curve.coefficients, curve.sigma, strict=True):
+        print(f"  {letter} ({term:5}) {np.degrees(value):8.3f} +- {np.degrees(sigma):.3f} deg")
+    left, before = np.degrees(fit.residual_rms / fit.strength), np.degrees(np.abs(wrap(swung.measured - swung.heading)).max())
+    print(f"largest deviation {before:.2f} deg; left by the curve {np.degrees(curve.residual_rms):.3f}, by the iron {left:.3f} deg RMS")
+    _print_fit(fit, "headings", True)
+    if arguments.output:
+        _write_calibration(arguments, fit, charts.swing_figure(swung.heading, swung.measured, curve), (7.0, 4.0))
     return 0
 
 
@@ -84,7 +112,7 @@ def _strength_ut(arguments: argparse.Namespace, columns: Columns) -> float:
         field = field_n(place[0], place[1], place[2], year)
     except ValueError as error:
         raise CalibrationError(str(error)) from None
-    used = field[:2] if arguments.method == "level-turn" else field
+    used = field[:2] if arguments.method in ("level-turn", "swing") else field
     return float(np.linalg.norm(used)) * 1e6
 
 
@@ -114,10 +142,12 @@ def _print_fit(fit: MagnetometerFit, unit: str, given: bool) -> None:
         print(f"note: {warning}")
 
 
-def _write_calibration(arguments: argparse.Namespace, fit: MagnetometerFit, measured_ut: np.ndarray) -> None:
+def _write_calibration(
+    arguments: argparse.Namespace, fit: MagnetometerFit, draw: Callable[[Any], None], inches: tuple[float, float]
+) -> None:
     path = Path(arguments.output)
     text = calibration_text(calibration_of(fit, "uT"), fit, Path(arguments.source).name)
     write_text(path, text)
     chart = path.with_suffix(".png")
-    charts.save(chart, charts.sphere_figure(measured_ut, fit, "uT"), (11.0, 4.0))
+    charts.save(chart, draw, inches)
     print(f"calibration in {path}, chart in {chart}")

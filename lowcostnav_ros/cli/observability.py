@@ -1,11 +1,13 @@
 """The observability job: rank and singular values of a navigator's measurements along a recording.
 
 lowcostnav observability flight --navigator ins_gnss --period 5 --json observability.json
+lowcostnav observability flight --navigator dead_reckoning --ranges 300
 """
 
 import argparse
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +18,17 @@ from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.catalogue.building import build_navigators
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import check_files
+from lowcostnav_ros.gnss.operation_count import operations
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.registry import NAVIGATORS
+from lowcostnav_ros.radionav.observability import STATES
 from lowcostnav_ros.replay.links import output_topic
 from lowcostnav_ros.replay.selection import check_names
 from lowcostnav_ros.replay.session import Session
 from lowcostnav_ros.report.terminal import print_report
 from lowcostnav_ros.studies.observability import Observability, Watch
+from lowcostnav_ros.studies.range_observability import RangeWatch, RangeWindow
 
 WEAK = 0.5
 """A state counts as weakly observable when less than this share of it lies in the observable space."""
@@ -37,6 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--period", type=float, default=5.0, metavar="S", help="seconds between two looks (default: %(default)g)")
     parser.add_argument("--json", metavar="FILE", help="write rank, singular values and shares of the states over time as JSON")
 
+    text = "also what the ranges, taken one at a time, determine in windows of this length"
+    parser.add_argument("--ranges", type=float, metavar="S", help=text)
+
 
 EXAMPLE = "example: lowcostnav observability flight --navigator ins_gps"
 
@@ -46,18 +54,24 @@ def observability(arguments: argparse.Namespace) -> int:
     """Replay the bag through one navigator and print which of its states were observable."""
     if not 0.0 < arguments.period <= 3600.0:
         raise SettingsError(f"--period must be above 0 and at most 3600 s, got {arguments.period:g}.")
+    if arguments.ranges is not None and not 1.0 <= arguments.ranges <= 86400.0:
+        raise SettingsError(f"--ranges must lie between 1 and 86400 s, got {arguments.ranges:g}.")
     check_files(arguments.json)
-    navigator, found = watch_bag(Path(arguments.bag), arguments.navigator, arguments.config, arguments.period)
+    navigator, found, windows = watch_bag(Path(arguments.bag), arguments.navigator, arguments.config, arguments.period, arguments.ranges)
     if not found:
         raise SettingsError(f"{arguments.navigator} fused nothing in {arguments.bag}: it ended {navigator.mode}, {navigator.reason}.")
     _print(navigator, found)
+    if arguments.ranges is not None:
+        _print_ranges(windows, found[0].stamp_ns)
     if arguments.json:
-        Path(arguments.json).write_text(json.dumps(as_plain(navigator, found), indent=1) + "\n", encoding="utf-8")
+        Path(arguments.json).write_text(json.dumps(as_plain(navigator, found, windows), indent=1) + "\n", encoding="utf-8")
     return 0
 
 
-def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> tuple[Navigator, list[Observability]]:
-    """Run a navigator over a recording and look every ``period_s`` seconds.
+def watch_bag(
+    bag: Path, name: str, config: str | None, period_s: float, window_s: float | None = None
+) -> tuple[Navigator, list[Observability], list[RangeWindow]]:
+    """Run a navigator over a recording and look every ``period_s`` seconds, and at its ranges in windows of ``window_s`` seconds.
 
     Raises
     ------
@@ -78,11 +92,14 @@ def watch_bag(bag: Path, name: str, config: str | None, period_s: float) -> tupl
         flown = {**build_navigators(others, NAVIGATORS, *folders), name: navigator}
         session = Session(flown, rules=reader.decoder.rules)
         watch = Watch(navigator, period_s)
+        ranges = None if window_s is None else RangeWatch(navigator, window_s)
         taken = {source for one in flown.values() for source in one.inputs}
         for measurement in reader.measurements(s for s in taken if s in reader.types):
             session.feed(measurement)
+            if ranges is not None:
+                ranges.see(measurement)
         session.finish()
-    return navigator, watch.finish()
+    return navigator, watch.finish(), [] if ranges is None else ranges.windows()
 
 
 def _sources(navigator: Navigator, recorded: Collection[str]) -> dict[str, str]:
@@ -91,19 +108,24 @@ def _sources(navigator: Navigator, recorded: Collection[str]) -> dict[str, str]:
     return {name: output_topic(name) for name in NAVIGATORS if output_topic(name) in lacking}
 
 
-def as_plain(navigator: Navigator, found: list[Observability]) -> dict[str, Any]:
+def as_plain(navigator: Navigator, found: list[Observability], windows: Sequence[RangeWindow] = ()) -> dict[str, Any]:
     """Everything as plain numbers: states, and for each instant rank, singular values and the share of each state."""
     instants = [
         {
             "t_s": o.stamp_ns / 1e9,
             "rows": o.rows,
+            "operations": operations(navigator.core.layout.size, o.rows),
             "rank": o.rank,
             "singular_values": o.singular_values.tolist(),
             "share": o.share.tolist(),
         }
         for o in found
     ]
-    return {"navigator": navigator.name, "states": list(navigator.core.layout.labels), "instants": instants}
+    plain = {"navigator": navigator.name, "states": list(navigator.core.layout.labels), "instants": instants}
+    if windows:
+        plain["range_states"] = list(STATES)
+        plain["range_windows"] = [{**asdict(w), "singular_values": w.singular_values.tolist()} for w in windows]
+    return plain
 
 
 def _print(navigator: Navigator, found: list[Observability]) -> None:
@@ -117,4 +139,18 @@ def _print(navigator: Navigator, found: list[Observability]) -> None:
     weak = [label for label, part in zip(labels, share, strict=True) if part < WEAK]
     ranks = [o.rank for o in found]
     ranked = f"{navigator.name}: rank {min(ranks)} to {max(ranks)} of {size} at single instants, mean {sum(ranks) / len(ranks):.1f}."
-    print_report("", [Table.plain("", heads, rows, left=0)], [ranked, f"weakly observable within an instant: {', '.join(weak) or 'none'}"])
+    most = max(o.rows for o in found)
+    load = f"A dense cycle of {size} states takes {operations(size, most):,} multiplications and additions with {most} rows, "
+    load += f"{operations(size, 1):,} with one; what is flown uses the sparse dynamics, and takes less."
+    weakly = f"weakly observable within an instant: {', '.join(weak) or 'none'}"
+    print_report("", [Table.plain("", heads, rows, left=0)], [ranked, weakly, load])
+
+
+def _print_ranges(windows: list[RangeWindow], start_ns: int) -> None:
+    heads = ("t [s]", "ranges", "stations", "position, of 2", "wind too, of 4", "heading, airspeed too, of 6", "singular values, scaled")
+    rows = []
+    for w in windows:
+        values = " ".join(f"{v:.2g}" for v in w.singular_values)
+        rows.append((f"{(w.start_ns - start_ns) / 1e9:.0f}", str(w.ranges), " ".join(w.stations), *map(str, w.ranks), values))
+    note = "Ranks are those of noise-free ranges; a combination with the singular value s takes on 1/s of the error of one range."
+    print_report("", [Table.plain("ranges taken one at a time", heads, rows, left=0)], [note if rows else "No window holds two ranges."])

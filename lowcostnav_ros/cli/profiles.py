@@ -15,9 +15,12 @@ from lowcostnav_ros.base.units import DEGREE, DEGREE_PER_HOUR, MILLI_G
 from lowcostnav_ros.catalogue.equipment import imu_profile_names, load_imu_profile
 from lowcostnav_ros.catalogue.imu_by_name import profile_settings
 from lowcostnav_ros.cli.jobs import job
+from lowcostnav_ros.physics.unaided_growth import by_source_m
 from lowcostnav_ros.report.terminal import print_report
 from lowcostnav_ros.sensors.imu_grade import grade_of
 from lowcostnav_ros.sensors.imu_profile import ImuProfile
+
+AFTER_S = (10.0, 30.0, 60.0, 120.0, 300.0)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,6 +39,7 @@ def profiles(arguments: argparse.Namespace) -> int:
     _print_table({name: load_imu_profile(name) for name in names})
     for name in arguments.names:
         _print_settings(name)
+        _print_growth(load_imu_profile(name))
     if not arguments.names:
         print("A navigator takes one by name: imu.profile in its settings; 'lowcostnav profiles NAME' shows the numbers.")
     return 0
@@ -66,3 +70,14 @@ def _print_settings(name: str) -> None:
         if key != "profile":
             numbers = [f"{v:.6g}" for v in (value if isinstance(value, list) else [value])]
             print(f"  imu.{key}: {numbers[0] if len(numbers) == 1 else '[' + ', '.join(numbers) + ']'}")
+
+
+def _print_growth(profile: ImuProfile) -> None:
+    """What the errors make of the position of one axis without any aid."""
+    gyro, accel = profile.gyro_noise(), profile.accel_noise()
+    biases = [float(np.max(np.hypot(one.turn_on_sigma, one.bias_sigma))) for one in (gyro, accel)]
+    print()
+    found = by_source_m(biases[0], biases[1], float(np.max(gyro.noise_density)), float(np.max(accel.noise_density)), np.array(AFTER_S))
+    rows = [(source, *(f"{value:.3g}" for value in np.atleast_1d(metres))) for source, metres in found.items()]
+    note = "One axis, one sigma, from a perfect start, the biases constant: beyond some 300 s the Schuler oscillation bounds it."
+    print_report("", [Table.plain("unaided, position error", ("m", *(f"{t:g} s" for t in AFTER_S)), rows)], [note])

@@ -1,4 +1,4 @@
-"""Broadcast ionosphere: Klobuchar's vertical cosine, its slant factor, and how wrong it may be.
+"""Ionosphere: Klobuchar's vertical cosine, its slant factor, how wrong it may be; total electron content and two frequencies.
 
 References
 ----------
@@ -16,6 +16,8 @@ from lowcostnav_ros.gnss.signals import L1_HZ, SPEED_OF_LIGHT
 
 _SHELL_M = 350.0e3
 _EARTH_M = 6378136.3
+_ELECTRONS = 40.3
+"""m^3/s^2: e^2/(8 pi^2 epsilon_0 m_e)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,24 @@ def _delays(c, lat, lon, azimuth, elevation, tow_s):
             delay_s += max(amplitude, 0.0) * (1.0 - x * x / 2.0 + x**4 / 24.0)
         out[k] = slant * delay_s * SPEED_OF_LIGHT
     return out
+
+
+def code_delay_m(electrons_per_m2: np.ndarray | float, hz: float = L1_HZ) -> np.ndarray | float:
+    """Delay of the code, m, behind a total electron content along the path: 40.3 TEC/f^2 (Solimeno 2007, section 2.3.3).
+
+    The carrier is advanced by as much; the delay in seconds is 40.3 TEC/(c f^2).  One TEC unit, 1e16 electrons/m^2, is 0.162 m on L1.
+    """
+    return _ELECTRONS * electrons_per_m2 / hz**2
+
+
+def electron_content(code_m: np.ndarray | float, other_m: np.ndarray | float, hz: float, other_hz: float) -> np.ndarray | float:
+    """Total electron content, electrons/m^2, from pseudoranges (or minus carrier ranges, their ambiguities known) on two frequencies."""
+    return (np.asarray(code_m) - other_m) / (_ELECTRONS * (1.0 / hz**2 - 1.0 / other_hz**2))
+
+
+def ionosphere_free_m(code_m: np.ndarray | float, other_m: np.ndarray | float, hz: float, other_hz: float) -> np.ndarray | float:
+    """Pseudorange, m, from two frequencies with the ionosphere taken off: (f1^2 R1 - f2^2 R2)/(f1^2 - f2^2)."""
+    return (hz**2 * np.asarray(code_m) - other_hz**2 * np.asarray(other_m)) / (hz**2 - other_hz**2)
 
 
 def slant_factor(elevation: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.constellation import Satellites
 from lowcostnav_ros.gnss.dop import NO_SOLUTION, Dops, dops, to_ned
+from lowcostnav_ros.gnss.error_budget import range_covariance
 from lowcostnav_ros.gnss.observables import azimuth_elevation, line_of_sight
 from lowcostnav_ros.gnss.signals import name
 from lowcostnav_ros.physics.earth import geodetic_to_ecef
@@ -41,6 +42,8 @@ class SkyPlan:
     visible : ndarray of bool, shape (m, n)
     dops : list of Dops
         At each time, one receiver clock for all systems; infinite below four satellites.
+    effective : list of Dops
+        The same for range errors that grow to the horizon and are partly common (equations 2-40 and 2-41).
     step_s : float
     """
 
@@ -50,6 +53,7 @@ class SkyPlan:
     elevation: np.ndarray
     visible: np.ndarray
     dops: list[Dops]
+    effective: list[Dops]
     step_s: float
 
     @property
@@ -57,9 +61,9 @@ class SkyPlan:
         """Satellites in view at each time."""
         return self.visible.sum(axis=1)
 
-    def column(self, dop: str) -> np.ndarray:
+    def column(self, dop: str, effective: bool = False) -> np.ndarray:
         """One dilution over time, such as ``pdop``."""
-        return np.array([getattr(one, dop) for one in self.dops])
+        return np.array([getattr(one, dop) for one in (self.effective if effective else self.dops)])
 
     def windows(self, pdop_limit: float) -> list[Window]:
         """Stretches in which the PDOP is above a limit or there is no position, longest first."""
@@ -112,14 +116,16 @@ def plan_sky(
     position_e = geodetic_to_ecef(*place)
     azimuth, elevation = np.empty((2, len(times), len(satellites)))
     visible = np.empty(azimuth.shape, dtype=bool)
-    dilutions = []
+    dilutions, effective = [], []
     for k, t_s in enumerate(times):
         _, los = line_of_sight(position_e, satellites.states(start_s + float(t_s))[0])
         azimuth[k], elevation[k] = azimuth_elevation(place[0], place[1], los)
         visible[k] = elevation[k] >= lowest(azimuth[k])
-        seen = los[visible[k]]
-        dilutions.append(dops(to_ned(place[0], place[1], seen)) if len(seen) >= 4 else NO_SOLUTION)
+        seen_n, seen_up = to_ned(place[0], place[1], los[visible[k]]), np.maximum(elevation[k][visible[k]], 0.0)
+        enough = len(seen_n) >= 4
+        dilutions.append(dops(seen_n) if enough else NO_SOLUTION)
+        effective.append(dops(seen_n, range_covariance(seen_up, 1.0)) if enough else NO_SOLUTION)
         if advance is not None and k % 100 == 0:
             advance(k / len(times))
     names = tuple(name(s, i) for s, i in zip(satellites.system, satellites.sat_id, strict=True))
-    return SkyPlan(names, times, azimuth, elevation, visible, dilutions, step_s)
+    return SkyPlan(names, times, azimuth, elevation, visible, dilutions, effective, step_s)

@@ -28,6 +28,11 @@ def transponder_load(tracking: int, searching: int) -> int:
     return tracking * TRACK_PULSES_PER_S + searching * SEARCH_PULSES_PER_S
 
 
+def answered_share(pulses_per_s: float) -> float:
+    """Share of the questions that a transponder answers under a load."""
+    return min(1.0, TRANSPONDER_PULSES_PER_S / pulses_per_s) if pulses_per_s > 0.0 else 1.0
+
+
 @dataclass(frozen=True)
 class Slot:
     """One question: which channel of the receiver(s), when it starts and when the reply is there, seconds from the start."""
@@ -50,6 +55,9 @@ class InterrogationSchedule:
         Number of stations asked.
     interval_s : float
         Seconds between ranges as the scheme defines; 0 takes the shortest the budget allows.
+    over_budget : bool
+        Allow an interval that loads a station more than its share, as the source flies two receivers at 15 s; not one that the receiver
+        cannot keep.
 
     Raises
     ------
@@ -60,6 +68,7 @@ class InterrogationSchedule:
     scheme: str = "one_receiver"
     stations: int = 2
     interval_s: float = 0.0
+    over_budget: bool = False
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
@@ -71,11 +80,30 @@ class InterrogationSchedule:
         shortest = shortest_interval_s(self.scheme, self.stations)
         if self.interval_s == 0.0:
             object.__setattr__(self, "interval_s", shortest)
-        if self.interval_s < shortest - 1e-9:
+        possible = REPLY_S if self.scheme == "scanning" else SEARCH_S + REPLY_S
+        if self.interval_s < (possible if self.over_budget else shortest) - 1e-9:
+            shortest = possible if self.over_budget else shortest
+            what = "what a receiver can" if self.over_budget else f"the pulse budget of {PULSES_PER_MINUTE} pulses/min per station"
             raise ScheduleError(
-                f"DME interval of {self.interval_s:g} s is over the pulse budget of {PULSES_PER_MINUTE} pulses/min per station; "
+                f"DME interval of {self.interval_s:g} s is over {what}; "
                 f"use {shortest:g} s or longer for {self.scheme} with {self.stations} station{'s' if self.stations > 1 else ''}."
             )
+
+    @property
+    def pulses_per_minute(self) -> float:
+        """Load on one station."""
+        if self.scheme == "scanning":
+            return 60.0 * TRACK_PULSES_PER_S
+        return 60.0 / (self.interval_s * (self.stations if self.scheme == "one_receiver" else 1)) * PULSES_PER_FIX
+
+    @property
+    def saturation(self) -> str:
+        """What a schedule over the budget does to a station, in words; empty within it."""
+        load = self.pulses_per_minute
+        if load <= PULSES_PER_MINUTE + 1e-6:
+            return ""
+        aircraft = int(60.0 * TRANSPONDER_PULSES_PER_S / load)
+        return f"DME: {load:.0f} pulses/min on each station, over the budget of {PULSES_PER_MINUTE}: {aircraft} such aircraft saturate it."
 
     def slots(self, turn: int) -> tuple[Slot, ...]:
         """Return the questions of interval number ``turn`` (0, 1, ...)."""

@@ -12,7 +12,7 @@ from lowcostnav_ros.base.measurements import SlantRange
 from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.radionav.interrogation import SCHEMES, InterrogationSchedule, Slot
+from lowcostnav_ros.radionav.interrogation import SCHEMES, InterrogationSchedule, Slot, answered_share, transponder_load
 from lowcostnav_ros.radionav.selection import audible, best_pair, view
 from lowcostnav_ros.radionav.stations import RANGING, Station, StationTable
 from lowcostnav_ros.sensors.registry import simulator
@@ -29,6 +29,9 @@ class DmeSimulatorSettings:
     seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     scheme: str = setting("one_receiver", "Receiver: one that alternates, two, or a scanning one.", choices=SCHEMES)
     interval_s: float = setting(15.0, "Time between ranges; 0 takes the shortest the pulse budget allows.", unit="s", minimum=0.0)
+    over_budget: bool = setting(False, "Fly an interval over the pulse budget of a station; what it costs is said.")
+    tracking_aircraft: int = setting(0, "Other aircraft that track every station.", minimum=0, maximum=10_000)
+    searching_aircraft: int = setting(0, "Other aircraft that search for every station.", minimum=0, maximum=10_000)
     stations_file: str = setting("dme_stations_bay_area.csv", "Station table in the config directory, or a path.")
     stations: str = setting("", "Idents to ask, separated by commas; empty chooses the best pair on the way.")
     bias_m: float = setting(0.0, "Constant error per station, 1 sigma (0 once calibrated).", unit="m", minimum=0.0)
@@ -66,7 +69,11 @@ class DmeSimulator:
     def __init__(self, settings: DmeSimulatorSettings, table: StationTable, source: str = "dme/range") -> None:
         self.settings, self.source, self._table = settings, source, table
         self._fixed = table.named(settings.stations, RANGING)
-        self.schedule = InterrogationSchedule(settings.scheme, len(self._fixed) or 2, settings.interval_s)
+        self.schedule = InterrogationSchedule(settings.scheme, len(self._fixed) or 2, settings.interval_s, settings.over_budget)
+        load = transponder_load(settings.tracking_aircraft, settings.searching_aircraft) + self.schedule.pulses_per_minute / 60.0
+        self._answered, self._traffic_rng = answered_share(load), stream(settings.seed, "dme.traffic")
+        overload = f"DME: stations answer {100.0 * self._answered:.0f} % of the questions under {load:.0f} pulses/s."
+        self.notes = [note for note in (self.schedule.saturation, overload if self._answered < 1.0 else "") if note]
         self._channels: list[Station | None] = [*self._fixed] or [None, None]
         self._pair: tuple[Station, Station] | None = None
         self._errors: dict[str, StationDrift] = {}
@@ -82,7 +89,7 @@ class DmeSimulator:
         """Return the replies that arrive during ``truth``.
 
         The variance of a reply is that of its whole error, slow part included.  A station below the horizon or outside its
-        service volume, at interrogation or reply, does not answer.
+        service volume, at interrogation or reply, does not answer; one that is loaded beyond its capacity answers a share.
         """
         if len(truth) == 0:
             return []
@@ -125,7 +132,8 @@ class DmeSimulator:
 
     def _reply(self, truth: TruthBlock, row: int, station: Station, flown_m: float) -> list[SlantRange]:
         place = truth.lat[row], truth.lon[row], truth.height[row]
-        if not audible(station, *place):
+        heard = self._answered >= 1.0 or self._traffic_rng.random() < self._answered
+        if not heard or not audible(station, *place):
             return []
         if station.ident not in self._errors:
             self._errors[station.ident] = range_error(self.settings, station.ident)

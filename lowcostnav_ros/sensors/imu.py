@@ -2,8 +2,8 @@
 
 Per axis (Solimeno 2007, eq. 5-18..5-23; Gebre-Egziabher 2004, eq. 3.2-3.3):
 ``measured = true + turn-on bias + bias drift + scale factor * true + white noise``, then, where the profile has them,
-bandwidth, misalignment, g-sensitivity, warm-up transient, clipping and quantisation.  Noise densities of a data sheet are those of the
-output, so the low-pass acts on the motion alone.
+bandwidth, misalignment, g-sensitivity, warm-up transient, scale factor by temperature, clipping and quantisation.  Noise densities of a
+data sheet are those of the output, so the low-pass acts on the motion alone.
 """
 
 import math
@@ -40,6 +40,11 @@ class ImuSimulatorSettings:
     misalignment: bool = setting(False, "Simulate the misalignment of the profile.")
     g_sensitivity: bool = setting(False, "Simulate the g-sensitivity of the gyros.")
     warm_up: bool = setting(False, "Simulate the bias transient after power-up.")
+    temperature_c: list = setting([], "Of the unit at power-up and once warm; empty: no effect.", unit="degC", minimum=-60.0, maximum=100.0)
+
+    def __post_init__(self) -> None:
+        if len(self.temperature_c) not in (0, 2):
+            raise SettingsError(f"IMU: 'temperature_c' takes two numbers, at power-up and once warm, or none, got {self.temperature_c}.")
 
 
 class _Triad:
@@ -107,16 +112,28 @@ class ImuSimulator:
             return []
         stamps_ns = truth.stamps_ns[rows]
         force, rate = means[:, 0:3], means[:, 3:6]
-        measured_rate = self._gyros.corrupt(rate) + force * self._g_sensitivity + self._warm_up(stamps_ns)
+        decay = self._decay(stamps_ns)
+        measured_rate = self._gyros.corrupt(rate) + force * self._g_sensitivity + self._warm_up(decay)
+        if self.settings.temperature_c:
+            measured_rate = measured_rate + self._scale_change(decay) * rate
         return [ImuBlock.of(self.source, stamps_ns, self._limit_force(self._accels.corrupt(force)), self._limit_rate(measured_rate))]
 
-    def _warm_up(self, stamps_ns: np.ndarray) -> np.ndarray:
-        gyro = self.profile.gyro
-        if not self.settings.warm_up:
+    def _decay(self, stamps_ns: np.ndarray) -> np.ndarray:
+        """What is left (n, 1) of the warming up; zero where nothing of it is simulated."""
+        if not (self.settings.warm_up or self.settings.temperature_c):
             return np.zeros((len(stamps_ns), 1))
         elapsed_s = (stamps_ns - self._start_ns) * 1e-9
-        decay = np.array([math.exp(-t / gyro.warm_up_tau_s) for t in elapsed_s])  # one by one: a vector unit may round otherwise
-        return np.radians(gyro.warm_up_bias_deg_per_s) * decay[:, None]
+        # one by one: a vector unit may round otherwise
+        return np.array([[math.exp(-t / self.profile.gyro.warm_up_tau_s)] for t in elapsed_s])
+
+    def _warm_up(self, decay: np.ndarray) -> np.ndarray:
+        return np.radians(self.profile.gyro.warm_up_bias_deg_per_s) * decay * self.settings.warm_up
+
+    def _scale_change(self, decay: np.ndarray) -> np.ndarray:
+        """Scale factor error (n, 3) at the temperature that the unit has (Gebre-Egziabher 2004, section 3.3.1)."""
+        (cold_c, warm_c), gyro = self.settings.temperature_c, self.profile.gyro
+        above_k = warm_c + (cold_c - warm_c) * decay - gyro.reference_c
+        return 1e-6 * np.array(gyro.scale_factor_ppm_per_k) * above_k
 
     def _limit_rate(self, rate: np.ndarray) -> np.ndarray:
         gyro = self.profile.gyro

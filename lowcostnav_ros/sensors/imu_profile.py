@@ -37,6 +37,8 @@ class GyroProfile:
     misalignment_deg: float = setting(0.0, "Misalignment of the triad about each axis, 1 sigma.", unit="deg", minimum=0.0, maximum=10.0)
     warm_up_bias_deg_per_s: float = setting(0.0, "Bias at power-up that decays exponentially.", unit="deg/s", minimum=-10.0, maximum=10.0)
     warm_up_tau_s: float = setting(3600.0, "Time constant of the warm-up transient.", unit="s", minimum=1.0)
+    scale_factor_ppm_per_k: list = setting([0.0] * 3, "Scale factor by temperature.", unit="ppm/K", minimum=-1e4, maximum=1e4)
+    reference_c: float = setting(25.0, "Temperature at which the scale factor is one.", unit="degC", minimum=-60.0, maximum=100.0)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
     euler            GPS attitude as Euler angles, bias gains scheduled on roll and pitch
     quaternion       GPS attitude as a small rotation, one pair of gains everywhere
     vector_matching  GPS velocity and magnetic field as vectors, Kalman gain (its Jacobian changes with every measurement)
+    wahba            the same two vectors, solved for the attitude by iterated least squares first, which the filter then takes
     switched         accelerometers and magnetometer alone
 
 Without its GPS each goes on as ``switched``: level and magnetic heading in steady flight, gyros alone in manoeuvres
@@ -18,7 +19,9 @@ from lowcostnav_ros.aids._constant_gain import (
     ConstantQuaternionAid,
     FieldMatchAid,
     ForceMatchAid,
+    HeldFieldAid,
     ScheduledEulerAid,
+    WahbaAid,
     tunings,
 )
 from lowcostnav_ros.aids._hard_iron import HardIronAid
@@ -169,3 +172,29 @@ class VectorMatchingFilter(SwitchedFilter):
     def held(self, heading: str) -> str:
         """How GPS holds the attitude, for people."""
         return "GPS velocity shows the acceleration" + heading
+
+
+class WahbaFilter(VectorMatchingFilter):
+    """GPS velocity and magnetic field solved for the attitude together."""
+
+    def __init__(self, host: Navigator) -> None:
+        super().__init__(host)
+        self._fields = host.aids_of(HeldFieldAid)
+        for solver in host.aids_of(WahbaAid):
+            solver.field = self._fields[0] if self._fields else None
+
+    @classmethod
+    def forms(cls, aid: Aid, settings: Any) -> list[Aid]:
+        """The field held for the solution, the solution in place of the specific force."""
+        made = super().forms(aid, settings)
+        if isinstance(aid, MagneticAid):
+            return [*made[:-1], HeldFieldAid(aid.settings, aid.key)]
+        if isinstance(aid, VelocityAid):
+            return [WahbaAid(aid.settings, aid.key, typical(settings.imu.accel_noise_mg_rthz))]
+        return made
+
+    def begin(self, t_ns: int) -> None:
+        """Wait for a field seen from the new attitude."""
+        super().begin(t_ns)
+        for field in self._fields:
+            field.held = None

@@ -7,7 +7,7 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.imu_errors import ImuSettings
 from lowcostnav_ros.estimation.manoeuvre import RateSwitchSettings
-from lowcostnav_ros.navigators.ahrs.constant_gain import EulerFilter, QuaternionFilter, SwitchedFilter, VectorMatchingFilter
+from lowcostnav_ros.navigators.ahrs.constant_gain import EulerFilter, QuaternionFilter, SwitchedFilter, VectorMatchingFilter, WahbaFilter
 from lowcostnav_ros.navigators.ahrs.filter import Filter
 from lowcostnav_ros.navigators.ahrs.full import FullFilter
 from lowcostnav_ros.navigators.base import HorizonSettings
@@ -19,6 +19,7 @@ FILTERS: dict[str, type[Filter]] = {
     "euler": EulerFilter,
     "quaternion": QuaternionFilter,
     "vector_matching": VectorMatchingFilter,
+    "wahba": WahbaFilter,
     "switched": SwitchedFilter,
 }
 """Values of ``filter``."""

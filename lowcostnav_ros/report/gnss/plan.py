@@ -62,6 +62,7 @@ class GnssPlan:
 def print_plan(plan: GnssPlan) -> None:
     """Print the spread over all hours, a row per hour, and the windows without a good position."""
     rows = [("satellites in view", *spread(plan.sky.counts, 0)), *((dop.upper(), *spread(plan.sky.column(dop), 2)) for dop in DOPS)]
+    rows += [(f"{dop.upper()}, effective", *spread(plan.sky.column(dop, effective=True), 2)) for dop in DOPS]
     overall = Table.plain("over all hours", ("", *SPREAD), rows)
     heads = ("from", "satellites", "HDOP median/worst", "VDOP", "PDOP", f"PDOP above {plan.pdop_limit:g} or none")
     hourly = Table.plain(f"by the hour, UTC, from {plan.start:%Y-%m-%d %H:%M}", heads, hour_rows(plan))
@@ -121,7 +122,9 @@ def as_mapping(plan: GnssPlan) -> dict[str, Any]:
             {"name": sky.names[j], "azimuth_deg": _degrees(sky.azimuth[k, j]), "elevation_deg": _degrees(sky.elevation[k, j])}
             for j in np.flatnonzero(sky.visible[k])
         ]
-        times.append({"time_s": float(t_s), **{dop: finite(getattr(sky.dops[k], dop)) for dop in DOPS}, "satellites": seen})
+        errors = {dop: finite(getattr(sky.effective[k], dop)) for dop in DOPS}
+        plain = {dop: finite(getattr(sky.dops[k], dop)) for dop in DOPS}
+        times.append({"time_s": float(t_s), **plain, "effective": errors, "satellites": seen})
     return {
         "title": plan.title,
         "view": plan.view,

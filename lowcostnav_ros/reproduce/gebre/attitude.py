@@ -15,11 +15,11 @@ from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.estimation import attitude_gains as gains
 from lowcostnav_ros.estimation import attitude_vectors as vectors
 from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.gnss.attitude_antennas import attitude_from_phases, isosceles_array, phase_differences
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_conjugate, quat_rotate, rotvec_from_quat, wrap
 from lowcostnav_ros.physics.stochastic import GaussMarkov, initial_state, simulate
 from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.registry import Change, Context, Outcome, Reading, judged, read, result
-from lowcostnav_ros.studies.attitude_antennas import attitude_from_phases, isosceles_array, phase_differences
 from lowcostnav_ros.studies.attitude_filters import euler_filter
 
 DIP, DECLINATION = 61.5 * DEGREE, 15.0 * DEGREE

@@ -17,6 +17,7 @@ from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, POS, VEL, inertial_dynamics, noise_density
 from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.physics.earth import gravity
+from lowcostnav_ros.physics.unaided_growth import accel_bias_m, by_source_m, gyro_bias_m
 from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.gebre import dead_reckoning
 from lowcostnav_ros.reproduce.gebre.dead_reckoning import EAST, FLIGHT_S, LIMIT_M, NORTH, SPEED_MPS, open_loop, worst_ratio
@@ -133,6 +134,47 @@ def draw_grades(figure: Any, until_s: int, top_m: float, grades: tuple[str, ...]
     made.axhline(LIMIT_M, color="grey", linestyle=":", label="0.5 NM")
     made.set(xlim=(0, until_s / 60.0), ylim=(0, top_m))
     legend(made)
+
+
+def grown(label: str, until_s: int) -> np.ndarray:
+    """Position sigma, m, of the axis that one constant bias moves, in the navigator's own error model without Schuler coupling."""
+    constant = replace(grade_settings("tactical"), gyro_bias_tau_s=1e9, accel_bias_tau_s=1e9)
+    labels, step = inertial_step(constant, schuler=False)
+    P0 = np.zeros((len(labels), len(labels)))
+    P0[labels.index(label), labels.index(label)] = 1.0
+    return run(P0, Step(step.Phi, {}), until_s).sigma(NORTH)
+
+
+@result(
+    "GR36a",
+    "Error growth of one axis: t^3 of a gyro bias, t^2 of an accelerometer bias",
+    source="section 5.4, equations 5.33 to 5.35, figure 5.3",
+    thesis="position goes with g b t^3/6 and with b t^2/2",
+    tolerance="2 % at 60 s and 120 s in the navigator's own error model without Schuler coupling (steps of 1 s)",
+)
+def growth_laws(_: Context) -> Outcome:
+    """Laws beside the covariance of the navigator's error model."""
+    pairs = {"gyro bias": ("gyro_bias_y_radps", gyro_bias_m), "accelerometer bias": ("accel_bias_x_mps2", accel_bias_m)}
+    ratios = {name: [float(grown(label, 120)[t] / law(1.0, float(t))) for t in (60, 120)] for name, (label, law) in pairs.items()}
+    ours = "; ".join(f"{name}: {a:.3f} and {b:.3f} of the law at 60 s and 120 s" for name, (a, b) in ratios.items())
+    within = all(abs(ratio - 1.0) < 0.02 for both in ratios.values() for ratio in both)
+    return judged(ours, within, figure=draw_laws)
+
+
+def draw_laws(figure: Any) -> None:
+    """Growth by source of the three grades of table 3.2, each law a straight line."""
+    t_s = np.geomspace(1.0, 300.0, 60)
+    for k, grade in enumerate(GRADES):
+        noise = load_imu_profile(grade).filter_noise(per_sample_as_density=True)
+        shown = noise.gyro_bias_sigma, noise.accel_bias_sigma, noise.gyro_noise_density, noise.accel_noise_density
+        numbers = [float(np.max(value)) for value in shown]
+        made = axes(figure, (1, 3, k + 1), x="time [s]", y="error of one axis, 1 sigma [m]" if k == 0 else "", title=grade)
+        for source, metres in by_source_m(numbers[0], numbers[1], numbers[2], numbers[3], t_s).items():
+            made.loglog(t_s, metres, color="black" if source == "all" else None, linewidth=1.4 if source == "all" else 0.9, label=source)
+        made.axhline(LIMIT_M, color="grey", linestyle=":")
+        made.set(ylim=(1e-3, 1e5), xlim=(1.0, 300.0))
+        if k == 0:
+            legend(made)
 
 
 def dme_aided(grade: str) -> tuple[tuple[str, ...], History]:
