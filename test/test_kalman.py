@@ -224,7 +224,3 @@ def test_a_variance_above_its_ceiling_comes_down_to_it_and_correlations_stay():
     P = np.array([[400.0, 10.0], [10.0, 1.0]])
     assert kalman.guard_covariance(P, np.full(2, 1e-12), np.array([100.0, 100.0])) == 1
     assert pytest.approx(np.array([[100.0, 5.0], [5.0, 1.0]])) == P
-
-
-def test_sigmas_of_some_states_are_those_states():
-    assert kalman.root_of_diagonal(np.diag([1.0, 4.0, 9.0, 16.0]), 1, 3) == pytest.approx([2.0, 3.0])

@@ -68,7 +68,7 @@ def test_package_xml_is_valid_and_agrees_with_setup():
 def test_the_installed_files_hold_every_configuration(installed):
     files = {f for _, files in installed["data_files"] for f in files}
     shipped = {str(p.relative_to(ROOT)) for p in (ROOT / "config").rglob("*") if p.suffix in (".yaml", ".csv", ".json", ".xml", ".service")}
-    assert installed["package_data"] == {"lowcostnav_ros.graph.page": ["assets/*"]}
+    assert installed["package_data"] == {"lowcostnav_ros.report": ["*.css", "*.js"], "lowcostnav_ros.graph.page": ["assets/*"]}
     assert shipped <= files and "resource/lowcostnav_ros" in files and "launch/lowcostnav.launch.py" in files
 
 

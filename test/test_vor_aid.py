@@ -284,4 +284,5 @@ def test_inertial_navigator_in_an_outage_says_what_it_still_hears():
     host._aligned = True
     host._fuse(reading(100.0))
     assert aid_of(host).status.accepted, aid_of(host).status.reason
+    host._judge()  # as at the next output
     assert host.mode == "coasting" and host.reason.endswith("for 0 s; VOR OAK")

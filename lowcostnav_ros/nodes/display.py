@@ -10,7 +10,7 @@ import json
 import math
 import re
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,7 @@ from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.physics.earth import LocalFrame, geodetic_to_ecef
 from lowcostnav_ros.physics.rotation import euler_to_quat
 from lowcostnav_ros.ros import qos
+from lowcostnav_ros.ros.input_monitor import OK, Status
 from lowcostnav_ros.ros.watching_node import WatchingNode
 
 MOST_SCALARS = 400
@@ -68,6 +69,11 @@ class Display(WatchingNode):
         if hasattr(self, "_socket"):
             self._socket.close()
         super().destroy_node()
+
+    def rows(self) -> Iterable[Status]:
+        """One row: how much is shown."""
+        shown = len(getattr(self, "_shown", ()))
+        yield Status(f"{self.get_name()}: display", OK, f"{shown} quantities shown", {"quantities": str(shown)})
 
     def look_around(self) -> None:
         """Publish all of it."""
