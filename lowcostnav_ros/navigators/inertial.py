@@ -544,11 +544,11 @@ class InertialNavigator(Navigator):
         )
 
     def doubt(self, t_ns: int) -> np.ndarray:
-        """As every navigator; of an attitude that may be upside down nothing is known."""
-        doubt = self.trust.doubt(t_ns)
-        if self._began_over and self.axes.held is not None:
+        """As every navigator; of an attitude that may be upside down nothing is known, of one that is lost what GPS has shown."""
+        doubt, is_over = self.trust.doubt(t_ns), self._began_over and self.axes.held is not None
+        if is_over or self.recovery.is_lost:
             doubt = doubt.copy()
-            doubt[ATT, ATT] += UPSIDE_DOWN
+            doubt[ATT, ATT] += UPSIDE_DOWN if is_over else np.diag(self.recovery.seen()[ATT] ** 2)
         return doubt
 
     def _sigmas(self) -> dict[str, float]:
