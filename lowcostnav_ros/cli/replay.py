@@ -5,7 +5,7 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.base.exit_codes import Exit
@@ -14,13 +14,10 @@ from lowcostnav_ros.catalogue.config_files import vehicle_dir
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_reading, check_files, check_folder
 from lowcostnav_ros.cli.progress import progress_bar
-from lowcostnav_ros.messages.foreign import parse_maps
-from lowcostnav_ros.replay import bag_replay, baseline
-from lowcostnav_ros.replay.baseline import BETTER, SAME, WORSE, Verdict, write_baseline
-from lowcostnav_ros.replay.result import ReplayResult
-from lowcostnav_ros.replay.tables import verdict_table
-from lowcostnav_ros.replay.withhold import parse_withhold
-from lowcostnav_ros.report.terminal import print_result, print_table, result_console
+
+if TYPE_CHECKING:  # what flies is imported by those that fly: the options show at once
+    from lowcostnav_ros.replay.baseline import Verdict
+    from lowcostnav_ros.replay.result import ReplayResult
 
 NOTES = """\
 withholding: 'gps/fix,gps/vel@290-350' keeps these sources from the navigators from 290 s to 350 s, @290- to the end; without @ all flight.
@@ -56,6 +53,10 @@ def add_common(parser: argparse.ArgumentParser, note: str = "") -> None:
 @job("Run the navigators over a bag, offline and repeatable to the last bit, and judge them.", add_arguments, NOTES)
 def replay(arguments: argparse.Namespace) -> int:
     """Replay a bag; 0 when nothing is worse than the baseline, 1 when something is."""
+    from lowcostnav_ros.replay import baseline
+    from lowcostnav_ros.replay.tables import verdict_table
+    from lowcostnav_ros.report.terminal import print_result, print_table, result_console
+
     expected = baseline.load_baseline(Path(arguments.baseline)) if arguments.baseline else None
     check_files(arguments.json, arguments.write_baseline)
     check_folder(arguments.out)
@@ -65,7 +66,7 @@ def replay(arguments: argparse.Namespace) -> int:
     if expected is not None and expected[0] not in (None, found):
         text = f"Baseline {arguments.baseline} belongs to another bag (sha256 {expected[0][:16]}, this one is {found[:16]})."
         raise baseline.BaselineError(text)
-    console, verdicts = result_console(), list[Verdict]()
+    console, verdicts = result_console(), list[baseline.Verdict]()
     print_result(result, console)
     if expected is not None:
         judged = [e for e in expected[1] if not arguments.navigators or e.navigator in result.navigators]
@@ -79,8 +80,12 @@ def replay(arguments: argparse.Namespace) -> int:
     return Exit.WORSE if any(v.verdict == baseline.WORSE for v in verdicts) else Exit.OK
 
 
-def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth: str | None = None) -> ReplayResult:
+def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth: str | None = None) -> "ReplayResult":
     """Replay as the common options of ``replay`` and ``report`` say, with a progress bar on a terminal."""
+    from lowcostnav_ros.messages.foreign import parse_maps
+    from lowcostnav_ros.replay import bag_replay
+    from lowcostnav_ros.replay.withhold import parse_withhold
+
     names = tuple(n.strip() for n in arguments.navigators.split(",") if n.strip()) if arguments.navigators else None
     withhold = tuple(parse_withhold(text) for text in arguments.withhold)
     if arguments.config and arguments.vehicle:
@@ -92,13 +97,17 @@ def replay_with_progress(arguments: argparse.Namespace, out: Path | None, truth:
         return bag_replay.replay_bag(arguments.bag if "bag" in arguments else arguments.source, options)
 
 
-def _verdict_sentence(verdicts: Sequence[Verdict]) -> str:
+def _verdict_sentence(verdicts: "Sequence[Verdict]") -> str:
+    from lowcostnav_ros.replay.baseline import BETTER, SAME, WORSE
+
     count = {v: sum(1 for x in verdicts if x.verdict == v) for v in (BETTER, SAME, WORSE)}
     return f"{'WORSE' if count[WORSE] else 'PASS'}: {', '.join(f'{n} {verdict}' for verdict, n in count.items())}"
 
 
 def _write(arguments: argparse.Namespace, out: Path | None, mapping: dict[str, Any]) -> list[str]:
     """Write the files that were asked for; return a line about each."""
+    from lowcostnav_ros.replay.baseline import write_baseline
+
     lines = []
     text = json.dumps(mapping, indent=1, allow_nan=False) + "\n"
     if arguments.json:

@@ -172,11 +172,13 @@ class FusionHorizon:
         n = int(stamps.searchsorted(stamp, side="right"))
         if n:
             self._carried_ns = int(stamps[n - 1])
-            yield from unbroken(held[:n])
         carried = self._carried_ns
         if split and n < len(stamps) and (carried is None or (carried < stamp and stamps[n] - carried <= HOLE_NS)):
             self._carried_ns = stamp
-            yield ImuBlock.of(held.source, np.array([stamp]), held.specific_force_b[n : n + 1], held.angular_rate_b[n : n + 1])
+            passed = np.append(stamps[:n], stamp)  # the interval of the next sample is cut there, and both parts have its values
+            yield from unbroken(ImuBlock.of(held.source, passed, held.specific_force_b[: n + 1], held.angular_rate_b[: n + 1]))
+        elif n:
+            yield from unbroken(held[:n])
         if n == len(stamps):
             self._imu = None
         elif n:

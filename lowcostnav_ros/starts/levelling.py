@@ -1,5 +1,6 @@
 """Initial attitude of an inertial navigator: levelling, track, a given heading, the earth's rate, or another navigator's state."""
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -143,7 +144,7 @@ def unit_error(specific_force_b: np.ndarray, angular_rate_b: np.ndarray) -> str:
 
 
 class Levelling:
-    """Running mean of inertial samples over a window, and whether they look still."""
+    """Mean of inertial samples over a window, and whether they look still."""
 
     def __init__(self, window_s: float) -> None:
         self.window_s = window_s
@@ -151,28 +152,33 @@ class Levelling:
 
     def clear(self) -> None:
         """Forget all samples."""
-        self._stamps = np.empty(0, dtype=np.int64)
-        self._samples = np.empty((0, 6))
+        self._blocks = deque[ImuBlock]()
 
     def add(self, block: ImuBlock) -> None:
-        """Take an ImuBlock in, forget what is older than twice the window."""
-        self._stamps = np.concatenate((self._stamps, block.stamps_ns))
-        self._samples = np.concatenate((self._samples, np.hstack((block.specific_force_b, block.angular_rate_b))))
-        keep = self._stamps > self._stamps[-1] - 2e9 * self.window_s
-        self._stamps, self._samples = self._stamps[keep], self._samples[keep]
+        """Take an ImuBlock in, forget what is older than twice the window; samples are looked at when asked for, which is seldom."""
+        self._blocks.append(block)
+        while self._blocks[0].stamps_ns[-1] <= block.stamps_ns[-1] - 2e9 * self.window_s:
+            self._blocks.popleft()
+
+    def _held(self) -> tuple[np.ndarray, np.ndarray]:
+        """Stamps (n,) and samples (n, 6), force before rate."""
+        held = ImuBlock.joined(self._blocks)
+        held = held[held.stamps_ns > held.stamps_ns[-1] - 2e9 * self.window_s]
+        self._blocks = deque([held])
+        return held.stamps_ns, np.hstack((held.specific_force_b, held.angular_rate_b))
 
     def mean(self, seconds: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Mean specific force and rate over the last ``seconds``, None when less is held."""
-        if len(self._stamps) < 3 or self._stamps[-1] - self._stamps[0] < 0.9e9 * seconds:
+        stamps, samples = self._held() if self._blocks else (np.empty(0), np.empty((0, 6)))
+        if len(stamps) < 3 or stamps[-1] - stamps[0] < 0.9e9 * seconds:
             return None
-        rows = self._samples[self._stamps > self._stamps[-1] - round(1e9 * seconds)]
-        mean = rows.mean(axis=0)
+        mean = samples[stamps > stamps[-1] - round(1e9 * seconds)].mean(axis=0)
         return mean[:3], mean[3:]
 
     def still(self, seconds: float) -> bool:
         """Whether half-second means over the last ``seconds`` stay together (0.15 m/s^2, 1 deg/s)."""
-        rows = self._samples[self._stamps > self._stamps[-1] - round(1e9 * seconds)]
-        parts = np.array_split(rows, max(2, int(2 * seconds)))
+        stamps, samples = self._held()
+        parts = np.array_split(samples[stamps > stamps[-1] - round(1e9 * seconds)], max(2, int(2 * seconds)))
         means = np.array([p.mean(axis=0) for p in parts if len(p)])
         spread = np.ptp(means, axis=0)
         return bool(spread[:3].max() < 0.15 and spread[3:].max() < 1.0 * DEGREE)
