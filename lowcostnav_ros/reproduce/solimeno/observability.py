@@ -207,6 +207,6 @@ def draw_ranks(found: dict[str, tuple[np.ndarray, np.ndarray]], figure: Any) -> 
     """Figures 7.27 to 7.34: rank over time."""
     made = axes(figure, x="time [s]", y="observable states")
     for name, (t_s, values) in found.items():
-        made.step(t_s, values, where="post", label=name)
+        made.plot(t_s, values, ".", markersize=4, alpha=0.7, label=name)  # points: where nothing is fused there is no rank
     made.set(ylim=(0, 29))
     legend(made)
