@@ -11,7 +11,18 @@ from lowcostnav_ros.physics.rotation import wrap
 from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.registry import Change, Context, Outcome, better, fitted, judged, result
 from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight
-from lowcostnav_ros.reproduce.solimeno.gps_only import FOLLOWING, OTHERS, SEEDS, VELOCITY, each_3d, mean_rms, norm, rms_row, runs
+from lowcostnav_ros.reproduce.solimeno.gps_only import (
+    FOLLOWING,
+    OTHERS,
+    SEEDS,
+    VELOCITY,
+    draw_errors,
+    each_3d,
+    mean_rms,
+    norm,
+    rms_row,
+    runs,
+)
 
 ATTITUDE = slice(6, 9)
 FITTED_BY = "a position noise of (6, 6, 90) m^2/s, which the thesis does not print"
@@ -89,8 +100,8 @@ def tight_crista(context: Context) -> Outcome:
     text += f"; velocity {velocity:.3f} m/s; attitude {attitude:.2f} deg ({each.min():.2f} to {each.max():.2f}), "
     text += f"roll and pitch {norm(attitude_deg(flights)[:2]):.2f} deg; the first minute included {attitude_from_start(flights):.2f} deg"
     why = "heading is observable through horizontal acceleration alone, and the thesis does not state how much of it its flight has"
-    whole = attitude_from_start(flights)
-    return fitted(text, within and velocity <= 0.165 and whole <= 1.80, FITTED_BY, consistent_row(context, "crista"), why)
+    whole, draw = attitude_from_start(flights), partial(draw_errors, flight=flights[0], first=6)
+    return fitted(text, within and velocity <= 0.165 and whole <= 1.80, FITTED_BY, consistent_row(context, "crista"), why, draw)
 
 
 def attitude_from_start(flights: Sequence[Flight]) -> float:
@@ -108,7 +119,13 @@ def attitude_from_start(flights: Sequence[Flight]) -> float:
 def tight_mems(context: Context) -> Outcome:
     """Low dynamics, thesis's tuning."""
     _, within, text = _grade(context, "mems", 2.92)
-    return fitted(text, within, FITTED_BY, consistent_row(context, "mems"))
+    return fitted(
+        text,
+        within,
+        FITTED_BY,
+        consistent_row(context, "mems"),
+        figure=partial(draw_errors, flight=thesis_tight(context, "mems")[0], first=0),
+    )
 
 
 @result(
@@ -125,7 +142,9 @@ def tight_fog(context: Context) -> Outcome:
     untuned = norm(mean_rms(drawn(context, "tight"))) / norm(mean_rms(drawn(context, "tight", "fog"))) - 1.0
     text = f"{text}; low-cost over FOG {100.0 * worse:+.1f} %"
     shown = f"low-cost over FOG {100.0 * untuned:+.0f} %; {consistent_row(context, 'fog')}"
-    return fitted(text, within and abs(worse) <= 0.05, f"{FITTED_BY}, beside which no IMU matters", shown)
+    return fitted(
+        text, within and abs(worse) <= 0.05, f"{FITTED_BY}, beside which no IMU matters", shown, figure=partial(draw_grades, context)
+    )
 
 
 @result(
@@ -148,7 +167,7 @@ def approach(context: Context) -> Outcome:
         parts.append(f"{tuning} tuning: {shown} of the time, 95 % meet {met}")
         if tuning == "thesis":
             within = share["I"] > 0.5 and upright["II"] < 0.95 and upright["III"] < 0.95
-    return fitted(parts[0], within, FITTED_BY, parts[1])
+    return fitted(parts[0], within, FITTED_BY, parts[1], figure=partial(draw_categories, thesis_tight(context)[0]))
 
 
 @result(
@@ -157,9 +176,7 @@ def approach(context: Context) -> Outcome:
     source="section 7.4.1, Figure 7.14",
     thesis="roll and pitch stay good, yaw error 'very large' after 30 s; recomputed 35 deg at 30 s, RMS 41 deg",
     tolerance="yaw above 10 deg at 30 s (RMS of seeds), roll and pitch RMS below 1 deg, its own sigma at the end at least half its error",
-    changed=Change(
-        "2026-11-22, 2026-11-27", "differs, then reproduced", "the start became a known one; the filter's own sigma is judged"
-    ),
+    changed=Change("2026-11-22, 2026-11-27", "differs, then reproduced", "the start became a known one; the filter's own sigma is judged"),
 )
 def straight(context: Context) -> Outcome:
     """Low-cost IMU on STR; the thesis's flights start at the true attitude, and the filter is given one degree."""
@@ -186,18 +203,19 @@ def straight(context: Context) -> Outcome:
 )
 def dynamics(context: Context) -> Outcome:
     """Heading off by 20 deg at the start; RMS over the second half of the flight."""
-    each = {}
+    each, shown_flights = {}, {}
     for dataset in ("LD-gentle", "LD", "HD"):
         flights = runs(context, Case("tight", dataset, heading_error_deg=20.0))
+        shown_flights[dataset] = flights[0]
         each[dataset] = np.degrees([f.rms(slice(8, 9), 300.0)[0] for f in flights])
     rms = {name: float(np.sqrt(np.mean(values**2))) for name, values in each.items()}
     shown = ", ".join(f"{name} {rms[name]:.1f} deg ({v.min():.1f} to {v.max():.1f})" for name, v in each.items())
     within = max(rms["LD"], rms["HD"]) < 5.0 and rms["HD"] <= rms["LD"] <= rms["LD-gentle"] <= 40.0
     why = "the gyro scale factors and biases drawn decide how far the heading wanders on the gentle flight"
-    text = f"{shown} over {context.flown} seeds"
+    text, draw = f"{shown} over {context.flown} seeds", partial(draw_headings, shown_flights)
     if rms["LD-gentle"] < 20.0:
-        return better(text, within, f"LD-gentle {rms['LD-gentle']:.0f} deg for 40: a wide heading is tried in several places", why)
-    return judged(text, within, why)
+        return better(text, within, f"LD-gentle {rms['LD-gentle']:.0f} deg for 40: a wide heading is tried in several places", why, draw)
+    return judged(text, within, why, draw)
 
 
 def draw_coupling(tight: Flight, loose: Flight, figure: Any) -> None:
@@ -216,3 +234,32 @@ def draw_heading(flight: Flight, figure: Any) -> None:
         made.plot(flight.t_s, np.degrees(flight.error[:, column]), label=name)
     made.plot(flight.t_s, np.degrees(flight.sigma[:, 8]), "k:", label="sigma of the heading")
     legend(made)
+
+
+def draw_headings(flights: dict[str, Flight], figure: Any) -> None:
+    """Heading error by flight after a start 20 deg off."""
+    made = axes(figure, x="time [s]", y="heading error [deg]", title="Low-cost IMU, heading 20 deg off at the start")
+    for name, flight in flights.items():
+        made.plot(flight.t_s, np.degrees(wrap(flight.error[:, 8])), lw=0.8, label=name)
+    legend(made)
+
+
+def draw_grades(context: Context, figure: Any) -> None:
+    """Position error of the three grades, which lie on one another with the thesis's tuning and do not with a consistent one."""
+    for k, (tuning, source) in enumerate((("thesis's", thesis_tight), ("consistent", lambda c, grade: drawn(c, "tight", grade)))):
+        made = axes(figure, (1, 2, k + 1), x="time [s]", y="position error [m]" if k == 0 else "", title=f"{tuning} tuning")
+        for grade in ("crista", "fog"):
+            flight = source(context, grade)[0]
+            made.plot(flight.t_s, np.linalg.norm(flight.error[:, :3], axis=1), lw=0.7, label=grade)
+        legend(made)
+
+
+def draw_categories(flight: Flight, figure: Any) -> None:
+    """Horizontal and vertical error beside the limits of Table 7.4."""
+    sizes = {"horizontal": np.hypot(flight.error[:, 0], flight.error[:, 1]), "vertical": np.abs(flight.error[:, 2])}
+    for k, (name, values) in enumerate(sizes.items()):
+        made = axes(figure, (2, 1, k + 1), x="time [s]" if k else "", y=f"{name} error [m]")
+        made.semilogy(flight.t_s, np.maximum(values, 1e-2), lw=0.6)
+        for category_name, limits in CATEGORIES_M.items():
+            made.axhline(limits[k], color="grey", linestyle=":", lw=0.9)
+            made.text(flight.t_s[-1], limits[k], f" {category_name}", va="center")

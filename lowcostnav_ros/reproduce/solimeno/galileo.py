@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from lowcostnav_ros.gnss.dop import dops, to_ned
 from lowcostnav_ros.gnss.error_budget import UERE_TABLE_M, combined_error
 from lowcostnav_ros.gnss.observables import line_of_sight
 from lowcostnav_ros.physics.earth import geodetic_to_ecef
+from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.registry import Context, Outcome, by_definition, fitted, judged, result
 from lowcostnav_ros.reproduce.solimeno.coupling import FITTED_BY, attitude_deg, consistent_row, thesis_tight
 from lowcostnav_ros.reproduce.solimeno.flights import Case, Flight, epochs_of, truth_of
@@ -60,7 +63,7 @@ def galileo_row(context: Context) -> Outcome:
     why = f"single epochs of these satellites, fixed without any filter, have a ratio of {epoch:.2f}, and averaging cannot gain "
     why += f"more (with the position noise kept it gains the square root, {np.sqrt(epoch):.2f}); the thesis does not state with how many "
     why += "satellites its row for GPS alone was flown"
-    return judged(text, 0.356 <= ratio[0] <= 0.556 and ratio[1] <= 0.85 and ratio[2] <= 1.3, why)
+    return judged(text, 0.356 <= ratio[0] <= 0.556 and ratio[1] <= 0.85 and ratio[2] <= 1.3, why, partial(draw_both, alone[0], both[0]))
 
 
 def single_epoch_sigma(case: Case) -> float:
@@ -106,3 +109,11 @@ def expected(_: Context) -> Outcome:
     text = ", ".join(f"{band} {kind} {m:.2f} m (sigma {s:.3f} m)" for (band, kind), m, s in zip(kinds, both, sigmas, strict=True))
     shown = f"{text}; GPS alone {alone[0]:.2f} and {alone[1]:.2f} m"
     return by_definition(shown, bool(within), "the formula on printed numbers")
+
+
+def draw_both(alone: Flight, both: Flight, figure: Any) -> None:
+    """Figure 7.36: position error with GPS alone and with Galileo."""
+    made = axes(figure, x="time [s]", y="position error [m]", title="Tight coupling, low-cost IMU, thesis's tuning")
+    for name, flight in (("GPS", alone), ("GPS and Galileo", both)):
+        made.plot(flight.t_s, np.linalg.norm(flight.error[:, :3], axis=1), lw=0.8, label=name)
+    legend(made)

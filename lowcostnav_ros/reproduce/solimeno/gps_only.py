@@ -22,6 +22,7 @@ QV_TRIED = (0.01, 0.03, 0.1, 0.3)
 """Driving densities of the velocity tried for Figure 7.10, m^2/s^3."""
 FITTED_BY = "a position noise of (6, 6, 90) m^2/s and a driving noise that the thesis does not print"
 VELOCITY = slice(3, 6)
+NED = ("north", "east", "down")
 SEEDS = 10
 OTHERS = 5
 """Seeds of flights that stand beside a result and are not judged."""
@@ -125,7 +126,8 @@ def largest_velocity(context: Context) -> Outcome:
     why = "a velocity random walk lags on a flight that accelerates by 0.6 m/s^2 and passes more noise the faster it is made (horizontal "
     why += ", ".join(f"{h:.2f} m/s with q_v = {q:g}" for q, (h, _) in tried.items()) + "); the thesis's own flight is not printed, and "
     why += "with acceleration states we are within its numbers"
-    return judged(text, abs(horizontal / 0.238 - 1.0) < 0.4 and abs(vertical / 0.332 - 1.0) < 0.4, why)
+    draw = partial(draw_errors, flight=velocity_runs(context, "pv", "LD-gentle", best)[0], first=3)
+    return judged(text, abs(horizontal / 0.238 - 1.0) < 0.4 and abs(vertical / 0.332 - 1.0) < 0.4, why, draw)
 
 
 def velocity_runs(context: Context, model: str, dataset: str, psd: float) -> list[Flight]:
@@ -145,7 +147,9 @@ def pv_low(context: Context) -> Outcome:
     flights = lagging(context, "pv", "LD")
     rms = mean_rms(flights)
     within = abs(norm(rms) / 2.94 - 1.0) < 0.25 and bool(rms[2] > norm(rms[:2]))
-    return fitted(table_row(flights), within, FITTED_BY, consistent(context, "pv", "LD"))
+    return fitted(
+        table_row(flights), within, FITTED_BY, consistent(context, "pv", "LD"), figure=partial(draw_errors, flight=flights[0], first=0)
+    )
 
 
 @result(
@@ -162,7 +166,9 @@ def pv_high(context: Context) -> Outcome:
     total, low = norm(mean_rms(flights)), norm(mean_rms(lagging(context, "pv", "LD")))
     within = abs(total / 7.63 - 1.0) < 0.4 and total > 2.0 * low and float(np.abs(mean_error(flights)).max()) < 1.0
     why = "a filter that lags is off in the mean where a flight turns and climbs to one side, as ours does"
-    return fitted(table_row(flights), within, FITTED_BY, consistent(context, "pv", "HD"), why)
+    return fitted(
+        table_row(flights), within, FITTED_BY, consistent(context, "pv", "HD"), why, partial(draw_errors, flight=flights[0], first=0)
+    )
 
 
 @result(
@@ -179,7 +185,9 @@ def pva_low(context: Context) -> Outcome:
     ratio = 100.0 * (norm(mean_rms(flights)) / norm(mean_rms(pv)) - 1.0)
     why = "the velocity of the PV filter lags on our flight, which turns and accelerates (up to 4 m/s^2), and the PVA filter's does not"
     text = f"{table_row(flights)}; {ratio:+.2f} % against PV ({each.min():+.1f} to {each.max():+.1f} % over seeds)"
-    return fitted(text, abs(ratio) <= 5.0, FITTED_BY, consistent(context, "pva", "LD"), why)
+    return fitted(
+        text, abs(ratio) <= 5.0, FITTED_BY, consistent(context, "pva", "LD"), why, partial(draw_errors, flight=flights[0], first=0)
+    )
 
 
 @result(
@@ -194,7 +202,9 @@ def pva_high(context: Context) -> Outcome:
     flights = lagging(context, "pva", "HD")
     total, pv = norm(mean_rms(flights)), norm(mean_rms(lagging(context, "pv", "HD")))
     within = abs(total / 3.39 - 1.0) < 0.4 and total < 0.6 * pv
-    return fitted(table_row(flights), within, FITTED_BY, consistent(context, "pva", "HD"))
+    return fitted(
+        table_row(flights), within, FITTED_BY, consistent(context, "pva", "HD"), figure=partial(draw_errors, flight=flights[0], first=0)
+    )
 
 
 def consistent(context: Context, model: str, dataset: str) -> str:
@@ -206,12 +216,16 @@ def consistent(context: Context, model: str, dataset: str) -> str:
 
 
 def draw_errors(figure: Any, flight: Flight, first: int) -> None:
-    """North, east and down errors of three columns over time with their three sigmas."""
-    unit = {0: "m", 3: "m/s"}[first]
-    for k, (axes, name) in enumerate(zip(figure.subplots(3, 1, sharex=True), ("north", "east", "down"), strict=True)):
-        axes.plot(flight.t_s, flight.error[:, first + k], lw=0.6)
+    """Errors of three columns over time, position, velocity or attitude, with their three sigmas."""
+    unit, names = {0: ("m", NED), 3: ("m/s", NED), 6: ("deg", ("roll", "pitch", "heading"))}[first]
+    size = np.degrees(1.0) if first == 6 else 1.0
+    for k, (axes, name) in enumerate(zip(figure.subplots(3, 1, sharex=True), names, strict=True)):
+        axes.plot(flight.t_s, size * flight.error[:, first + k], lw=0.6)
         for sign in (-3.0, 3.0):
-            axes.plot(flight.t_s, sign * flight.sigma[:, first + k], color="grey", lw=0.6)
+            axes.plot(flight.t_s, sign * size * flight.sigma[:, first + k], color="grey", lw=0.6)
+        after = flight.t_s > SETTLED_S
+        top = size * max(3.0 * flight.sigma[after, first + k].max(), np.abs(flight.error[after, first + k]).max())
+        axes.set(ylim=(-1.2 * top, 1.2 * top))
         axes.set(ylabel=f"{name} [{unit}]")
         axes.grid(alpha=0.3)
     axes.set(xlabel="time [s]")

@@ -125,8 +125,9 @@ def tight(context: Context) -> Outcome:
 )
 def loose(context: Context) -> Outcome:
     """Low dynamics, low-cost IMU."""
-    found = ranks(context, navigator="loose")[1]
-    return judged(f"{spread(found)} of 27", 15.0 <= found.mean() <= 18.0)
+    both = ranks(context, navigator="loose")
+    found = both[1]
+    return judged(f"{spread(found)} of 27", 15.0 <= found.mean() <= 18.0, figure=partial(draw_ranks, {"loose": both}))
 
 
 @result(
@@ -139,12 +140,12 @@ def loose(context: Context) -> Outcome:
 )
 def straight(context: Context) -> Outcome:
     """Tight coupling on STR against LD."""
-    readings = []
+    readings, draw = [], partial(draw_ranks, {name: ranks(context, flown_ranks, dataset=name) for name in ("LD", "STR")})
     for name, function in (("F at the filter's own state, as the thesis has it", flown_ranks), ("F at the true state", true_ranks)):
         uniform, moving = (ranks(context, function, dataset=dataset)[1] for dataset in ("STR", "LD"))
         fewer = float(moving.mean() - uniform.mean())
         readings.append(Reading(name, f"{spread(uniform)}, {fewer:.1f} fewer than on LD", 0.5 <= fewer <= 1.5))
-    return read(readings, "the count of singular values at the edge of double precision is fragile")
+    return read(readings, "the count of singular values at the edge of double precision is fragile", draw)
 
 
 def in_gaps(context: Context, coupling: str) -> dict[int, np.ndarray]:
@@ -169,7 +170,7 @@ def gaps_tight(context: Context) -> Outcome:
     recomputed = {3: (18, 19), 2: (18, 18), 1: (10, 11)}
     within = all(low - 1.0 <= found[k].mean() <= high + 1.0 for k, (low, high) in recomputed.items())
     why = "one satellite's range and Doppler see the states through powers of F that double precision hardly separates"
-    return judged(text, within, why)
+    return judged(text, within, why, partial(draw_ranks, {"tight": ranks(context, true_ranks, navigator="tight", schedule="gaps")}))
 
 
 @result(
@@ -183,7 +184,8 @@ def gaps_loose(context: Context) -> Outcome:
     """Ranks in the four gaps, along a flight: what counts is what the filter did."""
     found = in_gaps(context, "loose")
     text = ", ".join(f"{count} satellites: {values.max()}" for count, values in found.items())
-    return by_definition(text, max(v.max() for v in found.values()) == 0, "a filter that is not executed has no rows")
+    draw = partial(draw_ranks, {"loose": ranks(context, flown_ranks, navigator="loose", schedule="gaps")})
+    return by_definition(text, max(v.max() for v in found.values()) == 0, "a filter that is not executed has no rows", draw)
 
 
 @result(
@@ -197,13 +199,14 @@ def both(context: Context) -> Outcome:
     """GPS and Galileo together against GPS alone, LD."""
     more, alone = ranks(context, constellation="gps_galileo")[1], ranks(context, dataset="LD")[1]
     within = 16.1 <= more.mean() <= 18.7 and abs(more.mean() - alone.mean()) <= 1.0 and more.max() <= 20
-    return judged(f"{spread(more)}; GPS alone {spread(alone)}", within)
+    draw = partial(draw_ranks, {"GPS and Galileo": ranks(context, constellation="gps_galileo"), "GPS": ranks(context, dataset="LD")})
+    return judged(f"{spread(more)}; GPS alone {spread(alone)}", within, figure=draw)
 
 
 def draw_ranks(found: dict[str, tuple[np.ndarray, np.ndarray]], figure: Any) -> None:
-    """Figure 7.27: rank over time."""
-    made = axes(figure, x="time [s]", y="observable states of 29", title="Tight coupling, all satellites")
+    """Figures 7.27 to 7.34: rank over time."""
+    made = axes(figure, x="time [s]", y="observable states")
     for name, (t_s, values) in found.items():
-        made.step(t_s, values, where="post", label=name)
+        made.plot(t_s, values, ".", markersize=4, alpha=0.7, label=name)  # points: where nothing is fused there is no rank
     made.set(ylim=(0, 29))
     legend(made)

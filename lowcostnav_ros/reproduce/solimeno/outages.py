@@ -145,7 +145,7 @@ def two_satellites(context: Context) -> Outcome:
             within = bool(position.mean() <= 20.0 and velocity.mean() <= 4.0)
     why = "two satellites cannot separate the drift of this clock from that of the IMU: the error is what the filter expects, and with an "
     why += "ovenized crystal it is within the thesis's; which clock its receiver had is not printed"
-    return judged("; ".join(parts), within, why)
+    return judged("; ".join(parts), within, why, partial(draw_gaps, by_clock(context)))
 
 
 @result(
@@ -165,7 +165,7 @@ def three_satellites(context: Context) -> Outcome:
         parts.append(f"{name}: {with_errors(both[:, :1])} m in the gap, {both[:, 1].mean():.1f} m in the 40 s before")
     why = "without gaps our error is a sixth of the thesis's, so that the same loss shows; and with three satellites the receiver clock, "
     why += "which the thesis does not print, takes part in it"
-    return judged("; ".join(parts), excess["compensated_crystal"] <= 5.0, why)
+    return judged("; ".join(parts), excess["compensated_crystal"] <= 5.0, why, partial(draw_gaps, by_clock(context)))
 
 
 @result(
@@ -183,15 +183,30 @@ def attitude(context: Context) -> Outcome:
     worst, by_gap = float(loose.mean(axis=0).max()), tight.mean(axis=0)
     within = 10.0 <= worst <= 20.0 and bool(by_gap[3] >= 2.0 * by_gap[:3].max())
     why = "after minutes of either coupling the gyro biases are known, and neither loses more than a few degrees in 40 s"
-    return judged(f"{text}({len(loose)} seeds)", within, why)
+    flown = {c: gaps(context, c)[0] for c in ("loose", "tight")}
+    return judged(f"{text}({len(loose)} seeds)", within, why, partial(draw_gaps, flown, attitude=True))
 
 
-def draw_gaps(flights: dict[str, Flight], figure: Any) -> None:
-    """Figures 7.22 and 7.23: position error over time, the gaps in grey."""
-    made = axes(figure, x="time [s]", y="position error [m]", title="Gaps with 3, 2, 1 and 0 satellites")
-    for name, flight in flights.items():
-        made.semilogy(flight.t_s, np.linalg.norm(flight.error[:, :3], axis=1), lw=0.8, label=name)
+def by_clock(context: Context) -> dict[str, Flight]:
+    """One tight flight with each clock."""
+    return {clock.replace("_", " "): gaps(context, "tight", clock=clock)[0] for clock in ("compensated_crystal", OVEN)}
+
+
+def draw_gaps(flights: dict[str, Flight], figure: Any, attitude: bool = False) -> None:
+    """Figures 7.22 to 7.25: error of position and velocity, or of attitude, over time, the gaps in grey."""
+    groups = {"attitude error [deg]": ATTITUDE} if attitude else {"position error [m]": slice(0, 3), "velocity error [m/s]": VELOCITY}
+    for k, (label, columns) in enumerate(groups.items()):
+        title = "" if k else "Gaps with 3, 2, 1 and 0 satellites"
+        made = axes(figure, (len(groups), 1, k + 1), x="time [s]" if k + 1 == len(groups) else "", y=label, title=title)
+        for name, flight in flights.items():
+            size = np.linalg.norm(flight.error[:, columns], axis=1)
+            made.semilogy(flight.t_s, np.degrees(size) if attitude else size, lw=0.8, label=name)
+        shade_gaps(made)
+    legend(made)
+
+
+def shade_gaps(made: Any) -> None:
+    """Gaps in grey, with the number of satellites."""
     for count, (begin, end) in GAPS_S.items():
         made.axvspan(begin, end, color="grey", alpha=0.2)
         made.text(0.5 * (begin + end), 0.92, str(count), transform=made.get_xaxis_transform(), ha="center")
-    legend(made)
