@@ -26,7 +26,7 @@ FURTHEST = 3.0
 """A factor stays within so many sigmas of its prior."""
 OBSERVED = 0.7
 """A number whose sigma the recordings cut to less than this share of the prior's counts as learned."""
-Advance = Callable[[int], None]
+Advance = Callable[[float], None]
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,11 @@ class Trials:
     parameters : list of Tunable
     reference : list of Innovations
         Of the numbers to begin with, by recording.
+    gradients : int
+        How many are expected, for the share of the work that ``advance`` is told.
     """
+
+    gradients: int = 16
 
     def __init__(self, sources: Sequence[Source], workers: int | None = None, advance: Advance | None = None) -> None:
         self._advance, self._done = advance, 0
@@ -116,7 +120,7 @@ class Trials:
             self._known[key] = np.concatenate([one.against(r) for one, r in zip(flown, self.reference, strict=True)])
             self._done += 1
             if self._advance is not None:
-                self._advance(self._done)
+                self._advance(min(self._done / (self.gradients * (len(self.parameters) + 1)), 0.99))
         return np.array([self._known[key] for key in keys])
 
     def half(self, which: int) -> np.ndarray:
