@@ -13,8 +13,10 @@ from lowcostnav_ros.messages.store import to_cdr
 
 TRUTH = {"executable": "truth_source", "parameters": {"kind": "segments", "name": "straight", "duration_s": 8.0}}
 SENSORS = ["imu_simulator", "magnetometer_simulator", "air_data_simulator", "gps_simulator", "vor_simulator"]
-INS = {"executable": "ins_gps", "parameters": {"horizon.lag_s": 2.0, "vor.enabled": True, "vor.stations_file": "dme_stations_bay_area.csv"}}
-GRAPH = {"scenario": "livermore", "lossless": True, "nodes": [TRUTH, *SENSORS, INS, "recorder"]}
+AIDS = ["gps", "baro", "magnetic", "airdata", "wheels", "vor", "dme"]  # as the shipped graphs
+RADIO = {"aids": AIDS, "vor.enabled": True, "dme.stations_file": "dme_stations_bay_area.csv"}
+INS = {"executable": "ins_gps", "parameters": {"horizon.lag_s": 2.0, **RADIO}}
+GRAPH = {"scenario": "livermore", "lossless": True, "nodes": [TRUTH, *SENSORS, "dme_simulator", INS, "recorder"]}
 
 
 LIVERMORE = parse_graph(GRAPH, "live")
@@ -48,4 +50,5 @@ def test_the_fused_solution_is_the_same_to_the_last_bit(tmp_path, graph, navigat
         assert [to_cdr(odometry_from_solution(solution, navigator.origin)) for solution in replayed] == live
         if "vor/bearing" in counts:
             assert counts["vor/bearing"][name] == 16  # two receivers, eight seconds
+            assert counts["dme/range"]["ins_gps"] == navigator.aid("dme").status.fused >= 1
             assert navigator.aid("vor").status.fused >= 2 and navigator.aid("vor").used_lately(navigator.core.t_ns) == ["OAK", "SJC"]

@@ -353,6 +353,19 @@ def test_a_spike_is_refused_by_name_and_a_lasting_step_is_followed(truth):
     assert np.degrees(np.abs(e[e[:, 0] > 60.0, 7:9])).max() < 1.5
 
 
+def test_a_velocity_refused_by_chance_is_no_step(truth):
+    """One a little beyond the gate, then errors of two and a half sigmas: these are no agreement with the first."""
+    stream, start = measurements(truth, 1, rate_hz=5.0), truth.stamps_ns[0]
+    after = [i for i, m in enumerate(stream) if isinstance(m, GpsVelocity) and m.stamp_ns - start > 90e9]
+    for i, error in zip(after, [0.55, 0.25, 0.25, 0.25], strict=False):
+        true = truth.vel_n[np.searchsorted(truth.stamps_ns, stream[i].stamp_ns)]
+        stream[i] = dataclasses.replace(stream[i], vel_n=true + [0.0, error, 0.0])
+    navigator, _ = fed(stream)
+    rejected = navigator.aid("gps_velocity").status.rejected
+    assert rejected["innovation beyond gate"] >= 1
+    assert rejected["velocity stepped without a motion"] == 0
+
+
 def test_no_output_is_ever_nan_and_covariances_stay_positive(truth):
     _, solutions = fed(measurements(truth, 9, outages_s=[50.0, 150.0]))
     for s in solutions[::10]:

@@ -77,6 +77,17 @@ def test_the_true_numbers_come_back_within_the_stated_uncertainty(flown):
         assert abs(off) < 3.0 * sigma, (parameter.name, parameter.at(x), sigma)
 
 
+def test_scores_that_scatter_more_than_the_likelihood_curves_promise_nothing():
+    prior = np.array([1.0, 1.0])
+    J = np.array([[400.0, 60.0], [60.0, 900.0]])
+    fits = fitting.misspecified(J + np.eye(2), np.diag(J), prior)
+    assert fits == pytest.approx(np.linalg.inv(J + np.eye(2)))
+    flat = fitting.misspecified(J + np.eye(2), np.diag(J) / 100.0, prior)
+    bread = np.linalg.inv(J / 100.0 + np.eye(2))
+    assert flat == pytest.approx(bread @ (J + np.eye(2)) @ bread)
+    assert np.all(np.diag(fitting.misspecified(J + np.eye(2), np.array([-5.0, 0.0]), prior)) > 1.0)  # says less than the prior
+
+
 def test_fewer_innovations_are_no_gain(flown):
     usual = innovations(flown, {})
     fewer = innovations(flown, {"gps.gate.probability": 0.5, "gps.period_s": 5.0})

@@ -10,6 +10,7 @@ from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.cores.inertial import POS
 from lowcostnav_ros.cores.views import Attitude, Place, Velocity
+from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import (
     BACK,
     Aid,
@@ -190,7 +191,7 @@ class VelocityAid(ReceiverAid):
         super().attach(host)
         self.seeds = (host.core.velocity_rows,) if host.core.velocity_rows else ()
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float) - getattr(host, "imu_arm_b", 0.0)
-        self._stepped: tuple[int, np.ndarray] | None = None
+        self._stepped: tuple[int, np.ndarray, np.ndarray] | None = None
         self.sound_since_ns: int | None = None
         self._off_since_ns: int | None = None
         self.swing_n = np.zeros(3)
@@ -200,11 +201,12 @@ class VelocityAid(ReceiverAid):
         return floored(measurement.cov_n, self.settings.sigma_scale, self.settings.velocity_floor_mps)
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
-        """As every aid; keeps the first innovation that was rejected while GPS was good."""
+        """As every aid; keeps the first innovation that was rejected while GPS was good, and its covariance."""
         held, y = self.is_fresh(stamp_ns), self.status.innovation
         if self._stepped is not None and y is not None and not host.excluded(self) and self.doubt(stamp_ns, host):
-            first = self._stepped[1]
-            if y @ y > BACK**2 * first @ first:  # that the gate has grown to its size is no agreement
+            _, first, S = self._stepped
+            # that the gate has grown to its size is no agreement; that it passes the gate as it was is: the first was chance
+            if y @ y > BACK**2 * first @ first and kalman.normalised_innovation_squared(y, S) > self.threshold:
                 return Decision.REJECT, STEPPED
         decision = super().control(stamp_ns, test_ratio, host)
         if decision[0] is not Decision.REJECT:
@@ -215,15 +217,15 @@ class VelocityAid(ReceiverAid):
             return decision
         self._off_since_ns = self._off_since_ns or stamp_ns
         settled = self.sound_since_ns is not None and self._off_since_ns - self.sound_since_ns >= 1e9 * SETTLED_S
-        if self._stepped is None and held and settled and y is not None:
-            self._stepped = stamp_ns, y
+        if self._stepped is None and held and settled and y is not None and self.status.innovation_covariance is not None:
+            self._stepped = stamp_ns, y, self.status.innovation_covariance
         return decision
 
     def doubt(self, stamp_ns: int, host: Host) -> str:
         """Whether it stepped without a motion, and not so long ago that the prediction has become the less credible."""
         if host.inertial_is_suspect or self._stepped is None or host.core.velocity_rows is None or self.status.innovation_variance is None:
             return ""
-        since_ns, first = self._stepped
+        since_ns, first, _ = self._stepped
         change, variance = self.status.innovation - first, self.status.innovation_variance
         drifted = float(np.mean(change**2 / variance)) > STEADY**2  # by more than a sound prediction may have drifted since
         lasting = not drifted and stamp_ns - since_ns < 1e9 * LONGER * self.settings.memory_s

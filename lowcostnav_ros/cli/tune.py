@@ -23,7 +23,6 @@ NOTES = """\
 The numbers that the innovations of the navigator make most likely, each held near its declared value by a prior; fitted on the first half
 of each recording and judged on the second, then fitted on all.  What the recordings do not tell stays as it is and is not written.
 example: lowcostnav tune flight --navigator ins_gps --vehicle my_aircraft; lowcostnav replay flight --vehicle my_aircraft"""
-USUAL_TRIALS = 110.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,8 +51,7 @@ def tune(arguments: argparse.Namespace) -> int:
     sources = [Source(Path(bag), name, chain, start) for bag in arguments.bag]
     every_s = between("--every", arguments.every, 1.0, 3600.0)
     with progress_bar("tune") as bar:
-        advance = None if bar is None else lambda done: bar(min(done / USUAL_TRIALS, 0.99))
-        tuned = tune_study(sources, every_s, advance=advance)
+        tuned = tune_study(sources, every_s, advance=bar)
     console = result_console()
     print_table(tuning_table(tuned), console)
     for study in tuned.outages:

@@ -3,6 +3,9 @@
 Parameters are logarithms of factors on the numbers to begin with, each with the normal prior that its declaration states (``within``).
 Gradient and information matrix come from forward differences by blocks of time: sums and sums of squares of the blocks' scores (Berndt,
 Hall, Hall and Hausman, "Estimation and inference in nonlinear structural models", Annals of Economic and Social Measurement 3, 1974).
+Where the model does not fit, scores scatter more than the likelihood curves, and their squares would promise too much.  The uncertainty is
+therefore that of a misspecified model, H^-1 J H^-1 with J from the scores and H from the curvature (White, "Maximum likelihood estimation
+of misspecified models", Econometrica 50, 1982); H takes its correlations from J, so that only its diagonal has to be flown.
 """
 
 import math
@@ -26,7 +29,7 @@ FURTHEST = 3.0
 """A factor stays within so many sigmas of its prior."""
 OBSERVED = 0.7
 """A number whose sigma the recordings cut to less than this share of the prior's counts as learned."""
-Advance = Callable[[int], None]
+Advance = Callable[[float], None]
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,11 @@ class Trials:
     parameters : list of Tunable
     reference : list of Innovations
         Of the numbers to begin with, by recording.
+    gradients : int
+        How many are expected, for the share of the work that ``advance`` is told.
     """
+
+    gradients: int = 16
 
     def __init__(self, sources: Sequence[Source], workers: int | None = None, advance: Advance | None = None) -> None:
         self._advance, self._done = advance, 0
@@ -116,7 +123,7 @@ class Trials:
             self._known[key] = np.concatenate([one.against(r) for one, r in zip(flown, self.reference, strict=True)])
             self._done += 1
             if self._advance is not None:
-                self._advance(self._done)
+                self._advance(min(self._done / (self.gradients * (len(self.parameters) + 1)), 0.99))
         return np.array([self._known[key] for key in keys])
 
     def half(self, which: int) -> np.ndarray:
@@ -156,6 +163,11 @@ def fit(trials: Trials, blocks: np.ndarray, start: np.ndarray, steps: int) -> Fi
         centred = (each - each.sum(axis=1, keepdims=True) / blocks.sum()) * blocks
         return centred @ centred.T + np.diag(prior**-2.0)
 
+    def covariance(x: np.ndarray) -> np.ndarray:
+        steps = STEP * np.eye(len(x))
+        here, ahead, behind = np.split(trials.blocks([x, *(x + steps), *(x - steps)]) @ blocks, [1, 1 + len(x)])
+        return misspecified(information(x), (2.0 * here - ahead - behind) / STEP**2, prior)
+
     scale = np.linalg.inv(np.linalg.cholesky(information(start))).T  # x = start + scale z: of a curvature of about one
 
     def cost(z: np.ndarray) -> tuple[float, np.ndarray]:
@@ -167,4 +179,16 @@ def fit(trials: Trials, blocks: np.ndarray, start: np.ndarray, steps: int) -> Fi
     best = minimize(cost, np.zeros_like(start), method="L-BFGS-B", jac=True, options=options)
     x = start + scale @ best.x
     gain = float((trials.blocks([x])[0] - trials.blocks([np.zeros_like(x)])[0]) @ blocks)
-    return Fit(x, np.linalg.inv(information(x)), gain)
+    return Fit(x, covariance(x), gain)
+
+
+def misspecified(information: np.ndarray, curvature: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """Covariance (n, n) from the scores' information with the prior's (n, n), the curvature of the log-likelihood (n,), prior sigmas (n,).
+
+    A curvature that is larger than the scores say is not believed, and none is below zero.
+    """
+    held = np.diag(prior**-2.0)
+    scores = information - held
+    share = np.sqrt(np.clip(curvature / np.maximum(np.diag(scores), 1e-12), 0.0, 1.0))
+    bread = np.linalg.inv(share[:, None] * scores * share + held)
+    return bread @ information @ bread

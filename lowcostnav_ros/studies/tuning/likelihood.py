@@ -29,7 +29,10 @@ SETTLED_S = 20.0
 """The start of a recording says more of the first alignment than of the noise."""
 WHITE_S = 1.0
 """Errors of a receiver, of airspeed and of heading are taken as white at this spacing: a trial flies on one fix in this time."""
-THIN_NS = 50_000_000
+THIN_NS = 100_000_000
+"""Least spacing of attitude and air data in a trial."""
+OUTPUT_S = 0.5
+"""Least spacing of the solutions of a trial: they are not looked at."""
 LOST = 20.0
 """Loss of log-likelihood for each innovation that a trial no longer has."""
 
@@ -101,7 +104,7 @@ def load(source: Source) -> Flight:
 
 
 def thinned(measurements: Iterable[Measurement]) -> Iterator[Measurement]:
-    """Attitude and air data at 20 Hz at most: between, attitude is turned on with its rate, and a trial is over the sooner."""
+    """Attitude and air data at 10 Hz at most: between, attitude is turned on with its rate, and a trial is over the sooner."""
     last: dict[str, int] = {}
     for m in measurements:
         if isinstance(m, Attitude | AirVelocity):
@@ -117,6 +120,7 @@ def trial_settings(flight: Flight, changes: Mapping[str, Any]) -> Any:
     fixed: dict[str, Any] = {name: 0.0 for name in values if name == "learn_s" or name.endswith(".correlation_s")}
     for name in [n for n in values if n.endswith(".period_s") and n.replace(".period_s", ".correlation_s") in values]:
         fixed[name] = max(values[name], WHITE_S)
+    fixed["horizon.output_period_s"] = max(values["horizon.output_period_s"], OUTPUT_S)
     return from_mapping(type(flight.settings), {**values, **fixed, **changes})
 
 

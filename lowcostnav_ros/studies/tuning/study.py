@@ -68,7 +68,7 @@ def tune(sources: Sequence[Source], every_s: float = 15.0, workers: int | None =
     workers : int, optional
         Processes; all cores where None.
     advance : callable, optional
-        Called with the number of trials flown.
+        Called with the share of the trials flown.
 
     Raises
     ------
@@ -76,6 +76,7 @@ def tune(sources: Sequence[Source], every_s: float = 15.0, workers: int | None =
         With a sentence, for recordings or settings that cannot be flown.
     """
     with Trials(sources, workers, advance) as trials:
+        trials.gradients = STEPS + FURTHER_STEPS + 3  # and the curvature: at the start, and at the end of both fits
         first, second = trials.half(0), trials.half(1)
         nothing = np.zeros(len(trials.parameters))
         half = fit(trials, first, nothing, STEPS)
