@@ -95,8 +95,8 @@ def spared(selection: Selection, inputs: Mapping[str, Inputs]) -> Selection:
             chosen.remove(name)
     for name in [name for name in chosen if label_of(name).chooses]:
         others = [other for other in chosen if other != name and not inputs[name].keys().isdisjoint(fused_topics(other))]
-        if len(others) == 1:
-            left_out[name] = f"it has {others[0]} alone to choose from"
+        if len(others) < 2 and len(chosen) > 1:
+            left_out[name] = f"it has {others[0] if others else 'nothing'} to choose from"
             chosen.remove(name)
     return Selection(tuple(chosen), left_out)
 
