@@ -271,7 +271,7 @@ def test_truth_that_steps_back_with_the_clock_is_not_compared_with_the_flight_be
 
 def test_navigators_that_add_nothing_are_spared_with_a_reason():
     def sparing(*names):
-        inputs = {name: NAVIGATORS[name]().inputs for name in names}
+        inputs = {name: NAVIGATORS[name](NAVIGATORS[name].Settings()).inputs for name in names}
         return spared(Selection(names, {}), inputs)
 
     found = sparing("airdata_gps", "dead_reckoning", "mems_ins", "supervisor")
