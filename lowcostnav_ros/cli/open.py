@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 import webbrowser
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -115,7 +116,7 @@ def _outages(along: StudyAlong | None, duration_s: float) -> tuple[str, str]:
     if duration_s < NO_STUDY_S:
         return "", _note(f"A study of GPS outages needs {NO_STUDY_S:.0f} s of flight, here are {duration_s:.0f} s.")
     try:
-        study = along.study()
+        study = replace(along.study(), left_out={})  # the page says it already
     except OutageError as error:
         return "", _note(str(error))
     return outage_finding(study), outage_section(study)
