@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +40,16 @@ def show_plan(plan: Any, told: Told, folder: str | None, mapping: dict[str, Any]
         draw(figure, plan)
         figure.savefig(out / name, dpi=110)
         drawn.append(drawing(figure, name.partition(".")[0]))
+    (out / "plan.html").write_text(page_of(told, drawn), encoding="utf-8")
+    print(f"{out}: {', '.join(('plan.html', 'plan.json', *figures))}")
+
+
+def page_of(told: Told, drawn: Sequence[str]) -> str:
+    """A page of words, tables and drawings."""
     title, tables, lines = told
     said = "".join(f'<p class="note">{escape(line)}</p>' for line in lines)
-    sections = [f"<header><h1>{escape(title)}</h1></header>", section("Found", *(html_table(table) for table in tables), said)]
-    (out / "plan.html").write_text(document(title, [*sections, section("Drawn", *drawn)]), encoding="utf-8")
-    print(f"{out}: {', '.join(('plan.html', 'plan.json', *figures))}")
+    head = f"<header><h1>{escape(title)}</h1></header>"
+    return document(title, [head, section("Found", *(html_table(table) for table in tables), said), section("Drawn", *drawn)])
 
 
 def drawing(figure: Any, name: str) -> str:
