@@ -23,7 +23,7 @@ from lowcostnav_ros.replay.withhold import NS, Window, Withhold
 from lowcostnav_ros.studies.outages.flight import Losses
 from lowcostnav_ros.studies.outages.parts import parts_of
 from lowcostnav_ros.studies.outages.result import End, Outage, OutageStudy, statistics_of
-from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, study_outages
+from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, StudyAlong, study_outages
 
 REFERENCE = Path(__file__).resolve().parent.parent / "bags" / "reference"
 GPS = ("gps/fix", "gps/vel")
@@ -163,6 +163,21 @@ def test_the_number_of_processes_changes_no_number_and_the_study_is_read_back():
         assert sum(end.parts_m.values()) == pytest.approx(end.horizontal_m)
     with pytest.raises(OutageError, match="No outage of 60 s fits"):
         study_outages(Case(REFERENCE, Plan((60.0,)), ("ahrs",)), workers=1)
+
+
+def test_a_study_along_a_replay_is_the_study_and_leaves_the_replay_as_it_is():
+    plan = Plan((5.0, 10.0), 4.0, 15.0)
+    along = StudyAlong(plan)
+    options = ReplayOptions(("ahrs", "dead_reckoning"))
+    watched = replay_bag(REFERENCE, dataclasses.replace(options, watch=along.begin))
+    assert plain(along.study()) == plain(study_outages(Case(REFERENCE, plan, options.navigators), workers=1))
+    alone = replay_bag(REFERENCE, options)
+    for name, one in alone.navigators.items():
+        assert watched.navigators[name].fused == one.fused and watched.navigators[name].aids == one.aids
+    refused = StudyAlong(Plan((60.0,)))
+    replay_bag(REFERENCE, dataclasses.replace(options, watch=refused.begin))
+    with pytest.raises(OutageError, match="No outage of 60 s fits"):
+        refused.study()
 
 
 def test_the_command_writes_table_page_and_numbers_and_refuses_in_a_sentence(tmp_path, capsys):

@@ -12,6 +12,7 @@ from lowcostnav_ros.base.measurements import Attitude, ImuBlock, NavSolution
 from lowcostnav_ros.estimation.aiding import AidStatus, Reason
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.navigators.base import HorizonSettings
+from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
 from lowcostnav_ros.replay.columns import columns_of
 from lowcostnav_ros.replay.digest import Comparison, imu_record, odometry_record
@@ -19,7 +20,7 @@ from lowcostnav_ros.replay.links import in_order
 from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.replay.result_files import SOLUTION_HEADER, seconds_text
 from lowcostnav_ros.replay.runs import AidStatistics
-from lowcostnav_ros.replay.selection import SelectionError, select
+from lowcostnav_ros.replay.selection import Selection, SelectionError, select, spared
 from lowcostnav_ros.replay.session import Session, replay_stream, simulated
 from lowcostnav_ros.replay.withhold import parse_withhold
 
@@ -266,3 +267,16 @@ def test_truth_that_steps_back_with_the_clock_is_not_compared_with_the_flight_be
     session.flush()
     assert session.truth.newest_ns == 77_000_000_000
     assert session.truth.at(np.array([75_500_000_000])).position[0, 0] == pytest.approx(0.2)
+
+
+def test_navigators_that_add_nothing_are_spared_with_a_reason():
+    def sparing(*names):
+        inputs = {name: NAVIGATORS[name](NAVIGATORS[name].Settings()).inputs for name in names}
+        return spared(Selection(names, {}), inputs)
+
+    found = sparing("airdata_gps", "dead_reckoning", "mems_ins", "supervisor")
+    assert found.chosen == ("dead_reckoning",) and found.left_out["supervisor"] == "it has dead_reckoning to choose from"
+    assert "dead_reckoning flies on the same sensors" in found.left_out["mems_ins"]
+    assert sparing("dead_reckoning", "ins_gps", "supervisor").chosen == ("dead_reckoning", "ins_gps", "supervisor")
+    assert sparing("airdata_gps", "mems_ins").chosen == ("airdata_gps", "mems_ins")
+    assert sparing("supervisor").chosen == ("supervisor",)  # it says of GPS what there is to say

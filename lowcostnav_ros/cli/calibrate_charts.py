@@ -12,12 +12,13 @@ from lowcostnav_ros.calibration.identification import autocorrelation
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit
 from lowcostnav_ros.calibration.magnetometer_swing import HeadingSwing
 from lowcostnav_ros.physics.rotation import wrap
+from lowcostnav_ros.report.plan_folder import drawing
 
 MOST_POINTS = 4000
 
 
-def save(path: Path, draw: Callable[[Any], None], inches: tuple[float, float] = (9.0, 4.2)) -> None:
-    """Draw on a new figure and write it, without any display."""
+def save(path: Path, draw: Callable[[Any], None], inches: tuple[float, float] = (9.0, 4.2)) -> str:
+    """Draw on a new figure and write it, without any display; return it as a drawing of a page."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -25,6 +26,7 @@ def save(path: Path, draw: Callable[[Any], None], inches: tuple[float, float] = 
     FigureCanvasAgg(figure)
     draw(figure)
     figure.savefig(path)
+    return drawing(figure, path.stem)
 
 
 def allan_figure(results: Mapping[str, tuple["AllanChart", "AllanFit"]], unit: str) -> Callable[[Any], None]:

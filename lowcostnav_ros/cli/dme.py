@@ -23,8 +23,8 @@ from lowcostnav_ros.radionav.coverage import altitudes_above
 from lowcostnav_ros.radionav.navaid_import import NavaidList, lost_longitude_signs, navaids_from_text, select_near, table_as_text
 from lowcostnav_ros.report.dme.figures import FIGURES
 from lowcostnav_ros.report.dme.plan import make_plan
-from lowcostnav_ros.report.dme.tables import as_mapping, print_plan
-from lowcostnav_ros.report.plan_folder import write_plan
+from lowcostnav_ros.report.dme.tables import as_mapping, told
+from lowcostnav_ros.report.plan_folder import show_plan
 
 DEFAULT_STATIONS = "dme_stations_bay_area.csv"
 
@@ -66,9 +66,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     altitudes = _altitudes(arguments.altitude_m, elevation)
     navaids = _read(arguments.stations, 0.0)
     plan = make_plan(navaids, waypoints, altitudes, arguments.speed_mps, arguments.stations)
-    print_plan(plan)
-    if arguments.output:
-        write_plan(plan, Path(arguments.output), as_mapping(plan), FIGURES)
+    show_plan(plan, told(plan), arguments.output, as_mapping(plan), FIGURES)
     return Exit.OK if plan.good_enough() else Exit.WORSE
 
 

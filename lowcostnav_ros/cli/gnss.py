@@ -30,11 +30,11 @@ from lowcostnav_ros.gnss.rinex_nav import Navigation
 from lowcostnav_ros.gnss.rinex_obs import Observations
 from lowcostnav_ros.gnss.sky_plan import plan_sky
 from lowcostnav_ros.gnss.track import Track, track
-from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, print_plan
+from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, told
 from lowcostnav_ros.report.gnss.plan_figures import FIGURES
 from lowcostnav_ros.report.gnss.track import print_track, summarise, write_csv
 from lowcostnav_ros.report.gnss.track_page import write_page
-from lowcostnav_ros.report.plan_folder import write_plan
+from lowcostnav_ros.report.plan_folder import show_plan
 
 
 def add_arguments(gnss: argparse.ArgumentParser) -> None:
@@ -134,9 +134,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     lat_deg, lon_deg = math.degrees(place[0]), math.degrees(place[1])
     title = f"{Path(arguments.almanac).name}, {len(satellites)} satellites, from {lat_deg:g}, {lon_deg:g}, {place[2]:g} m"
     plan = GnssPlan(sky, title, hidden, start, arguments.pdop, lowest, notes)
-    print_plan(plan)
-    if arguments.output:
-        write_plan(plan, Path(arguments.output), as_mapping(plan), FIGURES)
+    show_plan(plan, told(plan), arguments.output, as_mapping(plan), FIGURES)
     return Exit.OK if plan.good_enough() else Exit.WORSE
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.documents import write_text
+from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.calibration import magnetometer_fit as fits
 from lowcostnav_ros.calibration.magnetometer_batch import batch_fit
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit, calibration_of
@@ -26,6 +27,7 @@ from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_reading, check_files, let_values_begin_with_minus, place_of
 from lowcostnav_ros.physics.geomagnetism import field_n
 from lowcostnav_ros.physics.rotation import wrap
+from lowcostnav_ros.report.plan_folder import page_of
 
 METHODS = ("full", "two-step", "batch", "known-strength", "level-turn", "swing")
 UNITS = ("T", "G", "mG", "uT", "nT")
@@ -149,5 +151,13 @@ def _write_calibration(
     text = calibration_text(calibration_of(fit, "uT"), fit, Path(arguments.source).name)
     write_text(path, text)
     chart = path.with_suffix(".png")
-    charts.save(chart, draw, inches)
-    print(f"calibration in {path}, chart in {chart}")
+    drawn = charts.save(chart, draw, inches)
+    rows = [
+        (name, *(f"{v:.4g}" for v in (fit.hard_iron[k], fit.hard_iron_sigma[k], fit.scale[k], 100.0 * fit.scale_sigma[k])))
+        for k, name in enumerate("xyz")
+    ]
+    table = Table.plain("Calibration", ("axis", "hard iron [uT]", "sigma [uT]", "factor", "sigma [%]"), rows)
+    said = f"Residual {fit.residual_rms:.3f} uT RMS of {fit.samples} samples, coverage: {fit.coverage}.", *fit.warnings
+    page = path.with_suffix(".html")
+    write_text(page, page_of((f"Magnetometer of {Path(arguments.source).name}", (table,), said), [drawn]))
+    print(f"calibration in {path}, chart in {chart}, page in {page}")

@@ -6,6 +6,7 @@ import os
 import sys
 import tempfile
 import webbrowser
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -29,7 +30,7 @@ from lowcostnav_ros.report.flight.track_files import write_track
 from lowcostnav_ros.report.flight.vibration import vibration_section
 from lowcostnav_ros.report.outages.page import outage_finding, outage_section
 from lowcostnav_ros.report.svg import escape
-from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, study_outages
+from lowcostnav_ros.studies.outages.study import OutageError, Plan, StudyAlong
 
 OUTAGES, LENGTHS_S, FIRST_S = 12, (10.0, 30.0, 60.0), 40.0
 """Losses of GPS that are studied at most, how long each lasts, and the first after the start, s."""
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="HTML", help="page to write (default: LOG.html in this folder)")
     parser.add_argument("--no-browser", action="store_true", help="write the page and do not show it")
     parser.add_argument("--no-outages", action="store_true", help="leave the study of GPS outages out")
+    parser.add_argument("--all", action="store_true", help="fly also the navigators that add nothing; else the page says which and why")
     parser.add_argument("--withhold", action="append", default=[], metavar="SRC[,SRC][@A-[B]]", help="keep sources back, as in 'replay'")
     add_tracks(parser)
     parser.add_argument("--profile", metavar="NAME|FILE", help="column profile of a table, as in 'convert'")
@@ -66,16 +68,17 @@ def open(arguments: argparse.Namespace) -> int:
     _say(f"reading {log}")
     opened = open_log(log, Options(arguments.date, arguments.mounting), arguments.profile)
     _say(opened.heading)
+    study = _study(opened) if not arguments.no_outages and arguments.registry is None else None
     with tempfile.TemporaryDirectory(prefix="lowcostnav-open-") as name:
         folder = Path(name)
         withhold = tuple(parse_withhold(text) for text in arguments.withhold)
-        with progress_bar("replay") as advance:
-            options = ReplayOptions(None, None, withhold, _reference(opened), folder, arguments.registry, advance)
-            summary = replay_bag(opened.bag, options)
+        with progress_bar("replay", in_lines=True) as advance:
+            given = _reference(opened), folder, arguments.registry, advance
+            watch = study.begin if study is not None else None
+            summary = replay_bag(opened.bag, ReplayOptions(None, None, withhold, *given, sparing=not arguments.all, watch=watch))
         (folder / "summary.json").write_text(json.dumps(summary.to_mapping(), allow_nan=False), encoding="utf-8")
         result = read_result(folder)
-    is_wanted = not arguments.no_outages and arguments.registry is None and any(one.solutions for one in summary.navigators.values())
-    found, outages = _outages(opened, summary.duration_s) if is_wanted else ("", "")
+    found, outages = _outages(study, summary.duration_s) if any(one.solutions for one in summary.navigators.values()) else ("", "")
     after = [outages, vibration_section(Path(opened.bag), axis_of(summary))]
     page = page_of(result, log.name, before=[_sensors(opened)], after=after, outages=found)
     output.write_text(page, encoding="utf-8")
@@ -100,14 +103,20 @@ def _reference(opened: Opened) -> str | None:
         return own if DEFAULT_TRUTH not in bag.types and own in bag.types and f"{AUTOPILOT}/origin" in bag.types else None
 
 
-def _outages(opened: Opened, duration_s: float) -> tuple[str, str]:
-    """The study of GPS outages, not more than :data:`OUTAGES` of them, in a sentence and a section; why not where there can be none."""
+def _study(opened: Opened) -> StudyAlong:
+    """A study of GPS outages, not more than :data:`OUTAGES` of them."""
+    with BagReader(opened.bag) as bag:
+        return StudyAlong(Plan(LENGTHS_S, max(LEAST_EVERY_S, (bag.duration_s - FIRST_S) / OUTAGES), FIRST_S))
+
+
+def _outages(along: StudyAlong | None, duration_s: float) -> tuple[str, str]:
+    """The study of GPS outages in a sentence and a section; why not where there can be none."""
+    if along is None:
+        return "", ""
     if duration_s < NO_STUDY_S:
         return "", _note(f"A study of GPS outages needs {NO_STUDY_S:.0f} s of flight, here are {duration_s:.0f} s.")
-    every_s = max(LEAST_EVERY_S, (duration_s - FIRST_S) / OUTAGES)
-    _say("losing GPS at every start")
     try:
-        study = study_outages(Case(Path(opened.bag), Plan(LENGTHS_S, every_s, FIRST_S)))
+        study = replace(along.study(), left_out={})  # the page says it already
     except OutageError as error:
         return "", _note(str(error))
     return outage_finding(study), outage_section(study)

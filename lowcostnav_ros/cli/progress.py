@@ -3,13 +3,16 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from time import perf_counter
+
+LINE_EVERY_S = 10.0
 
 
 @contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
-    """A bar on a terminal's stderr, fed with the share done; None elsewhere, so that logs stay clean."""
+def progress_bar(label: str, in_lines: bool = False) -> Iterator[Callable[[float], None] | None]:
+    """A bar on a terminal's stderr, fed with the share done; elsewhere None, so that logs stay clean, or now and then a line."""
     if not sys.stderr.isatty():
-        yield None
+        yield _lines(label) if in_lines else None
         return
     from rich.console import Console
     from rich.progress import Progress
@@ -17,3 +20,17 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(label, total=1.0)
         yield lambda share: bar.update(task, completed=share)
+
+
+def _lines(label: str) -> Callable[[float], None]:
+    """A line every :data:`LINE_EVERY_S`, with the time it may still take."""
+    began = said = perf_counter()
+
+    def advance(share: float) -> None:
+        nonlocal said
+        now = perf_counter()
+        if now - said >= LINE_EVERY_S and share > 0.0:
+            said = now
+            print(f"{label}: {share:.0%}, {(now - began) * (1.0 / share - 1.0):.0f} s to go", file=sys.stderr, flush=True)
+
+    return advance

@@ -100,7 +100,9 @@ def _converted(path: Path, bag: Path, options: Options, profile: str | None) -> 
         text = f"{path} is of no known format; if it is a table, write a first profile with {guess}, then give --profile my.yaml."
         raise ConvertError(text) from error
     report = convert(path, profile, bag)
-    rows = [[topic, f"{n}", "", "", f"profile {profile}"] for topic, n in sorted(report.messages.items())]
+    with BagReader(bag) as made:
+        duration_s = max(made.duration_s, 1e-9)
+    rows = [[topic, f"{n}", f"{n / duration_s:.1f}", "", f"profile {profile}"] for topic, n in sorted(report.messages.items())]
     return Opened(str(bag), f"tables, read by the profile {profile}", rows, str(report).splitlines()[len(rows) :])
 
 

@@ -17,6 +17,8 @@ class NavigatorLabel:
     ``dash`` how reports draw it, empty for any; ``healthy_modes`` those with its full accuracy; ``modes`` those that only it has: for each
     a colour and, where there is less than a position, words such as ``without a solution``.  ``aiding`` is a topic on which its velocity
     goes to a receiver; one that is on ``standby`` is flown by the supervisor when nothing else is sound.
+    ``outdone_by`` names navigators that fly on the same sensors and more, ``chooses`` one that publishes others' solutions: where time is
+    short they are left out when they add nothing.
     """
 
     name: str
@@ -28,6 +30,8 @@ class NavigatorLabel:
     modes: dict[str, tuple[str, str]] = field(default_factory=dict)
     aiding: str = ""
     standby: bool = False
+    outdone_by: tuple[str, ...] = ()
+    chooses: bool = False
 
 
 NAVIGATORS = ClassRegistry("navigator", "lowcostnav_ros.navigators", "navigator", NavigatorLabel)

@@ -29,11 +29,11 @@ from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.replay.columns import NavColumns, columns_of_messages
 from lowcostnav_ros.replay.digest import records_of_messages
 from lowcostnav_ros.replay.evaluation import Truth
-from lowcostnav_ros.replay.links import output_topic
+from lowcostnav_ros.replay.links import Chain, output_topic
 from lowcostnav_ros.replay.result import Bag, Recording, ReplayResult, SourceCounts
 from lowcostnav_ros.replay.result_files import results_in
-from lowcostnav_ros.replay.selection import Selection, SelectionError, check_names, select
-from lowcostnav_ros.replay.session import Session, first_stamp, timed
+from lowcostnav_ros.replay.selection import Selection, SelectionError, check_names, select, spared
+from lowcostnav_ros.replay.session import Session, Watcher, first_stamp, timed
 from lowcostnav_ros.replay.withhold import Window, Withhold, WithholdError, check_sources, resolve
 
 DEFAULT_TRUTH = "truth/odometry"
@@ -64,6 +64,10 @@ class ReplayOptions:
     maps : mapping of recorded topic to the name it is read by
     frames : tuple of str
         Frame ids accepted of every source besides the usual ones.
+    sparing : bool
+        Whether a navigator that another one outdoes, or that has one solution to choose from, is left out.
+    watch : callable or None
+        Called with who flies, the chain and the first stamp (ns) when the replay begins; gives what flies along.
     """
 
     navigators: tuple[str, ...] | None = None
@@ -76,6 +80,8 @@ class ReplayOptions:
     smooth: bool = False
     maps: Mapping[str, str] = dataclasses.field(default_factory=dict)
     frames: tuple[str, ...] = ()
+    sparing: bool = False
+    watch: "Callable[[Cast, Chain, int], Watcher] | None" = None
 
 
 def replay_bag(path: str | Path, options: ReplayOptions | None = None) -> ReplayResult:
@@ -201,7 +207,7 @@ class _Replay(Cast):
             raise self.reader.nothing(self.fed)
         self._hand_over(math.inf)
         result = self.session.finish()
-        wall_s = perf_counter() - began
+        wall_s = perf_counter() - began - (self.session.watcher.seconds if self.session.watcher else 0.0)
         return timed(dataclasses.replace(result, recording=self._about()), wall_s, self.decode_s)
 
     def _begin(self, first_ns: int) -> Session:
@@ -211,6 +217,8 @@ class _Replay(Cast):
         further = self.options.out, self.reader.decoder.rules, self.options.smooth, self.air_data
         session = Session(self.navigators, withheld, self.truth is not None, self.outputs, *further)
         session.alongside.append(self._hand_over)
+        if self.options.watch is not None:
+            session.watcher = self.options.watch(self, session.chain, first_ns)
         return session
 
     def _measurements(self, window: windows.Window) -> list[Measurement]:
@@ -336,6 +344,7 @@ def _navigators(reader: BagReader, options: ReplayOptions) -> tuple[dict[str, Na
     decodable |= {AIR} if _air_data(reader, options) else set()
     try:
         selection = select(inputs, decodable, insist=options.navigators is not None)
+        selection = spared(selection, inputs) if options.sparing else selection
     except SelectionError as error:
         found = offers(reader.types)
         if found:

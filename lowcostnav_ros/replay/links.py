@@ -11,6 +11,7 @@ import numpy as np
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.settings import parts_of
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
+from lowcostnav_ros.estimation.aiding import AidStatus
 from lowcostnav_ros.estimation.air_data.computer import AirDataComputer
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
@@ -153,10 +154,14 @@ class Chain:
         return velocity if isinstance(received, Rejected) else received
 
     def fork(self) -> "Chain":
-        """Return a copy that flies on from the present state on its own; settings and stations, which do not change, are shared."""
+        """Return a copy that flies on from the present state on its own; settings and stations, which do not change, are shared.
+
+        Nobody hears of the aids of the copy.
+        """
         navigators = [link.navigator for link in self.links.values()]
         kept = [part for navigator in navigators for part in (*parts_of(navigator.settings), navigator.stations)]
-        return copy.deepcopy(self, {id(part): part for part in kept})
+        unheard = {id(n.on_aid): _unheard for n in navigators if n.on_aid is not None}
+        return copy.deepcopy(self, {id(part): part for part in kept} | unheard)
 
     def _distribute(self, measurement: Measurement) -> Iterator[tuple[str, NavSolution]]:
         for name, link in self.links.items():
@@ -167,6 +172,10 @@ class Chain:
                     if message is not None:
                         for published in link.received(solution, message, self._wanted):
                             yield from self._distribute(published)
+
+
+def _unheard(status: AidStatus) -> None:
+    """Observer of the aids of a copy."""
 
 
 def _pieces(measurement: Measurement) -> Iterator[Measurement]:

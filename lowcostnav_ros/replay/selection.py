@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
+from lowcostnav_ros.navigators.registry import label_of
 
 Inputs = Mapping[str, bool]
 """Source to required?, as :class:`~lowcostnav_ros.navigators.base.Navigator` declares it."""
@@ -81,6 +82,22 @@ def select(inputs: Mapping[str, Inputs], sources: Collection[str], insist: bool)
         raise SelectionError(f"{name} cannot run: {reason}; the recording holds {_listed(sources)}.")
     if not chosen:
         raise SelectionError(f"No navigator can run on this recording, which holds {_listed(sources)}.")
+    return Selection(tuple(chosen), left_out)
+
+
+def spared(selection: Selection, inputs: Mapping[str, Inputs]) -> Selection:
+    """Leave out those that add nothing: one that another outdoes, and one that only chooses where there is no choice."""
+    left_out, chosen = dict(selection.left_out), list(selection.chosen)
+    for name in selection.chosen:
+        better = next((other for other in label_of(name).outdone_by if other in chosen), None)
+        if better is not None:
+            left_out[name] = f"{better} flies on the same sensors and more"
+            chosen.remove(name)
+    for name in [name for name in chosen if label_of(name).chooses]:
+        others = [other for other in chosen if other != name and not inputs[name].keys().isdisjoint(fused_topics(other))]
+        if len(others) < 2 and len(chosen) > 1:
+            left_out[name] = f"it has {others[0] if others else 'nothing'} to choose from"
+            chosen.remove(name)
     return Selection(tuple(chosen), left_out)
 
 

@@ -7,11 +7,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
+from typing import Protocol
 
 import numpy as np
 
 from lowcostnav_ros import __version__
-from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement
+from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.settings import settings_hash, to_mapping
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.estimation.air_data.computer import AirDataComputer
@@ -27,6 +28,22 @@ from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.result import Place, ReplayResult, Times, WithoutGps
 from lowcostnav_ros.replay.runs import NavigatorFiles, NavigatorRun
 from lowcostnav_ros.replay.withhold import Window, Withhold, WithholdError, resolve, split
+
+
+class Watcher(Protocol):
+    """What flies along, in ``seconds`` of its own: it sees every measurement before the navigators take it, and every solution."""
+
+    seconds: float
+
+    def before(self, measurement: Measurement) -> None:
+        """Take a measurement that the navigators are about to take."""
+
+    def take(self, name: str, solution: NavSolution) -> None:
+        """Take a solution of a navigator."""
+
+    def after(self) -> None:
+        """The navigators have taken the measurement."""
+
 
 FLUSH_NS = 5_000_000_000
 """Results are written and evaluated whenever the stream has moved on this far."""
@@ -107,6 +124,7 @@ class Session:
     ----------
     alongside : list of callable
         Called before every evaluation with the newest stamp, ns: what comes beside the measurements is handed over up to there.
+    watcher : Watcher or None
     """
 
     def __init__(
@@ -133,6 +151,7 @@ class Session:
         self._flushed_ns: int | None = None
         self._true: dict[str, list[NavColumns]] = {"states": [], "winds": []}
         self.alongside: list[Callable[[float], None]] = []
+        self.watcher: Watcher | None = None
         recorded = set(recorded)
         self.runs: dict[str, NavigatorRun] = {}
         self.chain = Chain(navigators, rules, air_data)
@@ -154,8 +173,14 @@ class Session:
                 self._write_fix(given, withheld=False)
             elif isinstance(given, GnssEpoch) and plausible:
                 self.gaps.add_epoch(given.stamp_ns, int(np.count_nonzero(given.range_valid)))
+            if self.watcher is not None:
+                self.watcher.before(given)
             for name, solution in self.chain.feed(given):
                 self.runs[name].take(solution)
+                if self.watcher is not None:
+                    self.watcher.take(name, solution)
+            if self.watcher is not None:
+                self.watcher.after()
         if self._flushed_ns is None or self.newest_ns - self._flushed_ns > FLUSH_NS:
             self.flush()
 

@@ -1,7 +1,7 @@
 """Tables and a replay's result on a terminal."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from rich.console import Console
 from rich.markup import escape
@@ -74,6 +74,10 @@ def _print_head(result: ReplayResult, console: Console) -> None:
     for line in lines:
         console.print(line, highlight=False)
     console.print()
+
+
+Told = tuple[str, Sequence[Table], Sequence[str]]
+"""A heading, tables, and sentences: what :func:`print_report` prints and a page shows."""
 
 
 def print_report(title: str, tables: Iterable[Table], sentences: Iterable[str]) -> None:

@@ -13,7 +13,7 @@ from lowcostnav_ros.radionav.network import Dilution, best_next, dilutions, plac
 from lowcostnav_ros.radionav.stations import Station
 from lowcostnav_ros.radionav.transmitters import BEACON
 from lowcostnav_ros.report.plan_folder import finite
-from lowcostnav_ros.report.terminal import print_report
+from lowcostnav_ros.report.terminal import Told
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,8 +89,8 @@ def as_mapping(plan: TransmitterPlan) -> dict[str, Any]:
     }
 
 
-def print_plan(plan: TransmitterPlan) -> None:
-    """Tables and sentences on the terminal."""
+def told(plan: TransmitterPlan) -> Told:
+    """Tell the dilutions and where the next transmitter helps."""
     middle = plan.found[len(plan.found) // 2]
     rows = []
     for name in DOPS:
@@ -108,7 +108,7 @@ def print_plan(plan: TransmitterPlan) -> None:
     lat, lon = np.degrees([plan.site.lat, plan.site.lon])
     where = f"{lat:.4f}, {lon:.4f} at {plan.site.height:.0f} m"
     sentences.append(f"The next transmitter helps most at {where}: RMS PDOP {plan.pdop_now:.2f} becomes {plan.site_pdop:.2f}.")
-    print_report(title, [Table.plain("", columns, rows)], sentences)
+    return title, (Table.plain("Dilutions", columns, rows),), sentences
 
 
 def draw_maps(figure: "Figure", plan: TransmitterPlan) -> None:

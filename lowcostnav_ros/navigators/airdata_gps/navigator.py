@@ -60,6 +60,7 @@ class AirDataGps(ReckoningNavigator):
     dash = "2 3"
     aiding = "gps/velocity_aiding"
     standby = True
+    outdone_by = ("dead_reckoning",)
     OwnSettings = AirDataGpsOwnSettings
     sensors = (
         GPS.but(position_floor_m=0.5, velocity_floor_mps=0.1, correlation_s=1.0, timeout_s=3.0, latency_s=0.0),

@@ -60,6 +60,7 @@ class MemsIns(ReckoningNavigator):
     colour = "#a6761d"
     modes = {"gps_only": ("#8c6d31", "")}
     smooths = False
+    outdone_by = ("dead_reckoning", "ins_gps")
     OwnSettings = MemsInsOwnSettings
     sensors = (
         GPS.but(position_floor_m=1.0, velocity_floor_mps=0.1, correlation_s=1.0, latency_s=0.0),

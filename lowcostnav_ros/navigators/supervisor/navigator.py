@@ -103,6 +103,7 @@ class Supervisor(Navigator):
     name = "supervisor"
     Settings = SupervisorSettings
     room = "nav"
+    chooses = True
     colour = "#009e73"
     dash = "7 4"  # it publishes another navigator's solution; both lines stay visible
     modes = {"no_go": ("#8e3b2f", ""), "re_acquiring": ("#66a6d9", "")}

@@ -14,14 +14,14 @@ from lowcostnav_ros.radionav.plan import Point, pair_changes
 from lowcostnav_ros.radionav.selection import best_pair, usable, view
 from lowcostnav_ros.report.dme.plan import Leg, Level, Plan
 from lowcostnav_ros.report.plan_folder import finite
-from lowcostnav_ros.report.terminal import print_report
+from lowcostnav_ros.report.terminal import Told
 
 BIAS_M = 0.17 * NAUTICAL_MILE
 SCHEDULE_S = 120.0
 
 
-def print_plan(plan: Plan) -> None:
-    """Print coverage, expected error, stations asked, schedule and what is wrong."""
+def told(plan: Plan) -> Told:
+    """Tell coverage, expected error, stations asked, schedule and what is wrong."""
     rows = []
     for level in plan.levels:
         shares = "/".join(f"{100.0 * level.coverage.share(n):.0f}" for n in (1, 2, 3))
@@ -31,7 +31,7 @@ def print_plan(plan: Plan) -> None:
     heads = ("altitude", "area % with 1/2/3", "way flown", "with a pair", "worst 1-sigma", "on arrival")
     table = Table.plain("Expected error without GPS, one receiver, a range every 15 s", heads, rows, left=3)
     lines = (*_asked(plan), _schedule_line(plan), *plan.notes, *_closing(plan))
-    print_report(f"{len(plan.table)} stations in the area", [table], lines)
+    return f"{len(plan.table)} stations in the area", (table,), lines
 
 
 def _metres(value: float) -> str:

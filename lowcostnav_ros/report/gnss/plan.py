@@ -11,7 +11,7 @@ from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.gnss.sky_plan import Lowest, SkyPlan, Window
 from lowcostnav_ros.report.gnss.words import SPREAD, spread
 from lowcostnav_ros.report.plan_folder import finite
-from lowcostnav_ros.report.terminal import print_report
+from lowcostnav_ros.report.terminal import Told
 
 DOPS = ("gdop", "pdop", "hdop", "vdop", "tdop")
 MOST_WINDOWS = 8
@@ -59,14 +59,14 @@ class GnssPlan:
         return f"{moment:%H:%M}" + (f" +{days} d" if days else "")
 
 
-def print_plan(plan: GnssPlan) -> None:
-    """Print the spread over all hours, a row per hour, and the windows without a good position."""
+def told(plan: GnssPlan) -> Told:
+    """Tell the spread over all hours, a row per hour, and the windows without a good position."""
     rows = [("satellites in view", *spread(plan.sky.counts, 0)), *((dop.upper(), *spread(plan.sky.column(dop), 2)) for dop in DOPS)]
     rows += [(f"{dop.upper()}, effective", *spread(plan.sky.column(dop, effective=True), 2)) for dop in DOPS]
     overall = Table.plain("over all hours", ("", *SPREAD), rows)
     heads = ("from", "satellites", "HDOP median/worst", "VDOP", "PDOP", f"PDOP above {plan.pdop_limit:g} or none")
     hourly = Table.plain(f"by the hour, UTC, from {plan.start:%Y-%m-%d %H:%M}", heads, hour_rows(plan))
-    print_report(f"{plan.title}, {plan.view}", (overall, hourly), (*sentences(plan), *plan.notes))
+    return f"{plan.title}, {plan.view}", (overall, hourly), (*sentences(plan), *plan.notes)
 
 
 def hour_rows(plan: GnssPlan) -> list[tuple[str, ...]]:

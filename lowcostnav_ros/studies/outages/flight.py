@@ -76,6 +76,8 @@ class Losses:
 
     Attributes
     ----------
+    is_done : bool
+        Whether all windows are over.
     skipped : list of Window
         There was no GPS to lose: nothing that would be held back came within 3 s of the start, or not steadily for 10 s before it.
     """
@@ -83,23 +85,44 @@ class Losses:
     def __init__(self, chain: Chain, windows: Sequence[Window], to_the_end: bool = True) -> None:
         self.chain, self.skipped, self.to_the_end = chain, list[Window](), to_the_end
         self._waiting, self._flying = deque(windows), list[Loss]()
+        self.is_done = not self._waiting
         self._kept: Solutions = defaultdict(list)
         self._newest_ns = self._heard_ns = self._steady_ns = -(2**62)
 
     def fly(self, measurements: Iterable[Measurement]) -> Iterator[Loss]:
         """Feed a recording, as far as there are windows; yield each when it is over, or with the recording."""
         for measurement in measurements:
-            self._lose(measurement)
-            for loss in self._flying:
-                self._newest_ns = max(self._newest_ns, loss.feed(measurement))
+            self.before(measurement)
             for name, solution in self.chain.feed(measurement) if self._waiting or self.to_the_end else ():
-                self._kept[name].append(solution)
-                self._newest_ns = max(self._newest_ns, solution.stamp_ns)
-            yield from self._over(self._newest_ns)
-            if not self._waiting and not self._flying:
+                self.take(name, solution)
+            yield from self.over()
+            if self.is_done:
                 return
+        yield from self.rest()
+
+    def before(self, measurement: Measurement) -> None:
+        """Lose GPS where a window begins, and feed the copies; the navigators take the measurement afterwards."""
+        self._lose(measurement)
+        for loss in self._flying:
+            self._newest_ns = max(self._newest_ns, loss.feed(measurement))
+
+    def take(self, name: str, solution: NavSolution) -> None:
+        """Note a solution of the flight with GPS."""
+        if not self.is_done:
+            self._kept[name].append(solution)
+            self._newest_ns = max(self._newest_ns, solution.stamp_ns)
+
+    def over(self) -> Iterator[Loss]:
+        """Yield the windows that are over."""
+        yield from self._over(self._newest_ns)
+        self.is_done = not self._waiting and not self._flying
+
+    def rest(self) -> Iterator[Loss]:
+        """Yield the windows that the recording ends in."""
         self.skipped += self._waiting
+        self._waiting.clear()
         yield from self._over(2**62)
+        self.is_done = True
 
     def _lose(self, measurement: Measurement) -> None:
         """Copy the navigators for every window that this measurement is the first to be held back by."""

@@ -1,27 +1,29 @@
 """A study of outages over a recording: windows by the clock, one pass for each share of them and each set of settings, on all cores."""
 
+import copy
 import dataclasses
 import itertools
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 
 from lowcostnav_ros import __version__
-from lowcostnav_ros.base.measurements import Attitude, GnssEpoch, GpsPosition, GpsVelocity, Measurement
+from lowcostnav_ros.base.measurements import Attitude, GnssEpoch, GpsPosition, GpsVelocity, Measurement, NavSolution
 from lowcostnav_ros.base.settings import settings_hash
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.messages.rules import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
-from lowcostnav_ros.replay.bag_replay import Cast, ReplayOptions
+from lowcostnav_ros.replay.bag_replay import DEFAULT_TRUTH, Cast, ReplayOptions
 from lowcostnav_ros.replay.evaluation import Truth
 from lowcostnav_ros.replay.links import Chain
 from lowcostnav_ros.replay.session import first_stamp
 from lowcostnav_ros.replay.withhold import NS, Window, Withhold, check_sources
 from lowcostnav_ros.studies.campaign import CampaignError, run_campaign
-from lowcostnav_ros.studies.outages.flight import Losses
+from lowcostnav_ros.studies.outages.flight import Loss, Losses
 from lowcostnav_ros.studies.outages.judge import Reference, judge
 from lowcostnav_ros.studies.outages.result import Flown, Outage, OutageStudy, statistics_of
 from lowcostnav_ros.studies.outages.words import worst_sentence
@@ -121,40 +123,129 @@ def fly_case(case: Case) -> Pass:
         cast = Cast(reader, true_reader, options)
         stream = cast.stream()
         head = next(stream)
-        first_ns = first_stamp(head)
-        withheld = _withheld(cast, case.plan.withhold)
-        windows = case.plan.windows(first_ns, first_ns + reader.end_ns - reader.start_ns, withheld)
+        chain = Chain(cast.navigators, reader.decoder.rules, air_data=cast.air_data)
+        flight = _Flight(case, cast, chain, first_stamp(head), cast.true_states(TRUTH_STEP_NS))
+        losses = flight.losses.fly(flight.reference.watch(m) for m in itertools.chain([head], stream))
+        return flight.result([flight.judge(loss) for loss in losses])
+
+
+class _Flight:
+    """The windows of a case over a recording, and what is found in them."""
+
+    def __init__(self, case: Case, cast: Cast, chain: Chain, first_ns: int, truth: Truth | None) -> None:
+        self.case, self.cast, self.first_ns, self.reference = case, cast, first_ns, Reference(truth)
+        self.withheld = _withheld(cast, case.plan.withhold)
+        windows = case.plan.windows(first_ns, first_ns + cast.reader.end_ns - cast.reader.start_ns, self.withheld)
         if not windows:
-            span = f"the recording lasts {reader.duration_s:.0f} s and the first loss is to come after {case.plan.after_s:g} s"
+            span = f"the recording lasts {cast.reader.duration_s:.0f} s and the first loss is to come after {case.plan.after_s:g} s"
             raise OutageError(f"No outage of {min(case.plan.lengths_s):g} s fits: {span}; shorten one of them.")
-        settings = {name: settings_hash(navigator.settings) for name, navigator in cast.navigators.items()}
-        chain, reference = Chain(cast.navigators, reader.decoder.rules, air_data=cast.air_data), Reference(cast.true_states(TRUTH_STEP_NS))
-        losses = Losses(chain, windows[case.share :: case.of], not reference.is_whole)
-        found = outages_of(losses, itertools.chain([head], stream), reference, case.plan.lengths_s, first_ns)
-        label = settings_label(case.config, reader)
-        flown = tuple(Flown(name, label, settings[name], outages) for name, outages in found.items())
+        self.settings = {name: settings_hash(navigator.settings) for name, navigator in cast.navigators.items()}
+        self.losses = Losses(chain, windows[case.share :: case.of], not self.reference.is_whole)
+
+    def judge(self, loss: Loss) -> dict[str, Outage]:
+        """Judge a window that is over: outages by navigator."""
+        return judge(loss, self.reference, self.case.plan.lengths_s, self.first_ns)
+
+    def result(self, judged: Sequence[dict[str, Outage]]) -> Pass:
+        """Sum up all windows."""
+        label, first_ns, plan = settings_label(self.case.config, self.cast.reader), self.first_ns, self.case.plan
+        found = _by_navigator(self.losses, judged)
         study = OutageStudy(
-            case.bag.name,
+            self.case.bag.name,
             __version__,
             first_ns / NS,
-            first_ns / NS + reader.duration_s,
-            reference.words,
-            tuple(sorted(withheld)),
-            case.plan.lengths_s,
-            case.plan.every_s,
+            first_ns / NS + self.cast.reader.duration_s,
+            self.reference.words,
+            tuple(sorted(self.withheld)),
+            plan.lengths_s,
+            plan.every_s,
             (),
-            cast.selection.left_out,
-            flown,
-            reference.track_deg(),
+            self.cast.selection.left_out,
+            tuple(Flown(name, label, self.settings[name], outages) for name, outages in found.items()),
+            self.reference.track_deg(),
         )
-    return Pass(study, tuple((window.start_ns - first_ns) / NS for window in losses.skipped))
+        return Pass(study, tuple((window.start_ns - first_ns) / NS for window in self.losses.skipped))
+
+
+class StudyAlong:
+    """A study in the very pass of a replay, whose ``watch`` option :meth:`begin` is.
+
+    Parameters
+    ----------
+    plan : Plan
+
+    Attributes
+    ----------
+    seconds : float
+        What the study has taken.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.seconds = plan, 0.0
+        self._flight: _Flight | None = None
+        self._refusal = OutageError("Nothing was replayed, so that no outage could be studied.")
+        self._judged = list[dict[str, Outage]]()
+
+    def begin(self, cast: Cast, chain: Chain, first_ns: int) -> "StudyAlong":
+        """Lay the windows over a replay that begins."""
+        try:
+            self._flight = _Flight(Case(cast.reader.path, self.plan), cast, chain, first_ns, _truth_of(cast))
+        except OutageError as error:
+            self._refusal = error
+        return self
+
+    def before(self, measurement: Measurement) -> None:
+        """Lose GPS where a window begins, and fly the copies on."""
+        if self._flight is not None and not self._flight.losses.is_done:
+            began = perf_counter()
+            self._flight.losses.before(self._flight.reference.watch(measurement))
+            self.seconds += perf_counter() - began
+
+    def take(self, name: str, solution: NavSolution) -> None:
+        """Note a solution of the replay."""
+        if self._flight is not None:
+            self._flight.losses.take(name, solution)
+
+    def after(self) -> None:
+        """Judge the windows that are over."""
+        if self._flight is not None and not self._flight.losses.is_done:
+            began = perf_counter()
+            self._judged += [self._flight.judge(loss) for loss in self._flight.losses.over()]
+            self.seconds += perf_counter() - began
+
+    def study(self) -> OutageStudy:
+        """Return what was found, once the replay is over.
+
+        Raises
+        ------
+        OutageError
+            When there was no window, no GPS, or no position to lose it from.
+        """
+        if self._flight is None:
+            raise self._refusal
+        self._judged += [self._flight.judge(loss) for loss in self._flight.losses.rest()]
+        return _joined([self._flight.result(self._judged)])
+
+
+def _truth_of(cast: Cast) -> Truth | None:
+    """All true states of a recording that holds some, read on files of its own; an autopilot's own solution is none."""
+    if cast.truth != DEFAULT_TRUTH:
+        return None
+    with BagReader(cast.reader.path) as own:
+        other = copy.copy(cast)
+        other.reference = own
+        return other.true_states(TRUTH_STEP_NS)
 
 
 def outages_of(
     losses: Losses, measurements: Iterable[Measurement], reference: Reference, lengths_s: Sequence[float], first_ns: int
 ) -> dict[str, tuple[Outage, ...]]:
     """Fly a pass and judge its windows, each as soon as it is over: outages by navigator, in the order of the chain."""
-    judged = [judge(loss, reference, lengths_s, first_ns) for loss in losses.fly(reference.watch(m) for m in measurements)]
+    flown = losses.fly(reference.watch(m) for m in measurements)
+    return _by_navigator(losses, [judge(loss, reference, lengths_s, first_ns) for loss in flown])
+
+
+def _by_navigator(losses: Losses, judged: Sequence[dict[str, Outage]]) -> dict[str, tuple[Outage, ...]]:
     found = {name: tuple(one[name] for one in judged if name in one) for name in losses.chain.links}
     return {name: outages for name, outages in found.items() if outages}
 
