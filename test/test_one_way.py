@@ -17,14 +17,14 @@ LAYOUT = Layout([core_block(ImuSettings()), *bias_blocks(ImuSettings())])
 SIGMA = 0.05 * DEGREE
 
 
-def fed(duration_s, drift=0.0, seed=1):
+def fed(duration_s, drift=0.0, seed=1, late=0.0):
     """When corrections of 2 Hz with sigma SIGMA, as their covariance says, and a drift, rad/s, of north call for larger sigmas."""
     rng, check, out = np.random.default_rng(seed), OneWay(LAYOUT, "imu", "gps"), []
     for k in range(round(2 * duration_s)):
         correction = np.zeros(LAYOUT.size)
         correction[6:9] = rng.normal(size=3) * SIGMA
         correction[6] += 0.5 * drift
-        least = check.take(k * SECOND // 2 + SECOND, correction, np.r_[np.full(3, SIGMA**2), np.zeros(6)])
+        least = check.take(k * SECOND // 2 + SECOND, correction, np.r_[np.full(3, SIGMA**2), np.zeros(6)], np.full(9, late))
         out.append((0.5 * k, least, check.held))
     return out
 
@@ -45,6 +45,10 @@ def test_corrections_that_go_one_way_widen_attitude_and_sensors_and_are_named():
     assert least[9] == pytest.approx(9.80665 * least[6]) and least[12] == pytest.approx(least[6] / 30.0)
     assert not least[:6].any()
     assert held.name == "GPS corrects the attitude one way" and held.parties == ("imu", "gps")
+
+
+def test_what_late_stamps_may_have_done_is_no_fault_of_the_sensors():
+    assert all(least is None for _, least, _ in fed(20.0, drift=0.4 * DEGREE, late=0.1 * DEGREE))
 
 
 def test_a_heading_is_taken_from_the_track_only_where_no_wind_explains_it():

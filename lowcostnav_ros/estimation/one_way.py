@@ -7,7 +7,12 @@ over some seconds
 
 An accelerometer that drifts is followed by the tilt, through a gyro bias where that is slow; a gyro that drifts is held by it.  Either
 way the tilt is off by no more than c, and half of it covers both.
+
+Late stamps look the same for as long as an aircraft turns.  An offset of sigma s that is not known yet moves the sum by s sum K U, U being
+what it does to an innovation (:mod:`.time_offsets`): that much of it is no fault of the sensors.
 """
+
+import math
 
 import numpy as np
 
@@ -15,6 +20,7 @@ from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Kind, Layout
+from lowcostnav_ros.estimation.time_offsets import TimeOffsets
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 
 WINDOWS_S = np.array([[5.0], [30.0]])
@@ -49,7 +55,8 @@ class OneWay:
     def clear(self) -> None:
         """Forget all."""
         self._latch.clear()
-        self._sums, self._variances, self._last_ns = np.zeros_like(self._tilt), np.zeros_like(self._tilt), 0
+        self._sums, self._variances, self._late = np.zeros((3, *self._tilt.shape))
+        self._last_ns = 0
 
     @property
     def held(self) -> Contradiction | None:
@@ -60,14 +67,24 @@ class OneWay:
         """Variances of what is watched, of a covariance (n, n)."""
         return P.diagonal()[self._rows]
 
-    def take(self, stamp_ns: int, correction: np.ndarray, taken_off: np.ndarray) -> np.ndarray | None:
-        """Take a correction (n,) and what it took off the variances watched; return sigmas (n,) that there must be at least, or None."""
+    def by_stamps(self, offsets: TimeOffsets | None) -> np.ndarray:
+        """Error of what is watched by the offsets of stamps, as far as they are not known or not corrected yet."""
+        if offsets is None or not offsets.known:
+            return np.zeros(len(self._rows))
+        return np.asarray(offsets.V[self._rows] @ [math.hypot(offset.sigma_s, offset.rest_s) for offset in offsets.known.values()])
+
+    def take(self, stamp_ns: int, correction: np.ndarray, taken_off: np.ndarray, late: np.ndarray) -> np.ndarray | None:
+        """Take a correction (n,), what it took off the variances watched and of it what late stamps may have done.
+
+        Returns sigmas (n,) that there must be at least, or None.
+        """
         keep = np.exp(-1e-9 * (stamp_ns - self._last_ns) / WINDOWS_S)
         self._last_ns = stamp_ns
         self._sums = keep * self._sums + correction[self._rows]
         self._variances = keep * keep * self._variances + np.maximum(taken_off, 0.0)
+        self._late = keep * self._late + late
         tilts = self._tilt * np.abs(self._sums)
-        sigmas = tilts / np.sqrt(self._tilt**2 * self._variances + FLOOR)
+        sigmas = tilts / np.sqrt(self._tilt**2 * (self._variances + self._late**2) + FLOOR)
         if sigmas.max() <= SIGMAS and self._latch.held is None:
             self._latch.judge(stamp_ns, False, 0.0)
             return None

@@ -78,6 +78,8 @@ class InertialNavigator(Navigator):
         The cores of several headings while it does not know its own.
     tries_headings : bool
         Whether it ever has several.
+    watches_attitude : bool
+        Whether what GPS does to attitude and heading is watched for an inertial sensor that lies.
     lever_b, imu_arm_b : ndarray (3,)
         GPS antenna relative to the IMU, IMU relative to base_link, m.
     fix_word : str
@@ -87,6 +89,7 @@ class InertialNavigator(Navigator):
     inertial = IMU
     smooths = True
     tries_headings = True
+    watches_attitude = True
     fix_word = "GPS fix"
 
     def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
@@ -332,7 +335,7 @@ class InertialNavigator(Navigator):
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """As every navigator; while it tries several headings, each takes the measurement."""
         if not self.headings.cores:
-            return self._use_watched(aid, measurement)
+            return self._use_watched(aid, measurement) if self.watches_attitude else super().use_aid(aid, measurement)
         used = super().use_aid(aid, measurement)
         if used:
             self.headings.take(aid, measurement, self)
@@ -368,11 +371,12 @@ class InertialNavigator(Navigator):
         """Use a measurement; where GPS moves the attitude one way again and again, attitude and sensors are known less well."""
         if not aid.is_fix and not isinstance(aid, VelocityAid):
             return super().use_aid(aid, measurement)
-        before = self.one_way.seen(self.P)
+        before, by_stamps = self.one_way.seen(self.P), self.one_way.by_stamps(self.offsets)
+        self._moved[:] = 0.0
         used = super().use_aid(aid, measurement)
         if used and aid.decision is Decision.FUSE:
             named = self.one_way.held is not None
-            least = self.one_way.take(measurement.stamp_ns, self._moved, before - self.one_way.seen(self.P))
+            least = self._one_way_by(measurement.stamp_ns, before, by_stamps)
             if least is not None:
                 self._widen(least)
             if self.one_way.held is not None and not named:
@@ -382,6 +386,10 @@ class InertialNavigator(Navigator):
         if isinstance(measurement, GpsVelocity) and not self.excluded(aid) and (used or self._compass_agrees(measurement)):
             self._head_by_track(measurement)
         return used
+
+    def _one_way_by(self, stamp_ns: int, before: np.ndarray, by_stamps: np.ndarray) -> np.ndarray | None:
+        taken_off, late = before - self.one_way.seen(self.P), by_stamps - self.one_way.by_stamps(self.offsets)
+        return self.one_way.take(stamp_ns, self._moved, taken_off, late)
 
     def _compass_agrees(self, velocity: GpsVelocity) -> bool:
         """Whether the magnetic heading, too, is such that wind explains the track of a velocity that is refused."""
@@ -411,11 +419,13 @@ class InertialNavigator(Navigator):
         if self.headings.cores:
             self._close_headings()
         self.core.widen(least)
+        if self.history is not None:
+            self.history.cut()  # the covariances before are contradicted: no smoothing through them
 
     def correct(self, dx: np.ndarray) -> None:
         """As every navigator."""
         super().correct(dx)
-        self._moved = dx
+        self._moved += dx
 
     def _judge(self, *, speaks: bool = True) -> None:
         """Keep mode and reason in step with what was fused; what changes in the reason alone is told at outputs (``speaks``)."""

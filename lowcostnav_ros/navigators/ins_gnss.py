@@ -81,6 +81,7 @@ class InsGnss(InertialNavigator):
     OwnSettings = InsGnssOwnSettings
     sensors = (GPS, BARO.but(enabled=False), MAGNETIC.but(enabled=False), AIR.but(enabled=False), WHEELS, VOR, GNSS)
     needs = ("gps", "gnss")
+    watches_attitude = False  # flown for ins_gps alone; the smoother does not follow a state widened at 10 Hz
 
     def __init__(self, settings: Any, stations: Any = None) -> None:
         self.tight = settings.coupling == "tight"
