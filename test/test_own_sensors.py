@@ -220,6 +220,7 @@ def test_a_foreign_unit_named_imu_and_turned_by_90_degrees_flies_on_the_users_do
         assert runner.domain == domain
         heard = ros.spin_until(lambda: all(p.get_subscription_count() == 2 for p in (imu, fix, velocity)), 60.0)
         assert heard, "both nodes hear all three, the velocity in its own type"
+        assert ros.spin_until(lambda: ros.probe.count_subscribers("/ins_gps/odometry_fused") >= 1, 60.0), "the recorder hears the solution"
         k, began = 0, time.monotonic()
         while runner.navigator("ins_gps").get("values", {}).get("mode") != "gps" or k < 600:
             assert k < 3000, runner.rows
