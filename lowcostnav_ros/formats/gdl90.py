@@ -12,6 +12,7 @@ ForeFlight, GDL 90 Extended Specification: messages 0x65.
 RTCA DO-282: NIC and NACp.
 """
 
+import binascii
 import math
 import struct
 from collections.abc import Callable
@@ -38,25 +39,10 @@ LIGHT, ICAO, SELF_ASSIGNED = 1, 0, 1
 """Emitter category of a light aircraft; kinds of addresses (table 9)."""
 
 
-def _table() -> list[int]:
-    table = []
-    for i in range(256):
-        crc = i << 8
-        for _ in range(8):
-            crc = (crc << 1) ^ (0x1021 if crc & 0x8000 else 0)
-        table.append(crc & 0xFFFF)
-    return table
-
-
-_CRC = _table()
-
-
 def check_sum(message: bytes) -> int:
     """Frame check sequence of a message (section 2.2.3)."""
-    crc = 0
-    for byte in message:
-        crc = _CRC[crc >> 8] ^ ((crc << 8) & 0xFFFF) ^ byte
-    return crc
+    # CRC-CCITT, whose register takes a byte in at its low end: the last two have not been divided yet
+    return binascii.crc_hqx(message[:-2], 0) ^ int.from_bytes(message[-2:], "big")
 
 
 def framed(message: bytes) -> bytes:
