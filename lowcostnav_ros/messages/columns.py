@@ -88,7 +88,8 @@ class Rows:
             if key not in known:
                 known[key] = self._checked(values[k], check)
             out.append(known[key])
-        self.keep(np.array([not one[0] for one in out], bool)) if any(bad for bad, _, _ in known.values()) else None
+        if any(bad for bad, _, _ in known.values()):
+            self.keep(np.array([not one[0] for one in out], bool))
         for one in known.values():
             if one[1]:
                 self._noted.append((np.array([other is one for other in out], bool), one[1]))

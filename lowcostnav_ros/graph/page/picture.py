@@ -79,6 +79,10 @@ class _Row:
     node: str  # with its namespace
     arrived: float
 
+    def source(self, topic: str) -> str:
+        """A topic of the node with its namespace, as sources are called."""
+        return f"{self.node.rpartition('/')[0]}/{topic}".lstrip("/")
+
 
 class Picture:
     """Follow a graph.
@@ -125,7 +129,7 @@ class Picture:
             topic = what.removeprefix("output ")
             kind = self._decoder.rules.kind_of(topic) if topic != what and row.values.get("count", "0") != "0" else None
             if kind is not None and _is_drawn(topic, kind):
-                found.append((f"{row.node.rpartition('/')[0]}/{topic}", kind))
+                found.append((f"/{row.source(topic)}", kind))
         return found[:MOST_TOPICS]
 
     def take(self, source: str, kind: Kind, raw: bytes) -> None:
@@ -220,8 +224,7 @@ class Picture:
             if what == "navigator":
                 outputs = (other.partition(": output ")[2] for other in self._rows if other.startswith(f"{node}: output "))
                 room = next((topic.removesuffix(f"/{ODOMETRY}") for topic in outputs if topic.endswith(f"/{ODOMETRY}")), "")
-                space = row.node.rpartition("/")[0].lstrip("/")
-                rooms[node] = f"{space}/{room}".lstrip("/") if room else ""
+                rooms[node] = row.source(room) if room else ""
         return rooms
 
     def _newest(self, source: str) -> tuple[Any, float]:
@@ -239,8 +242,8 @@ class Picture:
 
     def _aircraft(self, node: str, room: str) -> dict[str, Any]:
         row = self._rows.get(f"{node}: navigator")
-        space = row.node.rpartition("/")[0].lstrip("/") if row is not None else ""
-        solution, age = self._newest(f"{room}/{ODOMETRY}" if room else f"{space}/{ATTITUDE}".lstrip("/"))
+        attitude = ATTITUDE if row is None else row.source(ATTITUDE)
+        solution, age = self._newest(f"{room}/{ODOMETRY}" if room else attitude)
         shown: dict[str, Any] = {"age": None if math.isinf(age) else round(age, 2)}
         if row is not None:
             lost = self._clock() - row.arrived > LOST_S

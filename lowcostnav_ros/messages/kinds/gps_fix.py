@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, GpsPosition
+from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.messages import checks, topics
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.columns import Rows
@@ -33,7 +34,7 @@ def _many(rows: Rows) -> tuple[Any, ...]:
     rows.keep((rows["status.status"] >= 0) & (np.abs(degrees) <= (90.0, 180.0)).all(axis=1) & degrees.any(axis=1))
     rows.keep((height >= -1000.0) & (height <= 50_000.0))
     rows.keep((rows["position_covariance_type"] > 0) & (flat[:, 8] < UNKNOWN_VARIANCE) & ((flat[:, 8] > 0.0) | ~flat.any(axis=1)))
-    place = degrees * (math.pi / 180.0)
+    place = degrees * DEGREE
     return place[:, 0], place[:, 1], height, rows.covariances(flat, "position", conv.swap_world_cov)
 
 

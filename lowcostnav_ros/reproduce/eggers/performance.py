@@ -160,6 +160,7 @@ def performance_airspeed(context: Context) -> Outcome:
 
 
 def residual_figure(context: Context) -> DrawFunction:
+    """Residuals north, east, down, kt, of the drawn run within one sigma, over its first 500 s."""
     _, run = one_run(context)
 
     def draw(figure: Any) -> None:

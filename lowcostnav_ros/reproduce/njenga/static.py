@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from lowcostnav_ros.base.measurements import Attitude
-from lowcostnav_ros.base.units import FOOT, STANDARD_GRAVITY
+from lowcostnav_ros.base.units import DEGREE, FOOT, STANDARD_GRAVITY
 from lowcostnav_ros.calibration.reference_rest import CHANNELS, ReferenceAtRest, reference_at_rest
 from lowcostnav_ros.cores.carried import sensed
 from lowcostnav_ros.cores.cascade import CascadeCore, CascadeSettings, FlatFrame, cascade_blocks
@@ -68,7 +68,7 @@ def capture(context: Context, seconds: int = HOUR_S) -> ReferenceAtRest:
     return context.once("njenga.capture", compute)
 
 
-UNITS = np.array([180.0 / math.pi] * 6 + [1.0 / STANDARD_GRAVITY] * 3)
+UNITS = np.array([1.0 / DEGREE] * 6 + [1.0 / STANDARD_GRAVITY] * 3)
 
 
 @result(
