@@ -105,7 +105,7 @@ class ReckoningNavigator(Navigator):
 
     def _position_sigmas(self) -> tuple[float, float, float]:
         """Sigmas of position north, east, down with what is doubted, m."""
-        variance = self.core.P.diagonal()[POS] + self.trust.doubt(self.core.t_ns).diagonal()[POS]
+        variance = self.core.P.diagonal()[POS] + self.doubt(self.core.t_ns).diagonal()[POS]
         north, east, down = np.sqrt(variance).tolist()
         return north, east, down
 

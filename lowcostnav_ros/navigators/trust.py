@@ -83,7 +83,6 @@ class Trust:
             if source:
                 check = ReceiverCheck(source, velocity.source, velocity.settings.memory_s)
                 self.receivers |= {aid: check for aid in (velocity, fix) if aid is not None}
-        self._receiving = tuple(self.receivers)  # walked at every output
         topics = (topic if topic in host.inputs else "" for topic in (AIR, STATIC, EPOCHS))
         self.checks = SourceChecks(list(dict.fromkeys(self.receivers.values())), *topics)
         self._of_receivers = frozenset(source for check in self.checks.receivers for source in check.sources)
@@ -164,7 +163,7 @@ class Trust:
     def _unresolved(self) -> list[Contradiction]:
         """GPS that the state contradicts, and no check can tell which of them is wrong."""
         found = []
-        for aid in self._receiving:
+        for aid in self.receivers:
             since_ns = aid.rejecting_since_ns
             if aid.unresolved is None or since_ns is None or aid.unresolved[0] - since_ns < DISAGREES_NS or self.host.excluded(aid):
                 continue
@@ -191,7 +190,7 @@ class Trust:
         """
         added = self._added
         late = None if self.host.offsets is None else self.host.offsets.doubt()
-        if late is None and self.away is None and all(aid.unresolved is None for aid in self._receiving):
+        if late is None and self.away is None and all(aid.unresolved is None for aid in self.receivers):
             return added
         added = added.copy()
         if late is not None:
@@ -231,7 +230,7 @@ class Trust:
             self._hear(now_ns)
         elif not host.inertial_is_suspect and host.gps_good(now_ns) and not host.gps_alarm() and since_ns is None:
             self._good_ns, self._good_since_ns = now_ns, now_ns if self._good_since_ns is None else self._good_since_ns
-            if now_ns - self._good_since_ns >= SETTLED_NS and all(aid.rejecting_since_ns is None for aid in self._receiving):
+            if now_ns - self._good_since_ns >= SETTLED_NS and all(aid.rejecting_since_ns is None for aid in self.receivers):
                 self.witness.keep(host.core)
         elif now_ns - self._good_ns > PENDING_NS or all(aid.rejecting_since_ns is None for aid in self.receivers):
             self._good_since_ns = None

@@ -326,7 +326,7 @@ class Ahrs(Navigator):
             q_nb=nav[6:10].copy(),
             angular_rate_b=rate_b,
             specific_force_b=force_b,
-            cov_att=P[ATT, ATT] + self.trust.doubt(t_ns)[ATT, ATT],
+            cov_att=P[ATT, ATT] + self.doubt(t_ns)[ATT, ATT],
             mode=self.mode,
             states=self._states(P, CORE, self.layout[last].stop),
         )
@@ -335,7 +335,7 @@ class Ahrs(Navigator):
         if not self._aligned:
             return {}
         J = euler_jacobian_n(*quat_to_euler(self.core.nav[6:10]))
-        P = self.P[ATT, ATT] + self.trust.doubt(self.core.t_ns)[ATT, ATT]
+        P = self.P[ATT, ATT] + self.doubt(self.core.t_ns)[ATT, ATT]
         euler = np.sqrt(np.maximum(np.diag(J @ P @ J.T), 0.0)) / DEGREE
         bias = np.sqrt(np.diag(self.P)[self.layout["gyro_bias"]].max()) / DEGREE
         return {"roll_deg": float(euler[0]), "pitch_deg": float(euler[1]), "heading_deg": float(euler[2]), "gyro_bias_dps": float(bias)}

@@ -305,7 +305,7 @@ class AirDataGps(ReckoningNavigator):
             in_position, in_velocity = self.high.covariance(cov_vel)
             nav, cov_pos, cov_vel = self.high.ahead(core.t_ns), cov_pos + in_position, in_velocity
             velocity = self.high.vel_n if core is self.core else velocity
-        doubt = self.trust.doubt(core.t_ns)
+        doubt = self.doubt(core.t_ns)
         return NavSolution(
             *(core.t_ns, self.name, float(nav[0]), float(nav[1]), float(nav[2]), velocity.copy()),
             q_nb=q_nb,

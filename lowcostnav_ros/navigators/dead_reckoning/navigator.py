@@ -205,7 +205,7 @@ class DeadReckoning(ReckoningNavigator):
         velocity, G, noise = core.velocity()
         total, held = core.totals(), core.held
         q_nb, swing = held.attitude(core.t_ns)
-        doubt = self.trust.doubt(core.t_ns)
+        doubt = self.doubt(core.t_ns)
         return NavSolution(
             *(core.t_ns, self.name, float(core.nav[0]), float(core.nav[1]), float(core.nav[2]), velocity),
             q_nb=q_nb,

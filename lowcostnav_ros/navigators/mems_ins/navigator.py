@@ -28,6 +28,7 @@ from lowcostnav_ros.navigators.mems_ins.settings import AS_PRINTED, AUTO, CASCAD
 from lowcostnav_ros.navigators.reckoning import ReckoningNavigator
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.settings import kind_of
+from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.rotation import quat_rotate
 from lowcostnav_ros.starts.point_solution import SlopeVelocity
@@ -363,7 +364,7 @@ class MemsIns(ReckoningNavigator):
 
     def _solution(self, core: CarriedCore | CascadeCore) -> NavSolution:
         q_nb, cov_att = core.attitude()
-        held, doubt = core.held, self.trust.doubt(core.t_ns)
+        held, doubt = core.held, self.doubt(core.t_ns)
         if isinstance(core, CascadeCore):
             (cov_pos, cov_vel), first = core.covariances(), 0
         else:
@@ -383,14 +384,8 @@ class MemsIns(ReckoningNavigator):
     def _sigmas(self) -> dict[str, float]:
         if not self.core.started:
             return {}
-        P = self.core.motion().P + self.trust.doubt(self.core.t_ns)
-        s = np.sqrt(np.maximum(P.diagonal(), 0.0))
-        return {
-            "position_horizontal_m": math.hypot(s[0], s[1]),
-            "position_down_m": float(s[2]),
-            "velocity_horizontal_mps": math.hypot(s[3], s[4]),
-            "position_horizontal_ft": math.hypot(s[0], s[1]) / FOOT,
-        }
+        sigmas = position_sigmas(self.core.motion().P + self.doubt(self.core.t_ns))
+        return sigmas | {"position_horizontal_ft": sigmas["position_horizontal_m"] / FOOT}
 
 
 MemsInsSettings = MemsIns.Settings
