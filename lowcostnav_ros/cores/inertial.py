@@ -423,14 +423,9 @@ class InertialCore:
             self.history.end(self.P)
 
     def widen(self, least: np.ndarray) -> None:
-        """Raise the sigmas of the error state to those of ``least`` (n,): it is known less well than the filter believes."""
+        """Raise the sigmas of the error state to those of ``least`` (n,); no smoother carries anything over this."""
         self.settle()
-        if self.history is not None:
-            self.history.begin(self.P)
-        rows = np.arange(len(self.P))
-        self.P[rows, rows] = np.maximum(self.P.diagonal(), least**2)
-        if self.history is not None:
-            self.history.end(self.P)
+        kalman.raise_sigmas(self.P, least)
 
     def bridge(self, t_ns: int) -> None:
         """Carry the state to ``t_ns`` over a hole in the inertial data (:mod:`.bridging`)."""

@@ -339,6 +339,11 @@ def guard_covariance(P, variance_floor, variance_ceiling):
     return acted
 
 
+def raise_sigmas(P: np.ndarray, least: np.ndarray) -> None:
+    """Raise the sigmas of a covariance (n, n), in place, to those of ``least`` (n,): states are known less well than was believed."""
+    np.fill_diagonal(P, np.maximum(P.diagonal(), least**2))
+
+
 def reset_block(P: np.ndarray, rows: slice, covariance: np.ndarray, history: Any = None) -> None:
     """Forget what is known of one block, in place: its covariance is replaced, its correlations with the rest removed.
 

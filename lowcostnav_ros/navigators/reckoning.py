@@ -19,13 +19,21 @@ AIR = "air/velocity"
 class ReckoningNavigator(Navigator):
     """A navigator on a :class:`~lowcostnav_ros.cores.reckoning.ReckoningCore`.
 
-    A subclass finds ``_fixes``, sets ``_last_out_ns`` to None in ``_restart`` and has ``alert_nm`` and ``airspeed`` among its settings.
+    A subclass finds ``_fixes``, calls :meth:`_start_over` in ``_restart`` and has ``alert_nm`` and ``airspeed`` among its settings.
     """
 
     smooths = True
     needs = ("gps",)
     _fixes: list[PositionAid]
     _last_out_ns: int | None
+
+    def _start_over(self, core: Any) -> None:
+        """Fly a new core, of which nothing has been given out and no aid remembers anything."""
+        self._take(core)
+        self._last_out_ns = None
+        self.restart_channels()
+        for aid in self.aids:
+            aid.restart()
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether a fix was accepted within the time-out."""

@@ -13,6 +13,7 @@ from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.units import DEGREE, MILLI_G
 from lowcostnav_ros.cores.imu_errors import ImuSettings, typical
 from lowcostnav_ros.cores.inertial import ATT, VEL
+from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Decision
 from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
@@ -166,8 +167,7 @@ class Recovery:
         self._steps, self._since_ns, self.is_lost = self._steps + 1, stamp_ns, False
         self._calm = False
         P[np.ix_(self._sensors, self._sensors)] *= factor**2
-        rows = np.arange(len(P))
-        P[rows, rows] = np.maximum(P.diagonal(), self.seen() ** 2)
+        kalman.raise_sigmas(P, self.seen())
         self._widen(factor)
         if moving:
             self.distrust_compass(stamp_ns)

@@ -89,10 +89,9 @@ class AirDataGps(ReckoningNavigator):
         return self.own_inputs()
 
     def _restart(self) -> None:
-        self._take(AirCorrectionsCore(self.settings, self.layout))
+        self._start_over(AirCorrectionsCore(self.settings, self.layout))
         self.movable = None
         self.high = None if self._is_joint else HighRateFilter(self.settings.cascade, self.settings.filter == "fixed_gain")
-        self._last_out_ns: int | None = None
         self._repeats: dict[str, tuple[tuple[float, ...], int]] = {}
         self._stated: float | None = None
         self._vanes, self._sign = (VaneWatch("incidence"), VaneWatch("sideslip")), SignWatch()
@@ -104,9 +103,6 @@ class AirDataGps(ReckoningNavigator):
         self.recovered_in_s: float | None = None
         self._found: dict[str, str] = {}
         self._since: dict[str, int] = {}
-        self.restart_channels()
-        for aid in self.aids:
-            aid.restart()
 
     # measurements ------------------------------------------------------------------------------------------------------------
 

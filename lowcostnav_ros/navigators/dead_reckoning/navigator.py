@@ -88,14 +88,10 @@ class DeadReckoning(ReckoningNavigator):
     # measurements ------------------------------------------------------------------------------------------------------------
 
     def _restart(self) -> None:
-        self._take(ReckoningCore(self.settings, self.layout))
+        self._start_over(ReckoningCore(self.settings, self.layout))
         self.geometry = ""
-        self._last_out_ns: int | None = None
         self._looked_s: int | None = None
         self._received = ReceivedStations(self.stations, RECEIVED_S)
-        self.restart_channels()
-        for aid in self.aids:
-            aid.restart()
 
     def _fuse(self, item: Measurement) -> None:
         if not self.core.started:

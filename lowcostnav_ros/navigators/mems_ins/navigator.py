@@ -129,8 +129,7 @@ class MemsIns(ReckoningNavigator):
         return out
 
     def _restart(self) -> None:
-        self._take(self._new_core(self.layout))
-        self._last_out_ns: int | None = None
+        self._start_over(self._new_core(self.layout))
         self.watch, self._doubt, self._doubted_ns = OffsetWatch(), "", 0
         self._slope = SlopeVelocity()
         self._velocity: GpsVelocity | None = None
@@ -138,9 +137,6 @@ class MemsIns(ReckoningNavigator):
         self.sign = "" if self.settings.accel_sign == AUTO else self.settings.accel_sign
         if self.sign == AS_PRINTED:
             self.sign = GRAVITY_POSITIVE
-        self.restart_channels()
-        for aid in self.aids:
-            aid.restart()
         for aid in self.aids_of(OffsetAid):
             aid.doubted = ""
 
