@@ -24,7 +24,7 @@ from lowcostnav_ros.estimation.aiding import (
     SensorSettings,
     reset_to,
 )
-from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, HeadingCheck, crabs
+from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, HeadingCheck, crabs, heading_of
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
 from lowcostnav_ros.physics.geomagnetism import check_year, year_setting
@@ -116,7 +116,7 @@ class MagneticAid(Aid):
         known = self.calibration.is_known(host)
         if moving and known and self.status.observation is not None:
             C, (north, east) = core.C_nb(), core.nav[3:5]
-            heading = math.atan2(C[1, 0], C[0, 0])
+            heading = heading_of(C)
             began = abs(C[2, 0]) < STEEPEST and self.turned.compare(stamp_ns, heading + self.status.observation[0], north, east)
             if began and crabs(heading, north, east) is not None:  # the estimate has followed it
                 down = slice(core.attitude_rows.stop - 1, core.attitude_rows.stop)

@@ -17,19 +17,18 @@ from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, POS, VEL, InertialCore
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import Aid, Decision, reset_to
+from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
-from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, OwnHeadingCheck, crabs
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
-from lowcostnav_ros.estimation.one_way import OneWay
+from lowcostnav_ros.navigators.attitude_watch import AttitudeWatch
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.channel import Channel
 from lowcostnav_ros.navigators.headings import UNSEEN, Headings
 from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
 from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.physics.earth import displace
-from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew, wrap
+from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
 from lowcostnav_ros.starts.point_solution import SlopeVelocity
@@ -43,8 +42,6 @@ LEVELLING_NS = 4_000_000_000
 """Levelling after a hole takes two GPS velocities a second or two apart."""
 RECENT_NS = 3_000_000_000
 """A refused fix this recent is the reason why there is none; an older one is not."""
-DOWN, VAGUE_HEADING, STEEPEST = slice(8, 9), 30.0 * DEGREE, 0.9
-"""Row of the heading; a sigma of it beyond which the track knows it better; sine of the pitch beyond which there is no heading."""
 UPSIDE_DOWN = np.eye(3) * np.pi**2
 """What is added to the covariance of the attitude when nobody knows which side of the IMU is up, rad^2."""
 NOTHING = (None,) * 4
@@ -102,10 +99,9 @@ class InertialNavigator(Navigator):
         self.lever_b = np.array(gps.lever_arm_b_m if gps is not None else [0.0] * 3, dtype=float) - self.imu_arm_b
         self.headings = Headings()
         self._attach(layout, InertialCore(layout))
-        self._compass = next(iter(self.aids_of(MagneticAid)), None)
-        self.start = GpsStart(settings.alignment, settings.imu, layout, self._compass)
+        self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
         self.slope = SlopeVelocity()
-        self.axes, self.turned = AxesCheck(IMU), OwnHeadingCheck(IMU)
+        self.axes = AxesCheck(IMU)
         self._remember(settings.imu, layout)
         self._wind_aids = [aid for aid in self.aids if "wind" in aid.teaches]
         self._restart()
@@ -113,8 +109,7 @@ class InertialNavigator(Navigator):
     def _remember(self, imu: ImuSettings, layout: Layout) -> None:
         """Begin to remember recoveries and corrections of an IMU with these settings."""
         self.recovery = Recovery(imu, layout)
-        self.one_way = OneWay(layout, IMU, next((aid.source for aid in self.aids_of(VelocityAid)), self.fix_word))
-        self._moved = np.zeros(layout.size)
+        self.attitude_watch = AttitudeWatch(self)
 
     def own_inputs(self) -> list[str]:
         """The IMU, and the master of a transfer alignment."""
@@ -156,7 +151,7 @@ class InertialNavigator(Navigator):
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity and with its settings."""
         beyond = self.recovery.contradiction(self.core.estimate) if self._aligned else None
-        own = self.axes.held, self.one_way.held, self.turned.held, beyond
+        own = self.axes.held, *self.attitude_watch.held, beyond
         others = super().contradictions()
         return others if own == NOTHING else (*others, *(held for held in own if held is not None))
 
@@ -166,8 +161,7 @@ class InertialNavigator(Navigator):
         self._aligned = self._led_away = False
         self.headings.close()
         self.axes.clear()
-        self.one_way.clear()
-        self.turned.clear()
+        self.attitude_watch.clear()
         self._began_over = False
         self.recovery.restart()
         self._emitted = -1
@@ -209,8 +203,8 @@ class InertialNavigator(Navigator):
                 off = aid.status.innovation if aid.measurement is GpsVelocity else None
                 recovery.note(item.stamp_ns, decision, 0.0 if off is None else float(np.linalg.norm(off)))
                 if decision is Decision.RECOVER and off is not None:
-                    self._widen(recovery.seen())
-                found = recovery.contradiction(self.core.estimate) or self.one_way.held
+                    self.widen(recovery.seen())
+                found = recovery.contradiction(self.core.estimate) or self.attitude_watch.one_way.held
                 self.inertial_is_suspect = recovery.is_widened or found is not None
         if not recovery.gathers:
             self.start_is_fed = False
@@ -236,7 +230,7 @@ class InertialNavigator(Navigator):
         self.core.start(start.stamp_ns, start.nav, start.covariance)
         if self.offsets is not None:
             self.offsets.restart()
-        self.one_way.clear()
+        self.attitude_watch.one_way.clear()
         self._look_at_axes(start.stamp_ns)
         self.recovery.begin(start.stamp_ns, self.P, moving=self.start.moving)
         self.inertial_is_suspect = True
@@ -335,12 +329,35 @@ class InertialNavigator(Navigator):
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """As every navigator; while it tries several headings, each takes the measurement."""
         if not self.headings.cores:
-            return self._use_watched(aid, measurement) if self.watches_attitude else super().use_aid(aid, measurement)
+            before = self.attitude_watch.before(aid) if self.watches_attitude else None
+            used = super().use_aid(aid, measurement)
+            if before is not None:
+                self.attitude_watch.after(aid, measurement, before, used=used)
+            return used
         used = super().use_aid(aid, measurement)
         if used:
             self.headings.take(aid, measurement, self)
             self._show_headings()
         return used
+
+    def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
+        """As every navigator; where a rate of turn is needed, that of the newest sample is taken."""
+        if channel.aids[0].needs_rate and channel.is_due(measurement.stamp_ns):
+            self.core.note()
+        return super().use_channel(channel, measurement)
+
+    def widen(self, least: np.ndarray) -> None:
+        """Raise sigmas to those of ``least`` (n,); of several headings, go on with what they say together."""
+        if self.headings.cores:
+            self._close_headings()
+        self.core.widen(least)
+        if self.history is not None:
+            self.history.cut()  # the covariances before are contradicted: no smoothing through them
+
+    def correct(self, dx: np.ndarray) -> None:
+        """As every navigator."""
+        super().correct(dx)
+        self.attitude_watch.note(dx)
 
     # several headings --------------------------------------------------------------------------------------------------------
 
@@ -358,74 +375,6 @@ class InertialNavigator(Navigator):
         self.headings.close()
         if self.offsets is not None:
             self.offsets.rest(self.core.t_ns)
-
-    def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
-        """As every navigator; where a rate of turn is needed, that of the newest sample is taken."""
-        if channel.aids[0].needs_rate and channel.is_due(measurement.stamp_ns):
-            self.core.note()
-        return super().use_channel(channel, measurement)
-
-    # sensors that GPS shows to be wrong --------------------------------------------------------------------------------------
-
-    def _use_watched(self, aid: Aid, measurement: Measurement) -> bool:
-        """Use a measurement; where GPS moves the attitude one way again and again, attitude and sensors are known less well."""
-        if not aid.is_fix and not isinstance(aid, VelocityAid):
-            return super().use_aid(aid, measurement)
-        before, by_stamps = self.one_way.seen(self.P), self.one_way.by_stamps(self.offsets)
-        self._moved[:] = 0.0
-        used = super().use_aid(aid, measurement)
-        if used and aid.decision is Decision.FUSE:
-            named = self.one_way.held is not None
-            least = self._one_way_by(measurement.stamp_ns, before, by_stamps)
-            if least is not None:
-                self._widen(least)
-            if self.one_way.held is not None and not named:
-                self.recovery.lose(measurement.stamp_ns)
-        if self.settings.alignment.any_heading:
-            return used  # the track says nothing of the heading
-        if isinstance(measurement, GpsVelocity) and not self.excluded(aid) and (used or self._compass_agrees(measurement)):
-            self._head_by_track(measurement)
-        return used
-
-    def _one_way_by(self, stamp_ns: int, before: np.ndarray, by_stamps: np.ndarray) -> np.ndarray | None:
-        taken_off, late = before - self.one_way.seen(self.P), by_stamps - self.one_way.by_stamps(self.offsets)
-        return self.one_way.take(stamp_ns, self._moved, taken_off, late)
-
-    def _compass_agrees(self, velocity: GpsVelocity) -> bool:
-        """Whether the magnetic heading, too, is such that wind explains the track of a velocity that is refused."""
-        north, east, _ = velocity.vel_n
-        C, seen = self.core.C_nb(), self._compass
-        if seen is None or seen.status.observation is None or velocity.stamp_ns - seen.status.stamp_ns > RECENT_NS:
-            return False
-        return crabs(math.atan2(C[1, 0], C[0, 0]) + float(seen.status.observation[0]), north, east) is None
-
-    def _head_by_track(self, velocity: GpsVelocity) -> None:
-        """Take the heading from the track where no wind explains how far they are apart, or where it is hardly known."""
-        stamp_ns, (north, east, _) = velocity.stamp_ns, velocity.vel_n
-        C = self.core.C_nb()
-        if math.hypot(north, east) < SLOWEST_MPS or abs(C[2, 0]) > STEEPEST:
-            return
-        track, sigma = math.atan2(east, north), self.settings.alignment.track_sigma_deg * DEGREE
-        heading = math.atan2(C[1, 0], C[0, 0])
-        apart = self.turned.compare(stamp_ns, heading, math.sqrt(self.P[8, 8]), north, east)
-        is_vague = not self.tries_headings and self.P[8, 8] > max(VAGUE_HEADING, 2.0 * sigma) ** 2
-        if apart is not None or is_vague:
-            reset_to(self, DOWN, np.array([wrap(track - heading)]), np.array([[sigma**2]]))
-        if apart is not None:
-            self._widen(self.recovery.turned(stamp_ns, abs(apart)))
-
-    def _widen(self, least: np.ndarray) -> None:
-        """Raise sigmas to those of ``least`` (n,); of several headings, go on with what they say together."""
-        if self.headings.cores:
-            self._close_headings()
-        self.core.widen(least)
-        if self.history is not None:
-            self.history.cut()  # the covariances before are contradicted: no smoothing through them
-
-    def correct(self, dx: np.ndarray) -> None:
-        """As every navigator."""
-        super().correct(dx)
-        self._moved += dx
 
     def _judge(self, *, speaks: bool = True) -> None:
         """Keep mode and reason in step with what was fused; what changes in the reason alone is told at outputs (``speaks``)."""

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.physics.rotation import wrap
 
@@ -10,6 +12,11 @@ STRONGEST_WIND_MPS = 20.0
 MARGIN_RAD = math.radians(20.0)
 UNKNOWN = 3.0
 """Sigmas within which a heading contradicts nothing: it is not known."""
+
+
+def heading_of(C: np.ndarray) -> float:
+    """Heading of an attitude ``C_nb`` (3, 3) that is not steep, rad in (-pi, pi]."""
+    return math.atan2(C[1, 0], C[0, 0])
 
 
 def crabs(heading: float, north_mps: float, east_mps: float) -> float | None:

@@ -1,0 +1,107 @@
+"""What GPS does to attitude and heading, watched for an inertial sensor that lies: what no gate sees (integrity page)."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.aids.gps import VelocityAid
+from lowcostnav_ros.aids.magnetic import MagneticAid
+from lowcostnav_ros.base.contradiction import Contradiction
+from lowcostnav_ros.base.measurements import GpsVelocity, Measurement
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.estimation.aiding import Aid, Decision, reset_to
+from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, OwnHeadingCheck, crabs, heading_of
+from lowcostnav_ros.estimation.one_way import OneWay
+from lowcostnav_ros.physics.rotation import wrap
+
+DOWN, VAGUE_HEADING, STEEPEST = slice(8, 9), 30.0 * DEGREE, 0.9
+"""Row of the heading; a sigma of it beyond which the track knows it better; sine of the pitch beyond which there is no heading."""
+RECENT_NS = 3_000_000_000
+"""A magnetic heading this recent says where the nose is."""
+
+
+class AttitudeWatch:
+    """Watch an inertial navigator.
+
+    Parameters
+    ----------
+    navigator : InertialNavigator
+        With its aids, layout and core.
+
+    Attributes
+    ----------
+    one_way : OneWay
+    turned : OwnHeadingCheck
+    """
+
+    def __init__(self, navigator: Any) -> None:
+        self.navigator = navigator
+        velocity = next((aid.source for aid in navigator.aids_of(VelocityAid)), navigator.fix_word)
+        self.one_way, self.turned = OneWay(navigator.layout, navigator.inertial, velocity), OwnHeadingCheck(navigator.inertial)
+        self._compass = next(iter(navigator.aids_of(MagneticAid)), None)
+        self._moved = np.zeros(navigator.layout.size)
+
+    @property
+    def held(self) -> tuple[Contradiction | None, Contradiction | None]:
+        """Both contradictions, while they last."""
+        return self.one_way.held, self.turned.held
+
+    def clear(self) -> None:
+        """Forget all."""
+        self.one_way.clear()
+        self.turned.clear()
+
+    def note(self, dx: np.ndarray) -> None:
+        """Note a correction (n,) that is injected."""
+        self._moved += dx
+
+    def before(self, aid: Aid) -> tuple[np.ndarray, np.ndarray] | None:
+        """What is to be compared once an aid has been used; None for one that is not GPS."""
+        if not aid.is_fix and not isinstance(aid, VelocityAid):
+            return None
+        self._moved[:] = 0.0
+        return self._seen()
+
+    def after(self, aid: Aid, measurement: Measurement, before: tuple[np.ndarray, np.ndarray], *, used: bool) -> None:
+        """Judge what came of a measurement: attitude and sensors are less well known where GPS moves the attitude one way for long."""
+        navigator = self.navigator
+        if used and aid.decision is Decision.FUSE:
+            named = self.one_way.held is not None
+            taken_off, late = (was - now for was, now in zip(before, self._seen(), strict=True))
+            least = self.one_way.take(measurement.stamp_ns, self._moved, taken_off, late)
+            if least is not None:
+                navigator.widen(least)
+            if self.one_way.held is not None and not named:
+                navigator.recovery.lose(measurement.stamp_ns)
+        if navigator.settings.alignment.any_heading or not isinstance(measurement, GpsVelocity):
+            return  # with any heading at the start the track says nothing of it
+        if not navigator.excluded(aid) and (used or self._compass_agrees(measurement)):
+            self._head_by_track(measurement)
+
+    def _seen(self) -> tuple[np.ndarray, np.ndarray]:
+        """Variances of attitude and sensor errors now, and what offsets of stamps may have done to them."""
+        return self.one_way.seen(self.navigator.P), self.one_way.by_stamps(self.navigator.offsets)
+
+    def _compass_agrees(self, velocity: GpsVelocity) -> bool:
+        """Whether the magnetic heading, too, is such that wind explains the track of a velocity that is refused."""
+        north, east, _ = velocity.vel_n
+        seen = None if self._compass is None else self._compass.status
+        if seen is None or seen.observation is None or velocity.stamp_ns - seen.stamp_ns > RECENT_NS:
+            return False
+        return crabs(heading_of(self.navigator.core.C_nb()) + float(seen.observation[0]), north, east) is None
+
+    def _head_by_track(self, velocity: GpsVelocity) -> None:
+        """Take the heading from the track where no wind explains how far they are apart, or where it is hardly known."""
+        navigator, stamp_ns, (north, east, _) = self.navigator, velocity.stamp_ns, velocity.vel_n
+        C, variance = navigator.core.C_nb(), navigator.P[8, 8]
+        if math.hypot(north, east) < SLOWEST_MPS or abs(C[2, 0]) > STEEPEST:
+            return
+        track, sigma = math.atan2(east, north), navigator.settings.alignment.track_sigma_deg * DEGREE
+        heading = heading_of(C)
+        apart = self.turned.compare(stamp_ns, heading, math.sqrt(variance), north, east)
+        is_vague = not navigator.tries_headings and variance > max(VAGUE_HEADING, 2.0 * sigma) ** 2
+        if apart is not None or is_vague:
+            reset_to(navigator, DOWN, np.array([wrap(track - heading)]), np.array([[sigma**2]]))
+        if apart is not None:
+            navigator.widen(navigator.recovery.turned(stamp_ns, abs(apart)))
