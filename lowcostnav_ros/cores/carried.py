@@ -12,7 +12,7 @@ and for the errors, true less estimated, db = -b/tau_b + w, dphi = -phi/tau_phi 
 
 import copy
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.base.small_matrices import matvec
 from lowcostnav_ros.base.units import DEGREE, MILLI_G
 from lowcostnav_ros.cores.bridging import ACCELERATION, ACCELERATION_TAU_S
-from lowcostnav_ros.cores.held import Unsteadiness, turn_sigma, turned_on
+from lowcostnav_ros.cores.held import HeldAttitude, outdated
 from lowcostnav_ros.cores.views import Motion, VelocitySeen
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, gauss_markov
@@ -97,39 +97,14 @@ def carry(P, C, force_n, bias, tilt, rate, psd, accel_psd, dt):
 
 
 @dataclass(slots=True)
-class HeldReference:
-    """The last sample of the reference: attitude, rates, specific force in FRD with its sign put right."""
+class HeldReference(HeldAttitude):
+    """The last sample of the reference, its specific force with its sign put right."""
 
-    q_nb: np.ndarray
-    rate_b: np.ndarray
-    force_b: np.ndarray
-    cov_att: np.ndarray
-    stamp_ns: int | None = None
-    unsteady: Unsteadiness = Unsteadiness()
-
-    @classmethod
-    def nothing(cls) -> "HeldReference":
-        """Before the first sample."""
-        return cls(np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), np.zeros(3), np.eye(3))
-
-    def after(self, sample: Attitude) -> "HeldReference":
-        """With a newer sample."""
-        unsteady = self.unsteady
-        if self.stamp_ns is not None:
-            unsteady = unsteady.after(self.rate_b, sample.angular_rate_b, 1e-9 * (sample.stamp_ns - self.stamp_ns))
-        return HeldReference(sample.q_nb, sample.angular_rate_b, sample.specific_force_b, sample.cov_att, sample.stamp_ns, unsteady)
-
-    def attitude(self, t_ns: int) -> tuple[np.ndarray, float]:
-        """Attitude (4,) at a time, turned on with its rate, and the sigma per axis, rad, that its age adds."""
-        age_s = 0.0 if self.stamp_ns is None else 1e-9 * (t_ns - self.stamp_ns)
-        return turned_on(self.q_nb, self.rate_b, age_s), turn_sigma(self.rate_b, self.unsteady.value, age_s)
+    force_b: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def timed_out(self, t_ns: int, limit_s: float) -> str:
         """Why there is nothing to be carried by, in words; empty when there is."""
-        if self.stamp_ns is None:
-            return "no attitude yet"
-        age_s = 1e-9 * (t_ns - self.stamp_ns)
-        return f"no attitude for {age_s:.0f} s" if age_s > limit_s else ""
+        return outdated("attitude", self.attitude_ns, t_ns, limit_s)
 
 
 class CarriedCore:
@@ -153,7 +128,7 @@ class CarriedCore:
 
     def __init__(self, settings: CarriedSettings, layout: Layout) -> None:
         layout.forget()
-        self.settings, self.layout, self.held = settings, layout, HeldReference.nothing()
+        self.settings, self.layout, self.held = settings, layout, HeldReference()
         self.nav, self.estimate, self.P = np.zeros(6), np.zeros(layout.size), layout.initial_covariance()
         self.t_ns, self.started = 0, False
         self.guard_actions = 0
@@ -175,10 +150,10 @@ class CarriedCore:
 
     def hold(self, sample: Attitude) -> None:
         """Hold a sample at whose stamp the mean is; over the time since the last one the acceleration has changed linearly."""
-        before, since = self._accel_n, self.held.stamp_ns
+        before, since = self._accel_n, self.held.attitude_ns
         if since is not None:
             self._period_s = min(max(1e-9 * (sample.stamp_ns - since), 0.0), LONGEST_STEP_S)
-        self.held = self.held.after(sample)
+        self.held.take_attitude(sample)
         self._accel_n = self._acceleration()
         if self.started and before is not None and self._accel_n is not None and since is not None:
             dt = 1e-9 * (sample.stamp_ns - since)
@@ -254,12 +229,13 @@ class CarriedCore:
         """A copy that may be moved on alone."""
         twin = copy.copy(self)
         twin.P, twin.nav, twin.estimate, twin._force_dt = self.P.copy(), self.nav.copy(), self.estimate.copy(), self._force_dt.copy()
+        twin.held = copy.copy(self.held)
         return twin
 
     def become(self, other: "CarriedCore") -> None:
         """Take over the state of another core of the same layout and time."""
         self.nav[:], self.estimate[:], self.P[:] = other.nav, other.estimate, other.P
-        self.held, self._accel_n, self._period_s = other.held, other._accel_n, other._period_s
+        self.held, self._accel_n, self._period_s = copy.copy(other.held), other._accel_n, other._period_s
         self._since_s, self._force_dt = other._since_s, other._force_dt.copy()
 
     def fly(self, item: Measurement, until_ns: int, output_ns: int) -> bool:

@@ -167,7 +167,7 @@ class CascadeCore:
     is_felt = True
 
     def __init__(self, settings: CascadeSettings, layout: Layout, timeout_s: float, coast: tuple[float, float], as_printed: bool) -> None:
-        self.settings, self.layout, self.held, self._timeout_s = settings, layout, HeldReference.nothing(), timeout_s
+        self.settings, self.layout, self.held, self._timeout_s = settings, layout, HeldReference(), timeout_s
         self.coast_bias, self.coast_density = coast
         self.sign = -1.0 if as_printed else 1.0
         self._thesis = settings.constants == "thesis"
@@ -217,7 +217,7 @@ class CascadeCore:
 
     def hold(self, sample: Attitude) -> None:
         """Hold a sample at whose stamp the mean is."""
-        self.held = self.held.after(sample)
+        self.held.take_attitude(sample)
         C, fall = self.C_nb(), np.array([0.0, 0.0, self.sign * self.gravity])
         self.A[:, 2] = C @ (self.measured() - self.estimate[self._accel]) + fall
         self._raw[:, 2] = C @ self.measured() + fall
@@ -354,6 +354,7 @@ class CascadeCore:
         """A copy that may be moved on alone."""
         twin = copy.copy(self)
         twin.A, twin.nav, twin.estimate, twin.P = self.A.copy(), self.nav.copy(), self.estimate.copy(), self.P.copy()
+        twin.held = copy.copy(self.held)
         return twin
 
     def motion(self) -> Motion:

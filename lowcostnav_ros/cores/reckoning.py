@@ -16,12 +16,11 @@ from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Atti
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores import reckoning_model as model
-from lowcostnav_ros.cores.held import Unsteadiness, turn_sigma, turned_on
+from lowcostnav_ros.cores.held import HeldAttitude, outdated
 from lowcostnav_ros.cores.noise_levels import NoiseLevels
 from lowcostnav_ros.cores.reckoning_model import CLIMB, CORE, POS
 from lowcostnav_ros.cores.views import Motion, VelocitySeen
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import Reason
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, along_way, gauss_markov, random_walk
 from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.physics.earth import displace
@@ -137,29 +136,15 @@ def _ne(name: str) -> list[str]:
 
 
 @dataclass(slots=True)
-class HeldInputs:
+class HeldInputs(HeldAttitude):
     """Last attitude and air data; ``vel_b`` (3,) m/s air-relative, FRD; ``speed`` true airspeed as measured, m/s."""
 
-    q_nb: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
-    rate_b: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    force_b: np.ndarray | None = None
-    cov_att: np.ndarray = field(default_factory=lambda: np.eye(3))
-    attitude_ns: int | None = None
-    unsteady: Unsteadiness = field(default_factory=Unsteadiness)  # of the angular rate
     vel_b: np.ndarray = field(default_factory=lambda: np.zeros(3))
     steady_b: np.ndarray = field(default_factory=lambda: np.zeros(3))  # vel_b, averaged
     speed: float = 0.0
     air_ns: int | None = None
     airborne: bool = False
     fastest: float = 0.0  # while airborne and since GPS last saw the aircraft on the ground, m/s
-
-    def take_attitude(self, attitude: Attitude) -> None:
-        """Hold a new attitude."""
-        rate_b = np.zeros(3) if attitude.angular_rate_b is None else attitude.angular_rate_b
-        if self.attitude_ns is not None:
-            self.unsteady = self.unsteady.after(self.rate_b, rate_b, 1e-9 * (attitude.stamp_ns - self.attitude_ns))
-        self.q_nb, self.cov_att, self.rate_b, self.attitude_ns = attitude.q_nb, attitude.cov_att, rate_b, attitude.stamp_ns
-        self.force_b = attitude.specific_force_b
 
     def take_air(self, air: AirVelocity, settings: AirspeedSettings) -> None:
         """Hold a new air-relative velocity and decide whether the aircraft flies."""
@@ -176,19 +161,9 @@ class HeldInputs:
         q = self.attitude(t_ns)[0]
         return quat_rotate(q, self.vel_b), float(2.0 * (q[2] * q[3] + q[0] * q[1]))  # how far the right wing points down
 
-    def attitude(self, t_ns: int) -> tuple[np.ndarray, float]:
-        """Attitude (4,) at a time, turned on with its rate, and the sigma per axis, rad, that its age adds."""
-        age_s = 0.0 if self.attitude_ns is None else 1e-9 * (t_ns - self.attitude_ns)
-        return turned_on(self.q_nb, self.rate_b, age_s), turn_sigma(self.rate_b, self.unsteady.value, age_s)
-
     def timed_out(self, t_ns: int, attitude_s: float, air_s: float) -> str:
         """Which input is older than it may be at ``t_ns``, in words; empty when both are fresh."""
-        for what, stamp_ns, limit_s in (("attitude", self.attitude_ns, attitude_s), ("airspeed", self.air_ns, air_s)):
-            if stamp_ns is None:
-                return f"no {what} yet"
-            if t_ns - stamp_ns > 1e9 * limit_s:
-                return Reason(f"no {what}", f"for {1e-9 * (t_ns - stamp_ns):.0f} s", " ")
-        return ""
+        return outdated("attitude", self.attitude_ns, t_ns, attitude_s) or outdated("airspeed", self.air_ns, t_ns, air_s)
 
 
 def body_velocity(air: AirVelocity, settings: AirspeedSettings) -> np.ndarray:
