@@ -26,6 +26,19 @@ ROLL, ROLL_TAU_S = 10.0 * DEGREE, 1.0
 TILT_LIMIT = 30.0 * DEGREE
 
 
+UNKNOWN_ACCELERATION = 2.0 * ACCELERATION_TAU_S * ACCELERATION**2
+"""Density of what common manoeuvres take, (m/s^2)^2 s."""
+
+
+def accelerate(P: np.ndarray, density: float, dt: float) -> None:
+    """Add to a covariance, in place, what a white acceleration does in ``dt`` s to position and velocity, its first six states."""
+    for axis in range(3):
+        P[axis, axis] += density * dt**3 / 3.0
+        P[3 + axis, 3 + axis] += density * dt
+        P[axis, 3 + axis] += density * dt**2 / 2.0
+        P[3 + axis, axis] = P[axis, 3 + axis]
+
+
 class LastMotion:
     """What is known of the motion when a hole begins.
 
@@ -67,10 +80,8 @@ class LastMotion:
 
     def noise(self, P: np.ndarray, dt: float) -> np.ndarray:
         """What ``dt`` s add to the covariance (9, 9) of the core's errors, ``P`` being that before; the head of the module derives it."""
-        q, Q = self._acceleration, np.zeros((9, 9))
-        for axis in range(3):
-            Q[axis, axis], Q[3 + axis, 3 + axis] = q * dt**3 / 3.0, q * dt
-            Q[axis, 3 + axis] = Q[3 + axis, axis] = q * dt**2 / 2.0
+        Q = np.zeros((9, 9))
+        accelerate(Q, self._acceleration, dt)
         for axis in (6, 7):
             Q[axis, axis] = min(self._tilt * dt, max(self._limit - P[axis, axis], 0.0))
         Q[8, 8] = self._heading * dt

@@ -21,7 +21,7 @@ from lowcostnav_ros.base.measurements import Attitude, Measurement
 from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.base.small_matrices import matvec
 from lowcostnav_ros.base.units import DEGREE, MILLI_G
-from lowcostnav_ros.cores.bridging import ACCELERATION, ACCELERATION_TAU_S
+from lowcostnav_ros.cores.bridging import UNKNOWN_ACCELERATION, accelerate
 from lowcostnav_ros.cores.held import HeldAttitude, outdated
 from lowcostnav_ros.cores.views import Motion, VelocitySeen
 from lowcostnav_ros.estimation import kalman
@@ -80,7 +80,7 @@ def frame_acceleration(nav):
 
 @kernel
 def carry(P, C, force_n, bias, tilt, rate, psd, accel_psd, dt):
-    """Carry P over ``dt`` in place; ``bias``, ``tilt`` are the first rows of those states, -1 for none; ``accel_psd`` (3,) of n."""
+    """Carry P over ``dt`` in place; ``bias``, ``tilt``: first rows of those states, no tilt -1; ``accel_psd`` (3,) of n."""
     n = P.shape[0]
     F, GQG, turned = np.zeros((n, n)), np.zeros((n, n)), skew(force_n)
     for i in range(n):
@@ -89,8 +89,7 @@ def carry(P, C, force_n, bias, tilt, rate, psd, accel_psd, dt):
         F[i, 3 + i] = 1.0
         GQG[3 + i, 3 + i] = accel_psd[i]
         for j in range(3):
-            if bias >= 0:
-                F[3 + i, bias + j] = -C[i, j]
+            F[3 + i, bias + j] = -C[i, j]
             if tilt >= 0:
                 F[3 + i, tilt + j] = -turned[i, j]
     kalman.predict_covariance(P, kalman.transition(F, dt), GQG, dt)
@@ -186,18 +185,8 @@ class CarriedCore:
         if carried and self._accel_n is not None:
             self._force_dt += self._accel_n * dt
         else:
-            self._settle_unknown(dt)
+            accelerate(self.P, UNKNOWN_ACCELERATION, dt)  # what an aircraft may do while nothing tells
         self.t_ns = to_ns
-
-    def _settle_unknown(self, dt: float) -> None:
-        """What an aircraft may do while nothing tells its acceleration: that of common manoeuvres, white (:mod:`.bridging`)."""
-        q = 2.0 * ACCELERATION_TAU_S * ACCELERATION**2
-        for i in range(3):
-            j = 3 + i
-            self.P[j, j] += q * dt
-            self.P[i, i] += q * dt**3 / 3.0
-            self.P[i, j] += 0.5 * q * dt * dt
-            self.P[j, i] = self.P[i, j]
 
     def settle(self) -> None:
         """Bring the covariance to the time of the mean."""

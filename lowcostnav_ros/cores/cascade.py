@@ -354,7 +354,7 @@ class CascadeCore:
         """A copy that may be moved on alone."""
         twin = copy.copy(self)
         twin.A, twin.nav, twin.estimate, twin.P = self.A.copy(), self.nav.copy(), self.estimate.copy(), self.P.copy()
-        twin.held = copy.copy(self.held)
+        twin._raw, twin.held = self._raw.copy(), copy.copy(self.held)
         return twin
 
     def motion(self) -> Motion:
