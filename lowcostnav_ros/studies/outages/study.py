@@ -4,7 +4,7 @@ import copy
 import dataclasses
 import itertools
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 
@@ -237,15 +237,8 @@ def _truth_of(cast: Cast) -> Truth | None:
         return other.true_states(TRUTH_STEP_NS)
 
 
-def outages_of(
-    losses: Losses, measurements: Iterable[Measurement], reference: Reference, lengths_s: Sequence[float], first_ns: int
-) -> dict[str, tuple[Outage, ...]]:
-    """Fly a pass and judge its windows, each as soon as it is over: outages by navigator, in the order of the chain."""
-    flown = losses.fly(reference.watch(m) for m in measurements)
-    return _by_navigator(losses, [judge(loss, reference, lengths_s, first_ns) for loss in flown])
-
-
 def _by_navigator(losses: Losses, judged: Sequence[dict[str, Outage]]) -> dict[str, tuple[Outage, ...]]:
+    """Outages by navigator, in the order of the chain."""
     found = {name: tuple(one[name] for one in judged if name in one) for name in losses.chain.links}
     return {name: outages for name, outages in found.items() if outages}
 
@@ -261,7 +254,8 @@ def stream_outages(
     first_ns = first_stamp(measurements[0])
     windows, reference = plan.windows(first_ns, max(m.stamp_ns for m in measurements), withheld), Reference(truth)
     losses = Losses(Chain(navigators), windows, not reference.is_whole)
-    return outages_of(losses, measurements, reference, plan.lengths_s, first_ns)
+    flown = losses.fly(reference.watch(m) for m in measurements)
+    return _by_navigator(losses, [judge(loss, reference, plan.lengths_s, first_ns) for loss in flown])
 
 
 def settings_label(config: Path | None, reader: BagReader) -> str:
