@@ -11,7 +11,7 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import Attitude, MagneticField
 from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.cli.calibrate_input import Columns, read_table
+from lowcostnav_ros.cli.calibrate_input import Columns, is_table, read_table
 from lowcostnav_ros.cli.calibrate_rest import split
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.messages.decode import Decoder
@@ -46,7 +46,7 @@ def read_swing(arguments: argparse.Namespace) -> Swung:
     CalibrationError, BagError
         For missing columns, topics, place or date.
     """
-    if not arguments.source.lower().removesuffix(".gz").endswith((".csv", ".txt", ".dat")):
+    if not is_table(arguments.source):
         return _of_bag(arguments)
     wanted = split(arguments.column or "heading,measured")
     columns = read_table(arguments.source, wanted)
