@@ -87,6 +87,23 @@ def test_a_pause_of_the_monitor_is_no_silence_of_the_nodes(monkeypatch):
     assert own.silent_s("gps_simulator") == 3.0
 
 
+def test_a_monitor_started_again_is_given_time_to_find_the_nodes(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(monitoring.time, "monotonic", lambda: now[0])
+    own = reports()
+    own.take(line("gps_simulator: x"))
+    own.take(line("recorder: x", pid=9))
+    own.forget(monitoring.MONITOR)
+    for _ in range(5):
+        now[0] += 1.0
+        own.take(line("recorder: x", pid=9))
+    assert own.silent_s("recorder") == 0.0 and own.silent_s("gps_simulator") == -1.0
+    for _ in range(3):  # one that was stopped meanwhile is found silent all the same
+        now[0] += 1.0
+        own.take(line("recorder: x", pid=9))
+    assert own.silent_s("gps_simulator") == 2.0
+
+
 def runner_with(tmp_path, rows: list[str]) -> GraphRunner:
     runner = GraphRunner(GRAPH, log_dir=tmp_path)
     runner.domain = 7
@@ -148,6 +165,11 @@ def test_a_hung_process_is_named_then_killed_and_one_that_works_is_given_longer(
     other.look(busy, 2.0)
     busy.cpu += 0.1
     assert other.look(busy, 15.1).what is What.KILLED and busy.killed == 1
+    stops, other = Process(), Watchdog(is_lossless=False)
+    other.look(stops, 1.8)
+    stops.cpu += 0.1
+    assert other.look(stops, 2.0) is other.look(stops, 2.7) is None  # it was at work when it was named
+    assert other.look(stops, 2.9).what is What.KILLED and stops.killed == 1
 
 
 def test_what_must_not_start_again_is_not_killed_and_neither_is_anything_lossless():

@@ -21,6 +21,7 @@ from lowcostnav_ros.graph.process import NodeProcess
 
 MOST_ROWS = 2000
 STALE = 3  # a level of diagnostic_msgs that nodes of this package do not use
+MATCHED_S = 5.0  # a monitor that starts again needs to find every node
 PAUSE_S = 1.5  # the nodes report once a second; a longer pause on all lines is one of the monitor, or of this machine
 
 
@@ -46,13 +47,15 @@ class Reports:
         self._process_of = process_of
         self._reported_at: dict[str, float] = {}
         self._last = time.monotonic()
+        self._is_new_monitor = False
 
     def take(self, line: str) -> None:
         """Take a line of the monitor: a status as JSON."""
         now = time.monotonic()
-        if now - self._last > PAUSE_S:  # nobody could be heard, so nobody was silent
-            self._reported_at = dict.fromkeys(self._reported_at, now)
-        self._last = now
+        if self._is_new_monitor or now - self._last > PAUSE_S:  # nobody could be heard, so nobody was silent
+            since = now + MATCHED_S * self._is_new_monitor
+            self._reported_at = {node: now if node == MONITOR else since for node in self._reported_at}
+        self._last, self._is_new_monitor = now, False
         row = _row(line)
         node = "" if row is None else row["name"].partition(": ")[0]
         if row is None:
@@ -68,9 +71,13 @@ class Reports:
     def forget(self, node: str) -> None:
         """A node starts again: until it reports, it is starting."""
         self._reported_at.pop(node, None)
+        self._is_new_monitor |= node == MONITOR
 
     def silent_s(self, node: str) -> float | None:
-        """Seconds since the last report of a node, None before the first; while the monitor itself is silent, the others are not judged."""
+        """Seconds since the last report of a node, None before the first; while the monitor itself is silent, the others are not judged.
+
+        Negative for nodes that a monitor started again need not have found yet.
+        """
         reported = self._reported_at.get(node)
         return None if reported is None else (time.monotonic() if node == MONITOR else self._last) - reported
 

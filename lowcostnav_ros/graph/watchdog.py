@@ -8,14 +8,22 @@ from dataclasses import dataclass
 
 from lowcostnav_ros.graph.process import Event, NodeProcess, What
 
-SILENT_S, STILL_S, BUSY_S = 1.7, 2.5, 15.0  # reports come every 0.8 to 1.2 s
+SILENT_S, BUSY_S = 1.7, 15.0  # reports come every 0.8 to 1.2 s
+STILL_S = 0.8  # without any use of a processor
 LOSSLESS_S = 20.0  # there a node waits for its listeners, which may take 15 s to be matched
 
 
 @dataclass(slots=True)
 class _Silence:
     cpu_s: float
+    moved_s: float  # into the silence, when it last used a processor
     named_again: bool = False
+
+    def still_s(self, cpu_s: float, silent_s: float) -> float:
+        """How long no processor time has been used."""
+        if cpu_s != self.cpu_s:
+            self.cpu_s, self.moved_s = cpu_s, silent_s
+        return silent_s - self.moved_s
 
 
 class Watchdog:
@@ -34,10 +42,10 @@ class Watchdog:
             return Event(process.name, What.ANSWERS) if before and process.alive and silent_s is not None else None
         words = f"no report for {silent_s:.1f} s{' (the process is stopped)' if process.is_stopped() else ''}"
         if before is None:
-            self._silent[process.name] = _Silence(process.cpu_seconds())
+            self._silent[process.name] = _Silence(process.cpu_seconds(), silent_s)
             return Event(process.name, What.SILENT, words)
-        is_still = process.cpu_seconds() == before.cpu_s
-        if silent_s < (STILL_S if is_still else BUSY_S) or before.named_again:
+        is_still = before.still_s(process.cpu_seconds(), silent_s) >= STILL_S
+        if not (is_still or silent_s >= BUSY_S) or before.named_again:
             return None
         before.named_again = True
         if not self._may_kill or not process.respawn or process.process is None:
