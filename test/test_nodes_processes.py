@@ -1,5 +1,6 @@
 """Every executable as a process: clean exit on one and two interrupts, refusal of what cannot run, recorder and player."""
 
+import importlib.util
 import signal
 import time
 
@@ -7,7 +8,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from lowcostnav_ros.graph.executables import EXECUTABLES
+from lowcostnav_ros.graph.executables import EXECUTABLES, KINDS, kind_of
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.nodes.recorder import free_path, header_stamp_ns
@@ -15,16 +16,18 @@ from lowcostnav_ros.nodes.recorder import free_path, header_stamp_ns
 HOLD = ("-p", "start.expected_subscribers:=['truth/imu:9']")
 
 
-def wait_until_up(ros, name: str) -> None:
-    assert ros.spin_until(lambda: name in [n for n, _ in ros.probe.get_node_names_and_namespaces()], 40.0)
-    # it spins once its diagnostics are heard
-    heard = []
-    from diagnostic_msgs.msg import DiagnosticArray
+def wait_until_up(ros, *names: str) -> None:
+    table = ros.diagnostics()
 
-    ros.probe.create_subscription(DiagnosticArray, "/diagnostics", lambda m: heard.extend(s.name for s in m.status), 50)
-    if name != "monitor":
-        # a navigator whose kernels are not in the cache yet compiles them first
-        assert ros.spin_until(lambda: any(n.startswith(f"{name}: ") for n in heard), 60.0)
+    def missing() -> set[str]:
+        return set(names) - {name for name, _ in ros.probe.get_node_names_and_namespaces()}
+
+    def silent() -> set[str]:
+        return {name for name in names if name != "monitor" and not any(row.startswith(f"{name}: ") for row in table)}
+
+    assert ros.spin_until(lambda: not missing(), 60.0), missing()
+    # it spins once its diagnostics are heard; a navigator whose kernels are not in the cache yet compiles them first
+    assert ros.spin_until(lambda: not silent(), 90.0), silent()
 
 
 def arguments_of(executable: str, tmp_path) -> tuple[str, ...]:
@@ -49,17 +52,22 @@ def small_bag(tmp_path):
     return tmp_path / "small"
 
 
-@pytest.mark.parametrize("executable", EXECUTABLES.own())
-def test_two_interrupts_end_a_node_cleanly(ros, start, tmp_path, executable):
-    if executable == "foxglove":
-        pytest.importorskip("foxglove", reason="foxglove-sdk, the extra 'foxglove', is not installed")
-    process = start(executable, *arguments_of(executable, tmp_path))
-    wait_until_up(ros, executable)
-    process.send_signal(signal.SIGINT)
-    time.sleep(0.02)  # the second one arrives in the middle of the teardown
-    process.send_signal(signal.SIGINT)
-    assert process.wait(5.0) == 0, process.log.read_text()
-    assert "Traceback" not in process.log.read_text()
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_interrupts_end_a_node_cleanly(ros, start, tmp_path, kind):
+    processes = {name: start(name, *arguments_of(name, tmp_path)) for name in EXECUTABLES.own() if kind_of(name) == kind and can_run(name)}
+    assert processes
+    wait_until_up(ros, *processes)
+    for name, process in processes.items():
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.02)  # the second one arrives in the middle of the teardown
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10.0) == 0, (name, process.log.read_text())
+        assert "Traceback" not in process.log.read_text(), name
+
+
+def can_run(executable: str) -> bool:
+    """Whether what an executable needs is installed; the extra 'foxglove' need not be."""
+    return executable != "foxglove" or importlib.util.find_spec("foxglove") is not None
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -72,14 +80,15 @@ def test_one_signal_is_enough(ros, start, number):
 
 def test_what_cannot_run_says_so_in_one_sentence_and_exits_with_2(start, tmp_path):
     (tmp_path / "taken").mkdir()
-    for executable, value, sentence in (
+    cases = (
         ("gps_simulator", "rate_hx:=5.0", "did you mean 'rate_hz'"),
         ("gps_simulator", "scenario:=livermoor", "did you mean 'livermore'"),
         ("recorder", f"path:={tmp_path / 'taken'}", "exists already"),
         ("player", "path:=/nowhere", "/nowhere"),
-    ):
-        process = start(executable, "-p", value)
-        assert process.wait(20.0) == 2
+    )
+    processes = [start(executable, "-p", value) for executable, value, _ in cases]
+    for process, (_, _, sentence) in zip(processes, cases, strict=True):
+        assert process.wait(40.0) == 2
         text = process.log.read_text()
         assert sentence in text and "Traceback" not in text
 

@@ -84,7 +84,7 @@ def shared_parameters(graph: Graph, node: GraphNode) -> dict[str, Any]:
         values["real_time_factor"] = graph.real_time_factor
         values["start.expected_subscribers"] = expected_subscribers(graph)
         if graph.lossless:
-            values["flow.listeners"] = sum(bool(set(PACED) & set(inputs_of(other))) for other in graph.nodes)
+            values["flow.listeners"] = sum(bool(_paced(graph) & set(inputs_of(other))) for other in graph.nodes)
     if node.executable in (PAGE, "display"):
         values["stations"] = station_tables(graph)
     if kind_of(node.executable) == NAVIGATOR and graph.real_time_factor > 1.0:
@@ -93,6 +93,14 @@ def shared_parameters(graph: Graph, node: GraphNode) -> dict[str, Any]:
     if kind_of(node.executable) in (NAVIGATOR, RECORDER):
         values |= graph.inputs
     return values | _of_all(graph, node) | dict(node.parameters)
+
+
+def _paced(graph: Graph) -> set[str]:
+    """The paced topics that the source and the simulators of a graph publish; what a player finds in its recording is not known here."""
+    if any(node.executable == "player" for node in graph.nodes):
+        return set(PACED)
+    simulated = {topic for node in graph.nodes if kind_of(node.executable) == SIMULATOR for topic in _outputs_of(node.executable)}
+    return {topic for topic in PACED if topic in simulated or topic.startswith("truth/")}
 
 
 def _of_all(graph: Graph, node: GraphNode) -> dict[str, Any]:

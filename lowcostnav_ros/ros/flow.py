@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header
@@ -19,6 +20,7 @@ from lowcostnav_ros.base.settings import setting
 
 TOPIC = "flow/progress"
 REPORT_NS = 100_000_000
+LOOK_S = 0.005  # as often as the reports are taken
 MOST_STRANGERS = 100  # reports of further nodes that are kept, too: a name comes from outside
 QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
@@ -41,15 +43,18 @@ class FlowSettings:
 
 
 class ProgressReport:
-    """One node's report: up to which stamp it has handled its paced topic."""
+    """One node's report: up to which stamp it has handled the first of its paced topics that comes (others may have no publisher)."""
 
     def __init__(self, node: Node) -> None:
         self._publisher = node.create_publisher(Header, TOPIC, QOS)
         self._message = Header(frame_id=node.get_name())
-        self._next_ns = 0
+        self._next_ns, self._source = 0, ""
 
-    def passed(self, stamp_ns: int) -> None:
+    def passed(self, source: str, stamp_ns: int) -> None:
         """Note a handled message; report to the source every tenth of a second of flight."""
+        self._source = self._source or source
+        if source != self._source:
+            return
         if stamp_ns < self._next_ns and self._next_ns - stamp_ns <= REPORT_NS:
             return
         self._next_ns = stamp_ns + REPORT_NS
@@ -60,15 +65,17 @@ class ProgressReport:
 class FlowGate:
     """The source's side: how far it may fly."""
 
-    def __init__(self, node: Node, settings: FlowSettings) -> None:
-        self._settings, self._node = settings, node
+    def __init__(
+        self, subscribe: Callable[[type, str, Callable[[bytes], None], QoSProfile], object], settings: FlowSettings, logger: RcutilsLogger
+    ) -> None:
+        self._settings, self._logger = settings, logger
         self._passed: dict[str, int] = {}
         self._moved_at: dict[str, float] = {}
         self._dropped: set[str] = set()
         self._first_ns = 0
         self.waited_s = 0.0
         if settings.listeners:
-            self._subscription = node.create_subscription(Header, TOPIC, self._on_report, QOS)
+            subscribe(Header, TOPIC, self._on_report, QOS)
 
     def wait(self, stamp_ns: int, running: Callable[[], bool]) -> None:
         """Block until the slowest listener is near enough to ``stamp_ns``."""
@@ -77,15 +84,18 @@ class FlowGate:
         self._first_ns = self._first_ns or stamp_ns
         began = time.monotonic()
         while running() and stamp_ns - self._slowest() > 1e9 * self._settings.ahead_s:
-            time.sleep(0.002)
+            time.sleep(LOOK_S)
             self._drop_stuck(began)
         self.waited_s += time.monotonic() - began
 
-    def _on_report(self, message: Header) -> None:
-        if message.frame_id not in self._passed and len(self._passed) >= self._settings.listeners + MOST_STRANGERS:
+    def _on_report(self, raw: bytes) -> None:
+        try:
+            name, stamp_ns = raw[16:].rstrip(b"\0").decode(), header_stamp_ns(raw)
+        except ValueError:  # none of ours
             return
-        self._passed[message.frame_id] = message.stamp.sec * 1_000_000_000 + message.stamp.nanosec
-        self._moved_at[message.frame_id] = time.monotonic()
+        if name not in self._passed and len(self._passed) >= self._settings.listeners + MOST_STRANGERS:
+            return
+        self._passed[name], self._moved_at[name] = stamp_ns, time.monotonic()
 
     def _slowest(self) -> int:
         waited_for = [stamp for name, stamp in list(self._passed.items()) if name not in self._dropped]
@@ -101,4 +111,4 @@ class FlowGate:
         unknown = [f"listener {k}" for k in range(len(self._passed), self._settings.listeners)]
         for name in [n for n in stuck + unknown if n not in self._dropped]:
             self._dropped.add(name)
-            self._node.get_logger().warning(f"{name} has made no progress for {self._settings.patience_s:g} s; no longer waiting for it.")
+            self._logger.warning(f"{name} has made no progress for {self._settings.patience_s:g} s; no longer waiting for it.")

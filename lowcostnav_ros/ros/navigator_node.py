@@ -179,11 +179,13 @@ class NavigatorNode(NodeBase):
 
     def _publish_output(self, measurement: Measurement) -> None:
         """Publish the low-latency solution when it is time: by the inertial stamps, or by its own where nothing inertial drives it."""
-        inertial = self.navigator.inertial
-        if inertial is not None and (measurement.source != inertial or not self._is_due(measurement.stamp_ns)):
+        inertial, newest_ns = self.navigator.inertial, self.navigator.horizon.newest_ns
+        if inertial is not None:
+            newest_ns = measurement.stamp_ns if measurement.source == inertial else None
+        if newest_ns is None or not self._is_due(newest_ns):
             return
         solution = self.navigator.output()
-        if solution is not None and (inertial is not None or self._is_due(solution.stamp_ns)):
+        if solution is not None:
             self._publish(solution, "")
 
     def _is_due(self, stamp_ns: int) -> bool:

@@ -257,7 +257,7 @@ class NodeBase(Node):
             try:
                 handler(monitor, raw)
                 if progress is not None:
-                    progress.passed(header_stamp_ns(raw))
+                    progress.passed(source, header_stamp_ns(raw))
             except Exception as error:  # bad data in flight never ends a node
                 if not self.context.ok():
                     raise
@@ -298,10 +298,10 @@ class NodeBase(Node):
         monitor.reject(reason)
 
     def _progress_on(self, source: str) -> ProgressReport | None:
-        """The report of progress to a lossless source, if this is the input whose progress the node reports."""
-        if not self.node_settings.qos.lossless or source not in PACED or self._progress is not None:
+        """The report of progress to a lossless source, if this is an input that never pauses."""
+        if not self.node_settings.qos.lossless or source not in PACED:
             return None
-        self._progress = ProgressReport(self)
+        self._progress = self._progress or ProgressReport(self)
         return self._progress
 
     def subscribe(self, kind: type, name: str, handler: Callable[[bytes], None], profile: QoSProfile) -> Subscription:
@@ -363,12 +363,16 @@ class NodeBase(Node):
 
     def _check_publishers(self) -> None:
         """Find the reason of inputs without data, another type or quality of service of their publishers; take over a type that serves."""
+        silent = [source for source, monitor in self.inputs.items() if monitor.is_silent()]
+        offered = self._offered() if silent else {}  # asked for once: a recorder has 80 topics, most of them silent
         for source, monitor in self.inputs.items():
-            monitor.trouble = self._trouble_of(source) if monitor.is_silent() else ""
+            monitor.trouble = self._trouble_of(source, offered) if source in silent else ""
 
-    def _trouble_of(self, source: str) -> str:
+    def _trouble_of(self, source: str, offered: dict[str, str]) -> str:
         is_lossless = self.node_settings.qos.lossless
         spec, msgtype = topics.spec(source, self.decoder.rules), self.msgtypes[source]
+        if not self.count_publishers(self._topic_of(source)):
+            return _offer(source, offered)
         publishers = self.get_publishers_info_by_topic(self._topic_of(source))
         others = [p.topic_type for p in publishers if p.topic_type != msgtype]
         if others and len(others) == len(publishers) and spec.takes(others[0]):
@@ -376,21 +380,25 @@ class NodeBase(Node):
             return ""
         if others:
             return f"is published as {others[0]}, expected {spec.msgtype}"
-        if not publishers:
-            return self._offer(source)
         own = qos.for_subscription(spec, is_lossless)
-        offers = [qos_check_compatible(p.qos_profile, own) for p in publishers]
-        reasons = [why for verdict, why in offers if verdict == QoSCompatibility.ERROR]
+        verdicts = [qos_check_compatible(p.qos_profile, own) for p in publishers]
+        reasons = [why for verdict, why in verdicts if verdict == QoSCompatibility.ERROR]
         return f"is published with a QoS incompatible with qos.lossless={is_lossless} ({reasons[0].strip()})" if reasons else ""
 
-
-    def _offer(self, source: str) -> str:
-        """What else is published that may be this source."""
+    def _offered(self) -> dict[str, str]:
+        """What else is published that may be an input of this node: published topic to the input it is like, or namespace to ''."""
         own = {topic.lstrip("/") for topic in (*self.outputs, *map(self._topic_of, self.inputs))}
-        there = {name.lstrip("/"): types[0] for name, types in self.get_topic_names_and_types() if self.count_publishers(name)}
-        found = offers({name: msgtype for name, msgtype in there.items() if name not in own})
-        topic = next((theirs + source if theirs.endswith("/") else theirs for theirs, ours in found.items() if ours in (source, "")), "")
-        return f"is not published; /{topic} may be it: {remedy(source, topic)}" if topic in there else ""
+        names = ((name.lstrip("/"), types[0]) for name, types in self.get_topic_names_and_types() if self.count_publishers(name))
+        there = {name: msgtype for name, msgtype in names if name not in own}
+        found = offers(there)
+        spaced = {space + source: source for space, ours in found.items() if not ours for source in self.inputs if space + source in there}
+        return spaced | {theirs: ours for theirs, ours in found.items() if ours}
+
+
+def _offer(source: str, offered: dict[str, str]) -> str:
+    """What may be done about an input that nobody publishes."""
+    topic = next((theirs for theirs, ours in offered.items() if ours == source), "")
+    return f"is not published; /{topic} may be it: {remedy(source, topic)}" if topic else ""
 
 
 def message_class(msgtype: str) -> type:

@@ -37,7 +37,7 @@ class SourceNode(ThreadedNode):
         self.source_settings: SourceSettings = self.parameters.settings[-2]
         self.state, self.trouble = "starting", ""
         self._pacer = Pacer(self.source_settings.real_time_factor)
-        self._gate = FlowGate(self, self.source_settings.flow)
+        self._gate = FlowGate(self.subscribe, self.source_settings.flow, self.get_logger())
         self._clock_output: Output = self.output("clock", "/clock")
         self._next_clock_ns = self._stamp_ns = self._first_ns = 0
         self.make_outputs()
