@@ -2,14 +2,11 @@
 
 import json
 import re
-from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
 import pytest
 
 from lowcostnav_ros.cli import main as cli
-from lowcostnav_ros.reproduce import cluster, page, registry, run
-from lowcostnav_ros.reproduce.gebre.magnetometer import CASES, two_step_case
+from lowcostnav_ros.reproduce import page, registry, run
 from lowcostnav_ros.reproduce.registry import (
     BETTER,
     BY_DEFINITION,
@@ -29,7 +26,6 @@ from lowcostnav_ros.reproduce.registry import (
     judged,
     read,
 )
-from lowcostnav_ros.studies.campaign import CampaignError
 
 JSON_NAMES = ["id", "title", "source", "thesis", "ours", "tolerance", "verdict", "reason", "seeds", "seconds", "figure"]
 
@@ -188,54 +184,3 @@ def test_command_lists_and_refuses(capsys, tmp_path):
     assert cli.main(["reproduce", "GR21", "--json", str(tmp_path / "none" / "x.json")]) == 2
     assert "create it first" in capsys.readouterr().err
     assert cli.main(["reproduce", "GR21", "--workers", "0"]) == 2
-
-
-def square(x):
-    return x * x
-
-
-def fails_at_two(x):
-    if x == 2:
-        raise ValueError("two is bad")
-    return x
-
-
-def test_any_executor_keeps_the_order_and_names_the_case_that_failed():
-    with ThreadPoolExecutor(3) as pool:
-        assert cluster.run_on(pool, square, range(20)) == [x * x for x in range(20)]
-        with pytest.raises(CampaignError, match=r"Case 2 \(2\) failed: two is bad"):
-            cluster.run_on(pool, fails_at_two, [0, 1, 2, 3])
-
-
-@pytest.fixture(scope="module")
-def few_cases():
-    return [(CASES[k % 4], 2, 100 + k) for k in range(4)]
-
-
-def test_numbers_do_not_depend_on_the_number_of_workers(few_cases):
-    with cluster.runner(1) as one, cluster.runner(2) as two:
-        for (a, failures_a), (b, failures_b) in zip(one(two_step_case, few_cases), two(two_step_case, few_cases), strict=True):
-            np.testing.assert_array_equal(a, b)
-            assert failures_a == failures_b == 0
-
-
-def test_a_dask_cluster_gives_the_same_numbers(few_cases):
-    distributed = pytest.importorskip("distributed", reason="the cluster extra is not installed")
-    local = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None)
-    try:
-        with cluster.runner(cluster=local.scheduler_address) as ours, cluster.runner(1) as here:
-            for (a, _), (b, _) in zip(ours(two_step_case, few_cases), here(two_step_case, few_cases), strict=True):
-                np.testing.assert_array_equal(a, b)
-    finally:
-        local.close()
-
-
-def test_no_scheduler_at_the_address_is_refused_with_a_sentence(monkeypatch):
-    distributed = pytest.importorskip("distributed", reason="the cluster extra is not installed")
-
-    def unanswered(*_, **__):
-        raise OSError("timed out")
-
-    monkeypatch.setattr(distributed, "Client", unanswered)
-    with pytest.raises(ReproduceError, match="No dask scheduler answers"), cluster.runner(cluster="tcp://127.0.0.1:1"):
-        pass

@@ -58,7 +58,7 @@ class Here(fitting.Trials):
     def __init__(self, flown, names):
         self.reference, self._flown, self._known = [innovations(flown, {})], flown, {}
         self._advance, self._done = None, 0
-        self._pool = self
+        self._pool = self._fly = self
         self.parameters = [p for p in fitting.tunables(flown.settings, self.reference[0].groups) if p.name in names]
 
     def map(self, _, changes):

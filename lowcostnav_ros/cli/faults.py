@@ -10,7 +10,7 @@ from pathlib import Path
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import check_files, check_folder
+from lowcostnav_ros.cli.options import add_workers, check_files, check_folder, workers_of
 from lowcostnav_ros.report.faults.page import markdown, page
 from lowcostnav_ros.report.faults.tables import bad, fault_table, row_table, summary_table
 from lowcostnav_ros.report.terminal import print_table, result_console
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="a handful of faults")
     parser.add_argument("--live", action="store_true", help="play the faults (default: a dozen) to a live graph, and replay its recording")
     parser.add_argument("--list", action="store_true", help="print the faults that would be injected, and end")
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: every core)")
+    add_workers(parser)
     parser.add_argument("--read", action="append", default=[], metavar="JSON", help="results of earlier runs instead of flying; repeatable")
     parser.add_argument("--out", metavar="DIR", help="folder for faults.json and faults.html")
     parser.add_argument("--docs", metavar="FILE", help="write the page of the documentation, docs/faults.md")
@@ -47,11 +47,9 @@ def faults(arguments: argparse.Namespace) -> int:
         return Exit.OK
     if arguments.live:
         return _live(arguments, names if arguments.fault else None)
-    if arguments.workers is not None and arguments.workers < 1:
-        raise SettingsError(f"--workers must be at least 1, got {arguments.workers}.")
     check_files(arguments.docs)
     check_folder(arguments.out)
-    rows = read_rows(arguments.read) or study(names, arguments.navigator, arguments.seed or [1], arguments.workers)
+    rows = read_rows(arguments.read) or study(names, arguments.navigator, arguments.seed or [1], workers_of(arguments))
     wrong = bad(rows)
     print_table(row_table("Wrong and sure", wrong) if len(rows) > 60 else row_table("Faults", rows), console)
     print_table(summary_table(rows), console)

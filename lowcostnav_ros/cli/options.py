@@ -23,6 +23,25 @@ def add_tracks(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--gpx", metavar="FILE", help="write the tracks as GPX too")
 
 
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add the option that says who shares the work of a study."""
+    text = "processes, or the address of a dask scheduler, such as tcp://host:8786 (default: every core); the numbers do not depend on it"
+    parser.add_argument("--workers", metavar="N|ADDRESS", help=text)
+
+
+def workers_of(arguments: argparse.Namespace) -> int | str | None:
+    """Return who shares the work, None for every core.
+
+    Raises
+    ------
+    SettingsError
+        When the option is neither a number of processes nor an address.
+    """
+    from lowcostnav_ros.studies.campaign import parse_workers
+
+    return None if arguments.workers is None else parse_workers(arguments.workers)
+
+
 def check_files(*paths: str | None) -> None:
     """Refuse, before the work, files that cannot be written.
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.catalogue.config_files import config_dir, vehicle_dir
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import between
+from lowcostnav_ros.cli.options import add_workers, between, workers_of
 from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.report.outages.page import write_page
 from lowcostnav_ros.report.terminal import print_table, result_console
@@ -39,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--withhold", metavar="SRC[,SRC]", help="topics to withhold (default: all of GPS)")
     parser.add_argument("--truth", metavar="TOPIC", help="odometry topic to compare with (default: truth/odometry)")
     parser.add_argument("--out", metavar="DIR", help="write outages.html and outages.json there")
+    add_workers(parser)
 
 
 @job("Would it have survived losing GPS here? For every start of a recording at once.", add_arguments, NOTES)
@@ -53,7 +54,7 @@ def outages(arguments: argparse.Namespace) -> int:
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
     case = Case(Path(arguments.bag), plan, _names(arguments.navigators), truth=arguments.truth)
-    study = study_outages(case, configs or (None,))
+    study = study_outages(case, configs or (None,), workers_of(arguments))
     console = result_console()
     print_table(outage_table(study), console)
     for line in (line for flown in study.flown for line in flown.worst):

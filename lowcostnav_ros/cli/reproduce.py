@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -12,11 +13,12 @@ from rich.markup import escape
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import check_files, check_folder
+from lowcostnav_ros.cli.options import add_workers, check_files, check_folder, workers_of
 from lowcostnav_ros.report.terminal import print_table
-from lowcostnav_ros.reproduce import cluster, page, registry, run
+from lowcostnav_ros.reproduce import page, registry, run
 from lowcostnav_ros.reproduce.registry import BETTER, CRASHED, DIFFERS, REPRODUCED, VERDICTS, Entry
 from lowcostnav_ros.reproduce.run import ONE_SEED, Record
+from lowcostnav_ros.studies.campaign import run_campaign
 
 _STYLES = {REPRODUCED: "green", BETTER: "green", DIFFERS: "yellow", CRASHED: "bold red"}
 _EPILOG = """\
@@ -35,8 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1, help="seed of everything random (default: 1)")
     parser.add_argument("--json", metavar="FILE", help="write the results as JSON")
     parser.add_argument("--out", metavar="DIR", help="write a page per study and its figures there")
-    parser.add_argument("--workers", type=int, metavar="N", help="processes to use (default: every core); the numbers do not depend on it")
-    parser.add_argument("--cluster", metavar="ADDRESS", help="dask scheduler to use instead, such as tcp://host:8786")
+    add_workers(parser)
 
 
 @job("Compute the results of the theses again and set them beside the printed numbers, with a verdict each.", add_arguments, _EPILOG)
@@ -48,13 +49,12 @@ def reproduce(arguments: argparse.Namespace) -> int:
         return 0
     check_files(arguments.json)
     check_folder(arguments.out)
-    if arguments.seed < 0 or (arguments.workers is not None and arguments.workers < 1):
-        raise SettingsError("The seed must not be negative, and at least one worker is needed.")
+    if arguments.seed < 0:
+        raise SettingsError("The seed must not be negative.")
     out = Path(arguments.out) if arguments.out else None
     console = _console()
-    with cluster.runner(arguments.workers, arguments.cluster) as campaign:
-        context = registry.Context(arguments.quick, arguments.seed, campaign)
-        records = run.run_results(entries, context, out, lambda record: _print(record, console))
+    context = registry.Context(arguments.quick, arguments.seed, partial(run_campaign, workers=workers_of(arguments)))
+    records = run.run_results(entries, context, out, lambda record: _print(record, console))
     if arguments.json:
         listed = {"results": [record.as_json(out) for record in records]}
         Path(arguments.json).write_text(json.dumps(listed, indent=1, allow_nan=False) + "\n", encoding="utf-8")

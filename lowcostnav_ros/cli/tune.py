@@ -10,7 +10,7 @@ from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError, nearest
 from lowcostnav_ros.catalogue.config_files import config_dir, vehicle_dir
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.options import between, check_folder
+from lowcostnav_ros.cli.options import add_workers, between, check_folder, workers_of
 from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.report.terminal import print_table, result_console
@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--every", type=float, default=15.0, metavar="S", help="seconds between the outages that judge (default: %(default)g)"
     )
+    add_workers(parser)
 
 
 @job("Tune noise numbers of a navigator to recordings of one's own aircraft, and write a vehicle.", add_arguments, NOTES)
@@ -51,7 +52,7 @@ def tune(arguments: argparse.Namespace) -> int:
     sources = [Source(Path(bag), name, chain, start) for bag in arguments.bag]
     every_s = between("--every", arguments.every, 1.0, 3600.0)
     with progress_bar("tune") as bar:
-        tuned = tune_study(sources, every_s, advance=bar)
+        tuned = tune_study(sources, every_s, workers_of(arguments), bar)
     console = result_console()
     print_table(tuning_table(tuned), console)
     for study in tuned.outages:

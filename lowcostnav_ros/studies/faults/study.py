@@ -7,7 +7,7 @@ from functools import cache
 
 from lowcostnav_ros.base.settings import SettingsError, nearest
 from lowcostnav_ros.simulation.fault import FAULTS, NOTHING
-from lowcostnav_ros.studies.campaign import run_campaign
+from lowcostnav_ros.studies.campaign import Workers, run_campaign
 from lowcostnav_ros.studies.faults.flight import CHAIN, Pass, concerned, crew, flown
 from lowcostnav_ros.studies.faults.judge import Row, Verdict, judge
 
@@ -50,7 +50,7 @@ def chosen(patterns: Collection[str] = (), quick: bool = False) -> list[str]:
     return names
 
 
-def study(faults: Sequence[str], navigators: Collection[str] = (), seeds: Sequence[int] = (1,), workers: int | None = None) -> list[Row]:
+def study(faults: Sequence[str], navigators: Collection[str] = (), seeds: Sequence[int] = (1,), workers: Workers = None) -> list[Row]:
     """Fly every fault on every seed; return a row for each navigator that it reaches, in order.
 
     Parameters
@@ -60,8 +60,8 @@ def study(faults: Sequence[str], navigators: Collection[str] = (), seeds: Sequen
     navigators : collection of str
         Of the chain; empty for all.
     seeds : sequence of int
-    workers : int, optional
-        Processes; None takes every core.
+    workers : int or str, optional
+        Processes, or the address of a dask scheduler; None takes every core.
     """
     for name in navigators:
         if name not in CHAIN:

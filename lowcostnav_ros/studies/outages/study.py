@@ -3,7 +3,6 @@
 import copy
 import dataclasses
 import itertools
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -22,7 +21,7 @@ from lowcostnav_ros.replay.evaluation import Truth
 from lowcostnav_ros.replay.links import Chain
 from lowcostnav_ros.replay.session import first_stamp
 from lowcostnav_ros.replay.withhold import NS, Window, Withhold, check_sources
-from lowcostnav_ros.studies.campaign import CampaignError, run_campaign
+from lowcostnav_ros.studies.campaign import CampaignError, Workers, count, run_campaign
 from lowcostnav_ros.studies.outages.flight import Loss, Losses
 from lowcostnav_ros.studies.outages.judge import Reference, judge
 from lowcostnav_ros.studies.outages.result import Flown, Outage, OutageStudy, statistics_of
@@ -89,7 +88,7 @@ class Pass:
     skipped_s: tuple[float, ...]
 
 
-def study_outages(case: Case, configs: Sequence[Path | None] = (None,), workers: int | None = None) -> OutageStudy:
+def study_outages(case: Case, configs: Sequence[Path | None] = (None,), workers: Workers = None) -> OutageStudy:
     """Study a recording with one or several sets of settings.
 
     Parameters
@@ -98,16 +97,15 @@ def study_outages(case: Case, configs: Sequence[Path | None] = (None,), workers:
         Its ``config`` and share are not used.
     configs : sequence of Path or None
         Folders of ``<navigator>.yaml``; None takes those the recording carries, else the shipped ones.
-    workers : int, optional
-        Processes; all cores where None.  The numbers do not depend on it.
+    workers : int or str, optional
+        Processes, or the address of a dask scheduler; all cores where None.  The numbers do not depend on it.
 
     Raises
     ------
     ValueError
         (OutageError, BagError, SelectionError, SettingsError, WithholdError) each with one sentence that says what to do.
     """
-    workers = workers or len(os.sched_getaffinity(0))
-    shares = max(1, workers // len(configs))
+    shares = max(1, count(workers) // len(configs))
     cases = [dataclasses.replace(case, config=config, share=k, of=shares) for config in configs for k in range(shares)]
     try:
         passes = run_campaign(fly_case, cases, workers, label="outages")

@@ -9,16 +9,16 @@ of misspecified models", Econometrica 50, 1982); H takes its correlations from J
 """
 
 import math
-import multiprocessing
-import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.base.settings import SettingsError, declared
+from lowcostnav_ros.studies.campaign import Workers, executor
 from lowcostnav_ros.studies.tuning.likelihood import Flight, Innovations, Source, innovations, load
 
 STEP = 0.1
@@ -65,15 +65,14 @@ def tunables(settings: Any, groups: frozenset[str]) -> list[Tunable]:
     return found
 
 
-_flights: list[Flight] = []
+@lru_cache(maxsize=1)
+def _flights(sources: tuple[Source, ...]) -> list[Flight]:
+    """The recordings, read once by each worker."""
+    return [load(source) for source in sources]
 
 
-def _begin(sources: Sequence[Source]) -> None:
-    _flights[:] = [load(source) for source in sources]
-
-
-def _fly(changes: Mapping[str, Any]) -> list[Innovations]:
-    return [innovations(flight, changes) for flight in _flights]
+def _fly(sources: tuple[Source, ...], changes: Mapping[str, Any]) -> list[Innovations]:
+    return [innovations(flight, changes) for flight in _flights(sources)]
 
 
 class Trials:
@@ -90,13 +89,12 @@ class Trials:
 
     gradients: int = 16
 
-    def __init__(self, sources: Sequence[Source], workers: int | None = None, advance: Advance | None = None) -> None:
+    def __init__(self, sources: Sequence[Source], workers: Workers = None, advance: Advance | None = None) -> None:
         self._advance, self._done = advance, 0
         flight = load(sources[0])  # what cannot be flown is refused here, in this process
-        self._pool = ProcessPoolExecutor(
-            workers or len(os.sched_getaffinity(0)), multiprocessing.get_context("spawn"), initializer=_begin, initargs=(sources,)
-        )
-        self.reference: list[Innovations] = self._pool.submit(_fly, {}).result()
+        self._stack, self._fly = ExitStack(), partial(_fly, tuple(sources))
+        self._pool = self._stack.enter_context(executor(workers))
+        self.reference: list[Innovations] = self._pool.submit(self._fly, {}).result()
         if not any(one.count.sum() for one in self.reference):
             raise SettingsError(f"{sources[0].navigator} had no innovations over the recordings; look at the replay first.")
         groups = frozenset.union(*(one.groups for one in self.reference))
@@ -110,6 +108,7 @@ class Trials:
 
     def __exit__(self, *_: object) -> None:
         self._pool.shutdown(cancel_futures=True)
+        self._stack.close()
 
     def changes(self, x: np.ndarray) -> dict[str, Any]:
         """Settings of a point."""
@@ -119,7 +118,7 @@ class Trials:
         """Log-likelihood of each point (p, n) by block, those of all recordings one after the other (p, b)."""
         keys = [tuple(np.round(p, 9).tolist()) for p in points]
         new = {key: point for key, point in zip(keys, points, strict=True) if key not in self._known}
-        for key, flown in zip(new, self._pool.map(_fly, [self.changes(p) for p in new.values()]), strict=True):
+        for key, flown in zip(new, self._pool.map(self._fly, [self.changes(p) for p in new.values()]), strict=True):
             self._known[key] = np.concatenate([one.against(r) for one, r in zip(flown, self.reference, strict=True)])
             self._done += 1
             if self._advance is not None:

@@ -12,6 +12,7 @@ import numpy as np
 from lowcostnav_ros.base.tables import Column, Table, number
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.studies.campaign import Workers
 from lowcostnav_ros.studies.outages.result import OutageStudy
 from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, study_outages
 from lowcostnav_ros.studies.tuning.fit import OBSERVED, Advance, Fit, Trials, Tunable, fit
@@ -56,7 +57,7 @@ class Tuned:
         return {p.name: _rounded(p.at(x)) for p, x, learned in rows if learned}
 
 
-def tune(sources: Sequence[Source], every_s: float = 15.0, workers: int | None = None, advance: Advance | None = None) -> Tuned:
+def tune(sources: Sequence[Source], every_s: float = 15.0, workers: Workers = None, advance: Advance | None = None) -> Tuned:
     """Tune a navigator over recordings.
 
     Parameters
@@ -65,8 +66,8 @@ def tune(sources: Sequence[Source], every_s: float = 15.0, workers: int | None =
         All of one navigator.
     every_s : float
         Seconds between the outages that judge, s.
-    workers : int, optional
-        Processes; all cores where None.
+    workers : int or str, optional
+        Processes, or the address of a dask scheduler; all cores where None.
     advance : callable, optional
         Called with the share of the trials flown.
 
