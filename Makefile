@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test lint unit config docs docs-check site mutants venv clean
+.PHONY: demo test lint unit config docs docs-check site validation validation-check mutants venv clean
 
 demo: venv ## fly a whole mission and write the page
 	$(BIN)/lowcostnav demo
@@ -26,6 +26,12 @@ docs: venv ## write docs/interfaces.md, the fields in docs/convert.md, the verdi
 	$(BIN)/python docs/make_interfaces.py
 	$(BIN)/python docs/make_convert.py
 	$(BIN)/python docs/make_verdicts.py
+
+validation: venv ## the measured pages of docs anew: results of the theses, faults, recordings, Monte Carlo (hours)
+	$(BIN)/python docs/make_validation.py
+
+validation-check: venv ## the same elsewhere; fails where a line differs from docs
+	$(BIN)/python docs/make_validation.py --check
 
 site: venv ## the documentation as a site in out/site, to be read without a network; a link that leads nowhere fails it
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "mkdocs-material>=9.5,<10"

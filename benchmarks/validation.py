@@ -149,15 +149,21 @@ def plot(path: Path, series: dict[str, dict], title: str) -> None:
 
 def measure(options) -> dict:
     """Run both recordings, write the page."""
-    images = DOCS / "images"
+    docs = options.docs
+    images = docs / "images"
     images.mkdir(exist_ok=True)
     text = HEAD + flight_page(real_flight.measure(options), images) + drive_page(real_drive.measure(options), images)
     if options.consistency:
         text += consistency_page(json.loads(Path(options.consistency).read_text()))
-    page = DOCS / "validation.md"
+    page = docs / "validation.md"
     page.write_text(text)
     return {"page": str(page)}
 
 
 if __name__ == "__main__":
-    run(__doc__.splitlines()[0], measure, consistency={"metavar": "FILE", "default": "", "help": "JSON written by consistency.py"})
+    run(
+        __doc__.splitlines()[0],
+        measure,
+        consistency={"metavar": "FILE", "default": "", "help": "JSON written by consistency.py"},
+        docs={"type": Path, "default": DOCS, "metavar": "DIR", "help": "where the page goes"},
+    )

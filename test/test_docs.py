@@ -47,3 +47,20 @@ def test_the_page_on_logs_says_what_a_table_may_hold():
     make_convert = script("make_convert")
     text = make_convert.PAGE.read_text(encoding="utf-8")
     assert text == make_convert.page(text), "run python docs/make_convert.py"
+
+
+def test_a_measured_page_made_anew_is_compared_line_by_line(tmp_path, monkeypatch, capsys):
+    making = script("make_validation")
+    monkeypatch.setattr(making, "DOCS", tmp_path / "docs")
+    monkeypatch.setattr(making, "PAGES", {"gebre": (["sh", "-c", "echo '| 2.0 m |' > {docs}/validation/gebre.md"],), "lost": (["true"],)})
+    (tmp_path / "docs" / "validation").mkdir(parents=True)
+    page = tmp_path / "docs" / "validation" / "gebre.md"
+    page.write_text("| 1.0 m |\n")
+    monkeypatch.setattr("sys.argv", ["make_validation.py", "--check", "gebre"])
+    assert making.main() == 1 and "-| 1.0 m |\n+| 2.0 m |\n" in capsys.readouterr().out and "1.0" in page.read_text()
+    monkeypatch.setattr("sys.argv", ["make_validation.py", "gebre"])
+    assert making.main() == 0 and page.read_text() == "| 2.0 m |\n"
+    monkeypatch.setattr("sys.argv", ["make_validation.py", "--check", "gebre"])
+    assert making.main() == 0
+    monkeypatch.setattr("sys.argv", ["make_validation.py", "lost"])
+    assert making.main() == 1 and "no page was made" in capsys.readouterr().err
