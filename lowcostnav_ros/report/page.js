@@ -19,8 +19,16 @@
     return out;
   }
   const shown = (v, step) => v.toFixed(clamp(-Math.floor(Math.log10(step) + 1e-9), 0, 6)).replace('-', '\u2212').replace(/^\u2212(0(\.0*)?)$/, '$1');
+  const marks = (low, high, count, isLog) => { // places of ticks and their words; of logarithms to base ten those of the numbers
+    if (!isLog) { const found = ticks(low, high, count); return found.map(v => [v, shown(v, found.step)]); }
+    if (high - low < 1) return marks(10 ** low, 10 ** high, count).filter(([v]) => v > 0).map(([v, text]) => [Math.log10(v), text]);
+    const each = Math.max(1, Math.round((high - low) / 10)), out = [];
+    for (let k = Math.ceil(low - 1e-9); k <= high + 1e-9; k += each) out.push([k, String(+(10 ** k).toPrecision(1))]);
+    return out;
+  };
   const digits = v => {
     const size = Math.abs(v);
+    if (size && size < 1e-3) return v.toExponential(2).replace(/-/g, '\u2212');
     return v.toFixed(size >= 1000 ? 0 : size >= 100 ? 1 : size >= 1 ? 2 : size >= 0.01 ? 4 : 6).replace('-', '\u2212');
   };
 
@@ -50,6 +58,7 @@
       this.svg = svg;
       const d = svg.dataset, box = svg.viewBox.baseVal, plot = this.plot = svg.querySelector('svg.plot');
       this.t0 = +d.start; this.t1 = +d.end; this.unit = d.unit || '';
+      this.across = d.across; this.logX = (d.log || '').includes('x'); this.logY = (d.log || '').includes('y');
       this.scaled = 'low' in d; this.low0 = this.low = +d.low; this.high0 = this.high = +d.high;
       this.left0 = this.left = +plot.getAttribute('x'); this.width0 = box.width; this.height = box.height;
       this.axes = svg.querySelector('.axes'); this.frame = svg.querySelector('.frame');
@@ -58,8 +67,8 @@
       this.lanes = all('.lane,.refusal', svg);
       this.hidden = new Set();
       this.line = make('line', {class: 'cursor', y1: TOP, y2: this.height - BOTTOM, visibility: 'hidden'}, svg);
-      const key = d.start + '/' + d.end;
-      this.view = views[key] = views[key] || {t0: this.t0, t1: this.t1, a: this.t0, b: this.t1, charts: []};
+      const key = [d.start, d.end, d.across].join('/');
+      this.view = views[key] = views[key] || {t0: this.t0, t1: this.t1, a: this.t0, b: this.t1, across: d.across, isLog: this.logX, charts: []};
       this.view.charts.push(this);
       for (const k of this.keys) k.g.addEventListener('click', () => this.toggle(k));
       this.listen();
@@ -135,18 +144,18 @@
       this.plot.setAttribute('viewBox', `${u(a)} ${rows[0]} ${Math.max(u(b) - u(a), 1e-3)} ${rows[1]}`);
       this.axes.replaceChildren();
       if (this.scaled) {
-        const values = ticks(this.low, this.high, 4);
-        for (const v of values) {
+        for (const [v, text] of marks(this.low, this.high, 4, this.logY)) {
           const y = TOP + (this.high - v) / (this.high - this.low) * (base - TOP);
-          make('path', {d: `M${this.left} ${y}h${this.inner}`, class: Math.abs(v) < 1e-9 * values.step ? 'zero' : 'grid'}, this.axes);
-          make('text', {x: this.left - 6, y: y + 3.5, class: 'tick end'}, this.axes, shown(v, values.step));
+          make('path', {d: `M${this.left} ${y}h${this.inner}`, class: v === 0 && !this.logY ? 'zero' : 'grid'}, this.axes);
+          make('text', {x: this.left - 6, y: y + 3.5, class: 'tick end'}, this.axes, text);
         }
       }
-      const [unit, name] = b - a > 600 ? [60, 'min'] : [1, 's'], marks = ticks((a - t0) / unit, (b - t0) / unit, clamp(this.inner / 80, 2, 12));
-      marks.forEach((v, k) => {
-        const x = this.x(t0 + v * unit);
+      const [unit, name] = this.across != null ? [1, this.across] : b - a > 10800 ? [3600, 'h'] : b - a > 600 ? [60, 'min'] : [1, 's'];
+      const zero = this.across != null ? 0 : t0, along = marks((a - zero) / unit, (b - zero) / unit, clamp(this.inner / 80, 2, 12), this.logX);
+      along.forEach(([v, text], k) => {
+        const x = this.x(zero + v * unit);
         make('path', {d: `M${x} ${TOP}V${base}`, class: 'grid'}, this.axes);
-        make('text', {x, y: base + 13, class: 'tick mid'}, this.axes, shown(v, marks.step) + (k === marks.length - 1 ? ' ' + name : ''));
+        make('text', {x, y: base + 13, class: 'tick mid'}, this.axes, text + (k === along.length - 1 ? ' ' + name : ''));
       });
       for (const e of this.modes) {
         const from = this.x(Math.max(+e.dataset.from, a)), to = this.x(Math.min(+e.dataset.to, b));
@@ -234,7 +243,7 @@
     const names = {};
     for (const [item, v] of values) {
       const label = item.kind === 'band' ? item.label : item.label || 'value';
-      if (!names[label]) rows.push(`${label}: ${digits(v)} ${chart.unit}`);
+      if (!names[label]) rows.push(`${label}: ${digits(chart.logY ? 10 ** v : v)} ${chart.unit}`);
       names[label] = 1;
     }
     box.replaceChildren(...rows.map(text => Object.assign(document.createElement('div'), {textContent: text})));
@@ -242,8 +251,8 @@
     box.style.left = (right ? event.clientX - box.offsetWidth - 14 : event.clientX + 14) + 'px';
     box.style.top = clamp(event.clientY + 12, 4, innerHeight - box.offsetHeight - 60) + 'px';
   }
-  const clock = s => `${Math.floor(s / 60)}:${(s % 60).toFixed(1).padStart(4, '0')}`;
-  const words = (time, view) => clock(time - view.t0) + (time > 1e8 ? `  ${new Date(time * 1e3).toISOString().slice(11, 21)} UTC` : '');
+  const clock = s => s < 3600 ? `${Math.floor(s / 60)}:${(s % 60).toFixed(1).padStart(4, '0')}` : `${Math.floor(s / 3600)}:${clock(s % 3600).padStart(7, '0')}`;
+  const words = (time, view) => view.across != null ? `${digits(view.isLog ? 10 ** time : time)} ${view.across}` : clock(time - view.t0) + (time > 1e8 ? `  ${new Date(time * 1e3).toISOString().slice(11, 21)} UTC` : '');
   const listeners = [];
   const charts = all('svg.chart').map(svg => new Chart(svg));
   const stored = document.getElementById('flight'), flight = stored && JSON.parse(stored.textContent);

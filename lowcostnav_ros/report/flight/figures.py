@@ -9,7 +9,7 @@ from lowcostnav_ros.navigators.registry import label_of
 from lowcostnav_ros.replay.result import ReplayResult
 from lowcostnav_ros.replay.words import compared_with
 from lowcostnav_ros.report.chart import HALF, Band, Curve, Dots, Item, TimeAxis, time_chart
-from lowcostnav_ros.report.flight.map_chart import Ellipse, Ground, Track, map_chart
+from lowcostnav_ros.report.map_chart import Ellipse, Ground, Track, map_chart
 from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
 
 TRUTH_COLOUR, SMOOTHED_COLOUR = "var(--ink)", "#00856a"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.units import NAUTICAL_MILE
+from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.replay.columns import position_difference_n
 from lowcostnav_ros.replay.result import Place
 from lowcostnav_ros.report import svg
@@ -44,6 +45,59 @@ class Ellipse:
     sigma_east_m: float
     colour: str
     label: str = ""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cells:
+    """Classes over a rectangle: ``classes`` (rows, columns) of whole numbers, from south and west, of which the negative ones stay clear.
+
+    ``north_m`` and ``east_m`` are the middles of rows and columns, evenly apart, in ``frame``.
+    """
+
+    north_m: np.ndarray
+    east_m: np.ndarray
+    classes: np.ndarray
+    colours: Sequence[str]
+    words: Sequence[str]
+    frame: LocalFrame
+
+    def at(self, north_m: np.ndarray, east_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Latitude and longitude of places, degrees."""
+        lat, lon, _ = self.frame.from_ned(np.column_stack([north_m, east_m, np.zeros(len(north_m))]))
+        return np.degrees(lat), np.degrees(lon)
+
+    def edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of rows and of columns, m."""
+        halves = [0.5 * (side[1] - side[0]) for side in (self.north_m, self.east_m)]
+        return tuple(np.append(s - h, s[-1] + h) for s, h in zip((self.north_m, self.east_m), halves, strict=True))  # type: ignore[return-value]
+
+    def extent(self) -> Track:
+        """Its middle and its corners."""
+        north, east = self.edges()
+        corners = self.at(np.append(0.0, north[[0, 0, -1, -1]]), np.append(0.0, east[[0, -1, 0, -1]]))
+        return Track(*corners, "none", "", dots=True)
+
+    def drawn(self, ground: "Ground") -> str:
+        """A path for each class, of rectangles that lie side by side."""
+        north, east = self.edges()
+        n, e = np.meshgrid(north, east, indexing="ij")
+        x, y = (v.reshape(n.shape).round().astype(int) for v in ground.units(*self.at(n.ravel(), e.ravel())))
+        paths: dict[int, list[str]] = {}
+        for i, row in enumerate(self.classes):
+            starts = np.flatnonzero(np.append(True, row[1:] != row[:-1]))
+            for a, b in zip(starts, [*starts[1:], len(row)], strict=True):
+                if row[a] >= 0:
+                    corners = ((i, a), (i, b), (i + 1, b), (i + 1, a))
+                    paths.setdefault(int(row[a]), []).append("M" + "L".join(f"{x[c]} {y[c]}" for c in corners) + "z")
+        kinds = sorted(paths.items())
+        cells = (svg.path("".join(d), fill=self.colours[k], stroke=self.colours[k], stroke_width=0.8, data_label=self.words[k]) for k, d in kinds)
+        return svg.element("g", "".join(cells), opacity=0.8)
+
+    def legend(self) -> str:
+        """The colours in a line of text, those that are there."""
+        there = sorted({int(k) for k in np.unique(self.classes) if k >= 0})
+        spans = (svg.element("span", svg.escape(self.words[k]), style=f"border-color:{self.colours[k]}") for k in there)
+        return svg.element("p", "".join(spans), class_="note colours")
 
 
 class Ground:
@@ -92,7 +146,9 @@ class Ground:
         return svg.element("g", content, class_="pin", transform=where, data_x=f"{x:.0f}", data_y=f"{y:.0f}")
 
 
-def map_chart(tracks: Sequence[Track], stations: Sequence[Place] = (), ellipses: Sequence[Ellipse] = ()) -> str:
+def map_chart(
+    tracks: Sequence[Track], stations: Sequence[Place] = (), ellipses: Sequence[Ellipse] = (), cells: Cells | None = None
+) -> str:
     """Draw the map; an empty string without positions.
 
     Parameters
@@ -102,23 +158,28 @@ def map_chart(tracks: Sequence[Track], stations: Sequence[Place] = (), ellipses:
     stations : sequence of Place
         Those inside the extent are drawn, the rest is named below with distance and bearing.
     ellipses : sequence of Ellipse
+    cells : Cells, optional
+        Colours under all of it, which lie within the extent too.
     """
-    ground = Ground.under(tracks)
+    ground = Ground.under([*tracks, cells.extent()] if cells else tracks)
     if ground is None:
         return ""
     tracks = [t for t in tracks if np.isfinite(t.lat_deg).any()]
-    inside = "".join([*(_ellipse(ground, e) for e in ellipses), *(_track(ground, t) for t in tracks)])
+    under = cells.drawn(ground) if cells else ""
+    inside = "".join([under, *(_ellipse(ground, e) for e in ellipses), *(_track(ground, t) for t in tracks)])
     pins, outside = _stations(ground, stations)
     width, height = WIDTH - 2 * MARGIN, ground.height - 2 * MARGIN
     box = {"x": MARGIN, "y": MARGIN, "width": width, "height": height, "viewBox": f"0 0 {width * FINER} {height * FINER}"}
     plot = svg.element("svg", inside, class_="plot", preserveAspectRatio="xMidYMid meet", **box)
-    marks = svg.element("g", pins + _ends(ground, tracks[0]), class_="pins")
+    marks = svg.element("g", pins + ("" if cells else _ends(ground, tracks[0])), class_="pins")
     axes = svg.element("g", _graticule(ground) + _scale_bar(ground), class_="axes")
     parts = [axes, plot, marks, _names(ground), _north()]
     note = f'<p class="note">Stations outside the map: {svg.escape(", ".join(outside))}.</p>' if outside else ""
     corner = {"data_per_metre": f"{ground.scale * FINER:.6g}", "data_west": f"{ground.west:.1f}", "data_north": f"{ground.north:.1f}"}
+    corner |= {"data_lat": f"{math.degrees(ground.lat0):.6f}", "data_lon": f"{math.degrees(ground.lon0):.6f}"}
     drawn = svg.drawing("map", "map", WIDTH, ground.height, "".join(parts), data_margin=MARGIN, **corner)
-    return f"{_legend(tracks, bool(ellipses))}{drawn}{note}"
+    said = (cells.legend() if cells else "") + _legend([t for t in tracks if t.label], bool(ellipses))
+    return f"{said}{drawn}{note}"
 
 
 def _track(ground: Ground, track: Track) -> str:
@@ -216,6 +277,8 @@ def _north() -> str:
 
 def _legend(tracks: Sequence[Track], has_ellipses: bool) -> str:
     """The marks of the tracks in a line of text, which a narrow window breaks."""
+    if not tracks:
+        return ""
     said = "".join(f"<span>{_sample(track)}{svg.escape(track.label)}</span>" for track in tracks)
     said += "<span>ellipses: 2 sigma, every minute without GPS</span>" if has_ellipses else ""
     return f'<p class="note names-of-tracks">{said}</p>'
