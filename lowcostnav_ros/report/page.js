@@ -23,7 +23,7 @@
     if (!isLog) { const found = ticks(low, high, count); return found.map(v => [v, shown(v, found.step)]); }
     if (high - low < 1) return marks(10 ** low, 10 ** high, count).filter(([v]) => v > 0).map(([v, text]) => [Math.log10(v), text]);
     const each = Math.max(1, Math.round((high - low) / 10)), out = [];
-    for (let k = Math.ceil(low - 1e-9); k <= high + 1e-9; k += each) out.push([k, String(+(10 ** k).toPrecision(1))]);
+    for (let k = Math.ceil(low - 1e-9); k <= high + 1e-9; k += each) out.push([k, Math.abs(k) > 4 ? `1e${k}`.replace('-', '\u2212') : String(+(10 ** k).toPrecision(1))]);
     return out;
   };
   const digits = v => {
