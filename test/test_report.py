@@ -20,10 +20,10 @@ from lowcostnav_ros.replay.words import distance, error_over_sigma, sentence
 from lowcostnav_ros.report import svg
 from lowcostnav_ros.report.chart import BOTTOM, LEFT, LEVELS, RIGHT, TOP, UNITS, Band, Curve, Frame, TimeAxis, time_chart
 from lowcostnav_ros.report.decimate import straightened, thin, thin_envelope
-from lowcostnav_ros.report.map_chart import Track, map_chart
 from lowcostnav_ros.report.flight.page import page_of
 from lowcostnav_ros.report.flight.result_folder import read_result, read_table
 from lowcostnav_ros.report.flight.timeline import mode_spans
+from lowcostnav_ros.report.map_chart import Track, map_chart
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ from lowcostnav_ros.replay.session import replay_stream
 from lowcostnav_ros.replay.withhold import parse_withhold
 from lowcostnav_ros.report.chart import Band, Curve, Dots, TimeAxis, time_chart
 from lowcostnav_ros.report.document import document, section
-from lowcostnav_ros.report.map_chart import Track, map_chart
 from lowcostnav_ros.report.flight.page import page_of
 from lowcostnav_ros.report.flight.result_folder import read_result
+from lowcostnav_ros.report.map_chart import Track, map_chart
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no chromium here to look at the page with")

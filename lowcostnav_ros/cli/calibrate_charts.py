@@ -109,7 +109,7 @@ def swing_charts(heading: np.ndarray, measured: np.ndarray, curve: HeadingSwing)
     """Deviations against magnetic heading, rad, with the fitted curve and what it leaves."""
     around = np.radians(np.linspace(0.0, 360.0, 361))
     known, deviation = np.degrees(np.mod(heading, 2.0 * np.pi)), np.degrees(wrap(measured - heading))
-    items = [
+    items: list[Item] = [
         Curve(np.degrees(around), np.degrees(curve.error(around)), COLOURS[0], "curve"),
         Dots(known, deviation, COLOURS[1], "measured minus known", 6.0),
         Dots(known, deviation - np.degrees(curve.error(heading)), INK, "left by the curve", 5.0),

@@ -25,6 +25,7 @@ def document(name: str, sections: Iterable[str], flight: str = "") -> str:
     flight : str
         What there is to play, as JSON; see :mod:`.flight.playback`.
     """
+    sections = list(sections)
     style, script, indicator = (_text(file) for file in ("page.css", "page.js", "attitude_indicator.js"))
     view = '<meta name="viewport" content="width=device-width,initial-scale=1">'
     head = f'<meta charset="utf-8">{view}<title>{escape(name)}</title><style>{style}</style>'
@@ -35,7 +36,9 @@ def document(name: str, sections: Iterable[str], flight: str = "") -> str:
         data = flight.replace("<", "\\u003c")
         fixed += f'{_player()}<script id="flight" type="application/json">{data}</script>'
         scripts = indicator + script
-    body = f"<main>{_with_contents(list(sections))}</main>{fixed}<script>{scripts}</script>"
+    if any('id="fields"' in one for one in sections):
+        scripts += _text("fields.js")
+    body = f"<main>{_with_contents(sections)}</main>{fixed}<script>{scripts}</script>"
     return f'<!doctype html><html lang="en"><head>{head}</head><body>{body}</body></html>\n'
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.units import NAUTICAL_MILE
+from lowcostnav_ros.catalogue import background
 from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.replay.columns import position_difference_n
 from lowcostnav_ros.replay.result import Place
@@ -17,6 +18,8 @@ WIDTH, MARGIN = 960, 46
 MAX_POINTS = 1800
 FINER = 20
 """Units of the drawing in a pixel: a reader may look so much closer."""
+WIDER = 4.0
+"""Coast is there for a reader who zooms out, over so many widths of the map."""
 FARTHEST_NM = 200.0
 """A station farther away than any receiver receives is not named."""
 
@@ -139,6 +142,15 @@ class Ground:
         north, east = self.metres(np.atleast_1d(lat_deg), np.atleast_1d(lon_deg))
         return (east - self.west) * self.scale * FINER, (self.north - north) * self.scale * FINER
 
+    def degrees(self, wider: float) -> tuple[float, float, float, float]:
+        """South, west, north and east of the map, made so many times wider, degrees."""
+        per_north = math.radians(6_371_000.0)
+        per_east = per_north * max(math.cos(self.lat0), 0.01)
+        half_north, half_east = (0.5 * wider * (b - a) for a, b in ((self.south, self.north), (self.west, self.east)))
+        lat = math.degrees(self.lat0) + 0.5 * (self.south + self.north) / per_north
+        lon = math.degrees(self.lon0) + 0.5 * (self.west + self.east) / per_east
+        return lat - half_north / per_north, lon - half_east / per_east, lat + half_north / per_north, lon + half_east / per_east
+
     def pin(self, lat_deg: float, lon_deg: float, content: str) -> str:
         """Marks drawn about (0, 0) at a place, as large however close a reader looks."""
         (x,), (y,) = self.units(lat_deg, lon_deg)
@@ -165,9 +177,10 @@ def map_chart(
     if ground is None:
         return ""
     tracks = [t for t in tracks if np.isfinite(t.lat_deg).any()]
-    under = cells.drawn(ground) if cells else ""
+    under = _coast(ground) + (cells.drawn(ground) if cells else "")
     inside = "".join([under, *(_ellipse(ground, e) for e in ellipses), *(_track(ground, t) for t in tracks)])
     pins, outside = _stations(ground, stations)
+    pins = _airports(ground) + pins
     width, height = WIDTH - 2 * MARGIN, ground.height - 2 * MARGIN
     box = {"x": MARGIN, "y": MARGIN, "width": width, "height": height, "viewBox": f"0 0 {width * FINER} {height * FINER}"}
     plot = svg.element("svg", inside, class_="plot", preserveAspectRatio="xMidYMid meet", **box)
@@ -200,6 +213,23 @@ def _ellipse(ground: Ground, e: Ellipse) -> str:
     colours: dict[str, Any] = {"fill": e.colour, "fill_opacity": 0.06, "stroke": e.colour, "stroke_opacity": 0.5}
     title = svg.element("title", svg.escape(e.label)) if e.label else ""
     return svg.element("ellipse", title, cx=f"{x:.0f}", cy=f"{y:.0f}", rx=f"{rx:.0f}", ry=f"{ry:.0f}", **colours)
+
+
+def _coast(ground: Ground) -> str:
+    lines = (svg.path_data(*ground.units(line[:, 0], line[:, 1])) for line in background.coast(*ground.degrees(WIDER)))
+    return svg.path("".join(lines), class_="coast")
+
+
+def _airports(ground: Ground) -> str:
+    """Pins of the airports, their names for who points at them."""
+    pins = []
+    for one in background.airports(*ground.degrees(1.0)):
+        (north,), (east,) = ground.metres(np.array([one.lat_deg]), np.array([one.lon_deg]))
+        if ground.holds(north, east):
+            title = svg.element("title", svg.escape(one.name))
+            mark = svg.element("circle", title, r=3.5) + svg.element("path", d="M-5 0h10") + svg.text(7, 4, one.ident)
+            pins.append(ground.pin(one.lat_deg, one.lon_deg, svg.element("g", mark, class_="airport")))
+    return "".join(pins)
 
 
 def _stations(ground: Ground, stations: Sequence[Place]) -> tuple[str, list[str]]:
@@ -247,7 +277,7 @@ def _graticule(ground: Ground) -> str:
 def _names(ground: Ground) -> str:
     """What the numbers on the edges are."""
     origin = f"{_side(ground.lat0, 'NS')}, {_side(ground.lon0, 'EW')}"
-    along = svg.text(WIDTH / 2, ground.height - MARGIN + 30, f"east and north of {origin} [NM]", class_="tick", text_anchor="middle")
+    along = svg.text(WIDTH / 2, ground.height - MARGIN + 30, f"east and north of {origin} [NM]; coast to about 1 km", class_="tick", text_anchor="middle")
     return svg.element("g", along, class_="names")
 
 

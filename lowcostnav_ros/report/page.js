@@ -401,7 +401,7 @@
       for (const {w, g} of crafts) {
         const x = value(w, 'x', t), y = value(w, 'y', t), p = x == null || y == null ? null : ground.pixel(x, y);
         g.setAttribute('visibility', p && ground.holds(...p) ? 'visible' : 'hidden');
-        if (p) g.setAttribute('transform', `translate(${p}) rotate(${value(w, 'heading_deg', t) ?? 0})`);
+        if (p && ground.width) g.setAttribute('transform', `translate(${p}) rotate(${value(w, 'heading_deg', t) ?? 0})`);
       }
       if (region) {
         const at = ['x', 'y', 'sigma_east_m', 'sigma_north_m'].map(key => value(w, key, t)), k = 2 * ground.perMetre;
@@ -477,6 +477,11 @@
 
   // ---- as wide as the window, drawn when seen; on paper as written
   const drawn = [...charts, ...grounds];
+  const add = chart => { drawn.push(chart); seen.observe(chart.svg); fitted(chart); };
+  const remove = chart => {
+    seen.unobserve(chart.svg); chart.svg.remove();
+    for (const list of [drawn, chart.view.charts]) list.splice(list.indexOf(chart), 1);
+  };
   const fitted = one => { const w = one.svg.getBoundingClientRect().width; if (w) { one.svg.style.height = (one.height || 0) + 'px'; one.layout(w); one.svg.style.height = one.height + 'px'; one.stale = false; } };
   const seen = new IntersectionObserver(entries => entries.forEach(e => {
     const one = drawn.find(d => d.svg === e.target);
@@ -496,5 +501,5 @@
     const dark = (document.documentElement.dataset.theme || (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light')) === 'dark';
     document.documentElement.dataset.theme = dark ? 'light' : 'dark';
   };
-  window.page = {charts, grounds, views, main, show, flight, point, fit: () => drawn.forEach(fitted)};
+  window.page = {Chart, add, remove, make, digits, charts, grounds, views, main, show, flight, point, fit: () => drawn.forEach(fitted)};
 })();

@@ -10,6 +10,7 @@ from lowcostnav_ros.report.document import document, html_table, section
 from lowcostnav_ros.report.svg import escape
 from lowcostnav_ros.report.terminal import Told, print_report
 
+
 def show_plan(plan: Any, told: Told, folder: str | None, mapping: dict[str, Any], drawings: Callable[[Any], Sequence[str]]) -> None:
     """Print a plan; write ``plan.json`` and ``plan.html`` into a folder, made where it is not there.
 

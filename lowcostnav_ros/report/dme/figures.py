@@ -13,8 +13,8 @@ from lowcostnav_ros.radionav.interrogation import REPLY_S, SEARCH_S
 from lowcostnav_ros.radionav.plan import pair_changes
 from lowcostnav_ros.replay.result import Place
 from lowcostnav_ros.report.chart import Axis, Curve, TimeAxis, time_chart
-from lowcostnav_ros.report.document import details
 from lowcostnav_ros.report.dme.plan import Leg, Level, Plan
+from lowcostnav_ros.report.document import details
 from lowcostnav_ros.report.lanes import Lane, Span, lanes
 from lowcostnav_ros.report.map_chart import Cells, Track, map_chart
 

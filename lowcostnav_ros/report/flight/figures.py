@@ -9,8 +9,8 @@ from lowcostnav_ros.navigators.registry import label_of
 from lowcostnav_ros.replay.result import ReplayResult
 from lowcostnav_ros.replay.words import compared_with
 from lowcostnav_ros.report.chart import HALF, Band, Curve, Dots, Item, TimeAxis, time_chart
-from lowcostnav_ros.report.map_chart import Ellipse, Ground, Track, map_chart
 from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
+from lowcostnav_ros.report.map_chart import Ellipse, Ground, Track, map_chart
 
 TRUTH_COLOUR, SMOOTHED_COLOUR = "var(--ink)", "#00856a"
 _SPARE = ("#7a5195", "#8c6d31", "#56b4e9", "#5f7f3a")

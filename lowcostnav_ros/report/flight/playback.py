@@ -8,8 +8,8 @@ import numpy as np
 from lowcostnav_ros.navigators.registry import known_modes
 from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.flight.figures import GAP_S, TRUTH_COLOUR, colour_of, reference_of
-from lowcostnav_ros.report.map_chart import Ground
 from lowcostnav_ros.report.flight.result_folder import Columns, Result
+from lowcostnav_ros.report.map_chart import Ground
 
 MOST, LEAST_STEP_S = 1200, 0.5
 """Times that are kept at most, and the least between two of them."""
