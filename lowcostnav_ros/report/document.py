@@ -26,16 +26,17 @@ def document(name: str, sections: Iterable[str], flight: str = "") -> str:
         What there is to play, as JSON; see :mod:`.flight.playback`.
     """
     sections = list(sections)
-    style, script, indicator = (_text(file) for file in ("page.css", "page.js", "attitude_indicator.js"))
+    style, script, panel = (_text(file) for file in ("page.css", "page.js", "instruments.js"))
     view = '<meta name="viewport" content="width=device-width,initial-scale=1">'
     head = f'<meta charset="utf-8">{view}<title>{escape(name)}</title><style>{style}</style>'
-    tools = _button("\N{CIRCLE WITH RIGHT HALF BLACK}", "light or dark", id="theme") + _button("whole flight", "zoom out", id="unzoom")
+    tools = _button("\N{CIRCLE WITH RIGHT HALF BLACK}", "light or dark", id="theme") + _button("SI", "units: SI or of aviation", id="units", hidden="hidden")
+    tools += _button("whole flight", "zoom out", id="unzoom")
     fixed = f'<div id="tools">{tools}</div><div id="when"></div>'
     scripts = script
     if flight:
         data = flight.replace("<", "\\u003c")
         fixed += f'{_player()}<script id="flight" type="application/json">{data}</script>'
-        scripts = indicator + script
+        scripts = panel + script
     if any('id="fields"' in one for one in sections):
         scripts += _text("fields.js")
     body = f"<main>{_with_contents(sections)}</main>{fixed}<script>{scripts}</script>"
@@ -59,7 +60,7 @@ def _player() -> str:
     play = _button("\N{BLACK RIGHT-POINTING TRIANGLE}", "play or pause", class_="play")
     choices = choice("who", "navigator", {}) + choice("by", "colour of the track", _COLOURS)
     fold = _button("\N{WHITE CIRCLE}", "attitude indicator", class_="fold")
-    horizon = '<div class="horizon"></div>'
+    horizon = '<div class="horizon"><canvas role="img" aria-label="attitude, speed, height and heading"></canvas></div>'
     parts = (play, choice("speed", "speed", _SPEEDS), slide, '<span class="time"></span>', choices, fold, horizon)
     return f'<div id="player" hidden>{"".join(parts)}</div>'
 

@@ -35,8 +35,8 @@ LONGEST_BODY = 1000
 COOKIE = "lowcostnav"
 TOKEN = "LOWCOSTNAV_PAGE_TOKEN"
 """Environment variable with the token of a page; it is no parameter, which anybody could read, and a recording would keep."""
-ASSETS = {"/": ("page.html", "text/html"), "/page.css": ("page.css", "text/css"), "/page.js": ("page.js", "text/javascript")}
-ASSETS |= {"/instruments.js": ("instruments.js", "text/javascript"), "/map.js": ("map.js", "text/javascript")}
+ASSETS = {"/": ("graph/page", "assets/page.html", "text/html"), "/page.css": ("graph/page", "assets/page.css", "text/css"), "/page.js": ("graph/page", "assets/page.js", "text/javascript")}
+ASSETS |= {"/instruments.js": ("report", "instruments.js", "text/javascript"), "/map.js": ("graph/page", "assets/map.js", "text/javascript")}
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
     "X-Content-Type-Options": "nosniff",
@@ -223,8 +223,8 @@ class _Request(BaseHTTPRequestHandler):
         if path == "/events":
             self._stream()
         elif path in ASSETS:
-            name, kind = ASSETS[path]
-            self._answer(HTTPStatus.OK, (files(__package__) / "assets" / name).read_bytes(), kind)
+            room, name, kind = ASSETS[path]
+            self._answer(HTTPStatus.OK, (files("lowcostnav_ros") / room / name).read_bytes(), kind)
         else:
             self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
 
