@@ -1,5 +1,6 @@
 // Any logged quantity, or a formula of some, as a further chart under the common zoom and cursor.
-(() => {
+(async () => {
+  await window.pageReady;
   const {Chart, add, remove, make, main} = window.page, $ = id => document.getElementById(id);
   const STEPS = 65534, FUNCTIONS = ['abs', 'sqrt', 'hypot', 'sin', 'cos', 'tan', 'atan2', 'min', 'max', 'sign', 'exp', 'log', 'PI'];
   const COLOURS = ['#1f77b4', '#d95f02', '#2a9d5c', '#7a5195', '#8c6d31', '#56b4e9'];

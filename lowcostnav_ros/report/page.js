@@ -1,5 +1,13 @@
-// The page's behaviour.  The charts are whole without it; here they fit the window, zoom, and share a cursor with the map and the player.
-(() => {
+// The page's behaviour.  Charts are whole without it, but for those far down a long page, which are packed; here they fit the window, zoom,
+// and share a cursor with the map and the player.
+window.pageReady = (async () => {
+  const packed = document.querySelectorAll('[data-packed]');
+  if (packed.length) await Promise.all([...packed].map(async e => {
+    const bytes = Uint8Array.from(atob(e.dataset.packed), c => c.charCodeAt(0));
+    const text = await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'))).text();
+    e.removeAttribute('data-packed');
+    if (e.tagName === 'SCRIPT') e.textContent = text; else e.innerHTML = text;
+  }));
   const NS = 'http://www.w3.org/2000/svg', UNITS = 1e4, LEVELS = 4000, RIGHT = 12, TOP = 20, BOTTOM = 20;
   const all = (what, where = document) => [...where.querySelectorAll(what)];
   const make = (name, attributes, parent, text) => {

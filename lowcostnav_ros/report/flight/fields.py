@@ -10,7 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import ImuBlock, Measurement
+from lowcostnav_ros.base.measurements import (
+    AirTemperature,
+    AirVelocity,
+    GpsPosition,
+    GpsVelocity,
+    ImuBlock,
+    MagneticField,
+    Measurement,
+    Pressure,
+    SlantRange,
+    VorBearing,
+)
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.decimate import thin
@@ -18,12 +29,14 @@ from lowcostnav_ros.report.document import section
 from lowcostnav_ros.report.flight.result_folder import Columns, Result
 from lowcostnav_ros.report.svg import element
 
-MOST = 600
+MOST = 450
 """Points of a quantity, about."""
 STEPS = 65_534
 """Between the smallest and the largest value; 0 stands for none."""
 _UNITS = {"mps": "m/s", "radps": "rad/s", "mps2": "m/s^2", "ut": "uT", "degps": "deg/s", "m": "m", "deg": "deg", "rad": "rad", "pa": "Pa", "s": "s"}
 _UNITS |= {"k": "K", "hz": "Hz"}
+_SENSORS = (ImuBlock, MagneticField, GpsPosition, GpsVelocity, Pressure, AirTemperature, AirVelocity, SlantRange, VorBearing)
+"""Inputs that are drawn; an attitude reference is a navigator."""
 _IMU = {"specific_force_b": "specific_force_{}_mps2", "angular_rate_b": "angular_rate_{}_radps"}
 _AXES = {"field_b": ("xyz", "{}_ut", 1e6), "vel_n": (("north", "east", "down"), "{}_mps", 1.0), "vel_b": ("xyz", "{}_mps", 1.0)}
 _PLAIN = ("lat", "lon", "height", "pressure_pa", "temperature_k", "range_m", "bearing_rad")
@@ -116,11 +129,11 @@ def _inputs(bag: Path) -> Iterator[Group]:
     """What the recording holds as plain numbers, with the extremes kept."""
     found: dict[str, list[Measurement]] = {}
     with BagReader(bag) as reader:
-        for one in reader.measurements(reader.types):
-            if isinstance(one, ImuBlock) or any(hasattr(one, name) for name in (*_AXES, *_PLAIN)):
-                key = f"{one.source}/{one.station}" if hasattr(one, "station") else one.source
-                if not one.source.endswith("/odometry"):
-                    found.setdefault(key, []).append(one)
+        kinds = {topic: reader.decoder.rules.kind_of(topic) for topic in reader.types}
+        wanted = [topic for topic, kind in kinds.items() if kind is not None and kind.measurement in _SENSORS]
+        for one in reader.measurements(wanted):
+            key = f"{one.source}/{one.station}" if isinstance(one, SlantRange | VorBearing) else one.source
+            found.setdefault(key, []).append(one)
     for source, ones in found.items():
         place = "input." + re.sub(r"\W+", ".", source)
         for name, (t_s, values) in _numbers(ones).items():
