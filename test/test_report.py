@@ -141,6 +141,12 @@ def test_straightening_stays_within_what_it_may(n, seed, most):
     assert stepped[1].tolist() == [0.0, 0.0, 9.0, 9.0]
 
 
+def test_a_map_shows_the_airport_and_the_coast_that_are_there():
+    drawn = map_chart([Track(np.array([37.5, 37.8]), np.array([-122.6, -122.0]), "#000", "way")])
+    assert "KSFO" in drawn and "San Francisco" in drawn and 'class="coast"' in drawn
+    assert 'class="coast"' not in map_chart([Track(np.array([48.0, 48.1]), np.array([11.0, 11.1]), "#000", "inland")])
+
+
 def test_nothing_to_draw_is_an_empty_string():
     assert time_chart("e", TimeAxis(0.0, 1.0), [Curve(np.array([0.0]), np.array([np.nan]), "#000")]) == ""
     assert map_chart([Track(np.array([np.nan]), np.array([np.nan]), "#000", "x")]) == ""

@@ -90,24 +90,23 @@ def test_any_quantity_is_drawn_and_units_are_those_of_the_cockpit(result, tmp_pa
     long = document("x", [section("First", "a" * 300_000), section("Later", f"<p id='late'>{'b' * 20_000}</p>")])
     assert "bbb" not in long and len(asked(tmp_path, long, "return document.getElementById('late').textContent")) == 20_000
     answer = asked(tmp_path, page_of(result), """
-        await page.drawField('follower.height_m - truth.height_m; follower.error.north_m * 2');
-        const [formula, twice] = page.charts[page.charts.length - 1].items(), refused = [];
+        await page.drawField('follower.height_m - truth.height_m');
+        await page.drawField('follower.lon_deg * 2');
+        const [[formula], [twice]] = page.charts.slice(-2).map(c => c.items()), refused = [];
         for (const text of ['nothing.at_all', '', 'alert(1);', 'follower.height_m +', 'a[0]']) {
           await page.drawField(text);
           refused.push(document.getElementById('not-drawn').textContent);
         }
         const titles = () => page.charts.map(c => c.title?.textContent), north = page.charts.find(c => /^North error/.test(c.said));
-        const before = [titles(), document.querySelector('table').innerText], shown = north.axes.querySelector('.tick').textContent;
+        const before = [titles(), document.querySelector('table').innerText], shown = north.axes.textContent;
         document.getElementById('units').click();
-        const after = [titles(), document.querySelector('table').innerText], cockpit = north.axes.querySelector('.tick').textContent;
+        const after = [titles(), document.querySelector('table').innerText], cockpit = north.axes.textContent;
         document.getElementById('units').click();
         return {formula: formula.parts[0], twice: twice.parts[0], refused, before, after, shown, cockpit,
           same: JSON.stringify(before) === JSON.stringify([titles(), document.querySelector('table').innerText])}""")
     follower = result.navigators["follower"]
-    for part, table, name, factor in (("twice", follower.errors, "north_m", 2.0),):
-        known = np.isfinite(table[name])
-        expected = factor * np.interp(answer[part][0], table["t_s"][known], table[name][known])
-        assert np.allclose(answer[part][1], expected, atol=0.05 * np.ptp(expected))
+    expected = 2.0 * np.interp(answer["twice"][0], follower.solutions["t_s"], follower.solutions["lon_deg"])
+    assert np.allclose(answer["twice"][1], expected, rtol=0.0, atol=0.01 * np.ptp(expected)) and np.ptp(expected) > 0.0
     assert answer["formula"][1] and all(text.startswith("Not drawn: ") for text in answer["refused"])
     assert any("North error [m]" in t for t in filter(None, answer["before"][0]))
     assert any("North error [ft]" in t for t in filter(None, answer["after"][0]))

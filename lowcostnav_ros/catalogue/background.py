@@ -1,4 +1,4 @@
-"""What maps draw under a flight without a network: coast lines (Natural Earth 1:10 million, public domain) and airports (airportsdata, MIT).
+"""What maps draw under a flight without a network: coast (Natural Earth 1:10 million, public domain), airports (airportsdata, MIT).
 
 The coast is good to about a kilometre, an airport to a hundred metres; neither is for navigation.  The licences are inside the file.
 """
@@ -47,7 +47,7 @@ def coast(south: float, west: float, north: float, east: float) -> list[np.ndarr
     found = []
     for k in np.flatnonzero(near):
         line = lines[k]
-        inside = (line >= (south, west)).all(axis=1) & (line <= (north, east)).all(axis=1)
+        inside: np.ndarray = np.logical_and(line >= (south, west), line <= (north, east)).all(axis=1)
         inside[1:] |= inside[:-1].copy()
         inside[:-1] |= inside[1:].copy()
         edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.view(np.int8), [0]])))
@@ -59,7 +59,7 @@ def airports(south: float, west: float, north: float, east: float) -> list[Airpo
     """Airports in a rectangle, degrees, those nearest to its middle where they are many."""
     file = _file()
     place = float(file["step_deg"]) * file["airports"]
-    rows = np.flatnonzero((place >= (south, west)).all(axis=1) & (place <= (north, east)).all(axis=1))
+    rows = np.flatnonzero(np.logical_and(place >= (south, west), place <= (north, east)).all(axis=1))
     off = (place[rows] - (0.5 * (south + north), 0.5 * (west + east))) * (1.0, math.cos(math.radians(0.5 * (south + north))))
     rows = rows[np.argsort(np.hypot(*off.T), kind="stable")][:MOST_AIRPORTS]
     names = file["names"].tobytes().decode().split("\n") if len(rows) else []

@@ -19,11 +19,10 @@ from lowcostnav_ros.report.chart import HALF, Axis, Curve, Dots, Item, TimeAxis,
 from lowcostnav_ros.report.plan_folder import page_of
 
 MOST_POINTS = 4000
-_DEG, _ROOT_HOUR = 180.0 / np.pi, 60.0
-_DATA_SHEET = {
-    "rad/s": {0: (_DEG * _ROOT_HOUR, "deg/\N{SQUARE ROOT}h"), 1: (_DEG * 3600.0, "deg/h"), 2: (_DEG * 3600.0 * _ROOT_HOUR, "deg/h/\N{SQUARE ROOT}h")},
-    "m/s^2": {0: (_ROOT_HOUR, "m/s/\N{SQUARE ROOT}h"), 1: (1.0 / MILLI_G, "mg")},
-}
+_ROOT = "\N{SQUARE ROOT}h"
+_GYRO = {0: (60.0, f"deg/{_ROOT}"), 1: (3600.0, "deg/h"), 2: (3600.0 * 60.0, f"deg/h/{_ROOT}")}
+_ACCELEROMETER = {0: (60.0, f"m/s/{_ROOT}"), 1: (1.0 / MILLI_G, "mg")}
+_DATA_SHEET = {"deg/s": _GYRO, "rad/s": {k: (np.degrees(1.0) * f, unit) for k, (f, unit) in _GYRO.items()}, "m/s^2": _ACCELEROMETER}
 """By unit of the column: factors and units of N, B and K."""
 COLOURS = ("#0b5c8a", "#d95f02", "#2a9d5c", "#7a5195", "#8c6d31", "#56b4e9")
 BEFORE, AFTER, INK = "#8a8f94", "#0b5c8a", "var(--ink)"
@@ -37,7 +36,8 @@ def write_page(path: Path, title: str, heads: Sequence[str], rows: Sequence[tupl
 
 def by_unit(units: Mapping[str, str], draw: Callable[[list[str], str], list[str]]) -> list[str]:
     """What ``draw(names, unit)`` makes of the columns of each unit."""
-    return [one for unit in dict.fromkeys(units.values()) for one in draw([n for n in units if units[n] == unit], unit or "unit of the column")]
+    each = {unit: [name for name in units if units[name] == unit] for unit in units.values()}
+    return [one for unit, names in each.items() for one in draw(names, unit or "unit of the column")]
 
 
 def allan_charts(results: Mapping[str, tuple[AllanChart, AllanFit]], unit: str) -> list[str]:
@@ -63,7 +63,8 @@ def _slopes(name: str, chart: AllanChart, fit: AllanFit, axis: Axis, unit: str) 
         floor = np.full(len(tau), FLICKER_FLOOR * fit.bias_instability)
         lines.append(Curve(tau, floor, "#d95f02", _said("B, instability", fit.bias_instability, unit, 1), 1.1, "6 4"))
     if np.isfinite(fit.random_walk) and fit.random_walk > 0.0:
-        lines.append(Curve(tau, fit.random_walk * np.sqrt(tau / 3.0), "#c0392b", _said("K, random walk", fit.random_walk, unit, 2), 1.1, "6 4"))
+        said = _said("K, random walk", fit.random_walk, unit, 2)
+        lines.append(Curve(tau, fit.random_walk * np.sqrt(tau / 3.0), "#c0392b", said, 1.1, "6 4"))
     low, high = (float(np.log10(f(chart.deviation))) for f in (np.min, np.max))
     return time_chart(f"{name} [{unit}]", axis, lines, height=200, limits=(low - 0.3, high + 0.3), is_log=True)
 
@@ -100,8 +101,10 @@ def strength_charts(measured: np.ndarray, fit: MagnetometerFit, unit: str) -> li
     drawn = []
     for title, angle, end in (("around z, from x to y", round_deg, 180.0), ("above the plane of x and y", up_deg, 90.0)):
         expected = Curve(np.array([-end, end]), np.full(2, fit.strength), INK, "earth's field", 1.2)
-        points = [Dots(angle, np.linalg.norm(cloud, axis=1), colour, label, 2.6) for cloud, colour, label in ((few, BEFORE, "before"), (after, AFTER, "after"))]
-        drawn.append(time_chart(f"Strength [{unit}] by direction {title}", Axis(-end, end, name="deg"), [*points, expected], height=230, width=HALF))
+        clouds = ((few, BEFORE, "before"), (after, AFTER, "after"))
+        points = [Dots(angle, np.linalg.norm(cloud, axis=1), colour, label, 2.6) for cloud, colour, label in clouds]
+        axis = Axis(-end, end, name="deg")
+        drawn.append(time_chart(f"Strength [{unit}] by direction {title}", axis, [*points, expected], height=230, width=HALF))
     return drawn
 
 

@@ -34,7 +34,8 @@ def document(name: str, sections: Iterable[str], flight: str = "") -> str:
     style, script, panel = (_text(file) for file in ("page.css", "page.js", "instruments.js"))
     view = '<meta name="viewport" content="width=device-width,initial-scale=1">'
     head = f'<meta charset="utf-8">{view}<title>{escape(name)}</title><style>{style}</style>'
-    tools = _button("\N{CIRCLE WITH RIGHT HALF BLACK}", "light or dark", id="theme") + _button("SI", "units: SI or of aviation", id="units", hidden="hidden")
+    tools = _button("\N{CIRCLE WITH RIGHT HALF BLACK}", "light or dark", id="theme")
+    tools += _button("SI", "units: SI or of aviation", id="units", hidden="hidden")
     tools += _button("whole flight", "zoom out", id="unzoom")
     fixed = f'<div id="tools">{tools}</div><div id="when"></div>'
     scripts = script

@@ -92,8 +92,8 @@ class Cells:
                 if row[a] >= 0:
                     corners = ((i, a), (i, b), (i + 1, b), (i + 1, a))
                     paths.setdefault(int(row[a]), []).append("M" + "L".join(f"{x[c]} {y[c]}" for c in corners) + "z")
-        kinds = sorted(paths.items())
-        cells = (svg.path("".join(d), fill=self.colours[k], stroke=self.colours[k], stroke_width=0.8, data_label=self.words[k]) for k, d in kinds)
+        looks = {k: {"fill": self.colours[k], "stroke": self.colours[k], "stroke_width": 0.8} for k in paths}
+        cells = (svg.path("".join(d), data_label=self.words[k], **looks[k]) for k, d in sorted(paths.items()))
         return svg.element("g", "".join(cells), opacity=0.8)
 
     def legend(self) -> str:
@@ -177,7 +177,7 @@ def map_chart(
     if ground is None:
         return ""
     tracks = [t for t in tracks if np.isfinite(t.lat_deg).any()]
-    under = _coast(ground) + (cells.drawn(ground) if cells else "")
+    under = (cells.drawn(ground) if cells else "") + _coast(ground)
     inside = "".join([under, *(_ellipse(ground, e) for e in ellipses), *(_track(ground, t) for t in tracks)])
     pins, outside = _stations(ground, stations)
     pins = _airports(ground) + pins
@@ -277,7 +277,8 @@ def _graticule(ground: Ground) -> str:
 def _names(ground: Ground) -> str:
     """What the numbers on the edges are."""
     origin = f"{_side(ground.lat0, 'NS')}, {_side(ground.lon0, 'EW')}"
-    along = svg.text(WIDTH / 2, ground.height - MARGIN + 30, f"east and north of {origin} [NM]; coast to about 1 km", class_="tick", text_anchor="middle")
+    said = f"east and north of {origin} [NM]; coast to about 1 km"
+    along = svg.text(WIDTH / 2, ground.height - MARGIN + 30, said, class_="tick", text_anchor="middle")
     return svg.element("g", along, class_="names")
 
 

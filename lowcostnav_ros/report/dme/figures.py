@@ -75,7 +75,8 @@ def error(plan: Plan) -> str:
         return time_chart(title, axis, [limit, *curves], height=260, limits=(0.0, top))
     names = [leg.name for leg in plan.levels[0].legs]
     each = [[c for c in curves if c.label.endswith(f" {name}")] for name in names]
-    return "".join(time_chart(f"{title}, {name}", axis, [limit, *one], height=170, limits=(0.0, top)) for name, one in zip(names, each, strict=True))
+    charts = [(f"{title}, {name}", [limit, *one]) for name, one in zip(names, each, strict=True)]
+    return "".join(time_chart(said, axis, items, height=170, limits=(0.0, top)) for said, items in charts)
 
 
 def asked(plan: Plan) -> str:

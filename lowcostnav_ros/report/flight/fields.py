@@ -5,7 +5,7 @@ import dataclasses
 import json
 import re
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,16 +33,21 @@ MOST = 450
 """Points of a quantity, about."""
 STEPS = 65_534
 """Between the smallest and the largest value; 0 stands for none."""
-_UNITS = {"mps": "m/s", "radps": "rad/s", "mps2": "m/s^2", "ut": "uT", "degps": "deg/s", "m": "m", "deg": "deg", "rad": "rad", "pa": "Pa", "s": "s"}
-_UNITS |= {"k": "K", "hz": "Hz"}
+_UNITS = {"mps": "m/s", "radps": "rad/s", "mps2": "m/s^2", "degps": "deg/s", "ut": "uT", "pa": "Pa", "k": "K", "hz": "Hz"}
+_UNITS |= {unit: unit for unit in ("m", "deg", "rad", "s")}
 _SENSORS = (ImuBlock, MagneticField, GpsPosition, GpsVelocity, Pressure, AirTemperature, AirVelocity, SlantRange, VorBearing)
 """Inputs that are drawn; an attitude reference is a navigator."""
 _IMU = {"specific_force_b": "specific_force_{}_mps2", "angular_rate_b": "angular_rate_{}_radps"}
-_AXES = {"field_b": ("xyz", "{}_ut", 1e6), "vel_n": (("north", "east", "down"), "{}_mps", 1.0), "vel_b": ("xyz", "{}_mps", 1.0)}
+_NORTH = ("north", "east", "down")
+_AXES: dict[str, tuple[Sequence[str], str, float]] = {
+    "field_b": ("xyz", "{}_ut", 1e6),
+    "vel_n": (_NORTH, "{}_mps", 1.0),
+    "vel_b": ("xyz", "{}_mps", 1.0),
+}
 _PLAIN = ("lat", "lon", "height", "pressure_pa", "temperature_k", "range_m", "bearing_rad")
 _NOTE = (
-    "Any logged quantity by its name, several with ; between them, or a formula of them with + - * / ( ), abs, sqrt, hypot, sin, cos, min, max. "
-    "It is drawn under the zoom and the cursor of all other charts."
+    "Any logged quantity by its name, several with ; between them, or a formula of them with + - * / ( ), abs, sqrt, hypot, sin, cos, "
+    "min, max. It is drawn under the zoom and the cursor of all other charts."
 )
 
 Group = tuple[np.ndarray, dict[str, np.ndarray]]
@@ -52,7 +57,7 @@ Group = tuple[np.ndarray, dict[str, np.ndarray]]
 def fields_section(result: Result, axis: TimeAxis, bag: Path | None = None) -> str:
     """The section with its data; inputs are drawn too where the recording is at hand."""
     groups = [*_solved(result), *(_inputs(bag) if bag is not None else ())]
-    listed, data = [], list[np.ndarray]()
+    listed, data = list[tuple[int, list[tuple[str, str, float, float]]]](), list[np.ndarray]()
     for t_s, columns in groups:
         rows = (axis.start_s <= t_s) & (t_s <= axis.end_s)
         kept = {name: values[rows] for name, values in columns.items() if np.isfinite(values[rows]).any()}
@@ -65,8 +70,8 @@ def fields_section(result: Result, axis: TimeAxis, bag: Path | None = None) -> s
             low, high = float(np.nanmin(values)), float(np.nanmax(values))
             scaled = 1.0 + np.round((values - low) / ((high - low) or 1.0) * STEPS)
             data.append(_differences(np.where(np.isfinite(values), scaled, 0.0)))
-            entry.append([name, unit_of(name), float(f"{low:.9g}"), float(f"{high:.9g}")])
-        listed.append([int(rows.sum()), entry])
+            entry.append((name, unit_of(name), float(f"{low:.9g}"), float(f"{high:.9g}")))
+        listed.append((int(rows.sum()), entry))
     if not listed:
         return ""
     packed = base64.b64encode(zlib.compress(np.concatenate(data).tobytes(), 9)).decode()
