@@ -97,6 +97,7 @@ def test_any_quantity_is_drawn_and_units_are_those_of_the_cockpit(result, tmp_pa
           await page.drawField(text);
           refused.push(document.getElementById('not-drawn').textContent);
         }
+        page.fit();
         const titles = () => page.charts.map(c => c.title?.textContent), north = page.charts.find(c => /^North error/.test(c.said));
         const before = [titles(), document.querySelector('table').innerText], shown = north.axes.textContent;
         document.getElementById('units').click();

@@ -47,7 +47,7 @@ def coast(south: float, west: float, north: float, east: float) -> list[np.ndarr
     found = []
     for k in np.flatnonzero(near):
         line = lines[k]
-        inside: np.ndarray = np.logical_and(line >= (south, west), line <= (north, east)).all(axis=1)
+        inside = np.asarray(np.logical_and(line >= (south, west), line <= (north, east)).all(axis=1))
         inside[1:] |= inside[:-1].copy()
         inside[:-1] |= inside[1:].copy()
         edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.view(np.int8), [0]])))
