@@ -8,7 +8,7 @@ from pathlib import Path
 from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.replay import tables
 from lowcostnav_ros.replay.result import ReplayResult
-from lowcostnav_ros.replay.words import compared_with, sentence
+from lowcostnav_ros.replay.words import compared_with, counted_outages, sentence
 from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.document import details, document, html_table, section
 from lowcostnav_ros.report.flight import figures
@@ -149,7 +149,7 @@ def _without_gps(summary: ReplayResult) -> str:
     lost = summary.without_gps
     if not lost.total_s:
         return "never" if has_gps(summary) else "always"
-    return f"{lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)"
+    return f"{lost.total_s:.0f} s in {counted_outages(len(lost.intervals_s))}"
 
 
 def _reference(summary: ReplayResult) -> str:
