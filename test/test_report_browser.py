@@ -98,13 +98,14 @@ def test_any_quantity_is_drawn_and_units_are_those_of_the_cockpit(result, tmp_pa
           refused.push(document.getElementById('not-drawn').textContent);
         }
         page.fit();
+        const tables = () => [...document.querySelectorAll('table')].map(t => t.textContent).join();
         const titles = () => page.charts.map(c => c.title?.textContent), north = page.charts.find(c => /^North error/.test(c.said));
-        const before = [titles(), document.querySelector('table').textContent], shown = north.axes.textContent;
+        const before = [titles(), tables()], shown = north.axes.textContent;
         document.getElementById('units').click();
-        const after = [titles(), document.querySelector('table').textContent], cockpit = north.axes.textContent;
+        const after = [titles(), tables()], cockpit = north.axes.textContent;
         document.getElementById('units').click();
         return {formula: formula.parts[0], twice: twice.parts[0], refused, before, after, shown, cockpit,
-          same: JSON.stringify(before) === JSON.stringify([titles(), document.querySelector('table').textContent])}""")
+          same: JSON.stringify(before) === JSON.stringify([titles(), tables()])}""")
     follower = result.navigators["follower"]
     expected = 2.0 * np.interp(answer["twice"][0], follower.solutions["t_s"], follower.solutions["lon_deg"])
     assert np.allclose(answer["twice"][1], expected, rtol=0.0, atol=0.01 * np.ptp(expected)) and np.ptp(expected) > 0.0
