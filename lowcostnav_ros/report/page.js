@@ -73,7 +73,7 @@ window.pageReady = (async () => {
   }
   const rounded = (v, f) => { const size = Math.abs(v *= f); return v.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : 2); };
   const number = /[-\u2212]?\d+(?:\.\d+)?/g, toNumber = text => +text.replace('\u2212', '-');
-  const inWords = text => units === 'si' ? text : text.replace(/([-\u2212]?\d+(?:\.\d+)?) (m\/s|km|m)(?![\w/^\u00b2])/g, (whole, v, unit) => {
+  const inWords = text => units === 'si' ? text : text.replace(/(km) \([\d.]+ NM\)/g, '$1').replace(/([-\u2212]?\d+(?:\.\d+)?) (m\/s|km|m)(?![\w/^\u00b2])/g, (whole, v, unit) => {
     const [f, , shown] = cockpit(unit, '', Math.abs(toNumber(v)));
     return `${rounded(toNumber(v), f)} ${shown}`;
   });
