@@ -63,9 +63,9 @@ def unpacked(path: Path, folder: Path) -> Path:
 
 
 def replayed(bag: Path, truth: str | None) -> dict[str, str] | str:
-    """The navigators in a few words each, or why none ran."""
+    """The navigators that add something, in a few words each, or why none ran."""
     try:
-        result = replay_bag(bag, ReplayOptions(truth=truth))
+        result = replay_bag(bag, ReplayOptions(truth=truth, sparing=True))
     except ValueError as error:
         return str(error).replace(str(bag), "it")[:LONGEST]
     return {name: words(one) for name, one in result.navigators.items() if name != "supervisor"} or "no navigator: see the topics"

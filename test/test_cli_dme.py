@@ -18,8 +18,9 @@ def test_plan_of_an_airport_writes_tables_figures_and_json(tmp_path, capsys):
     status = main(["dme", "plan", "--airport", "37.694,-121.820,122", "--altitude-m", "600,2000", "-o", str(tmp_path / "plan")])
     said = capsys.readouterr().out
     assert status == 0 and "stays within 0.5 NM" in said and "from south" in said and "hills are not in it" in said
-    for name in ("coverage.png", "hdop.png", "error.png", "schedule.png"):
-        assert (tmp_path / "plan" / name).read_bytes()[:4] == b"\x89PNG"
+    page = (tmp_path / "plan" / "plan.html").read_text()
+    assert page.count('class="map"') == 4 and all(f'data-label="{word}"' in page for word in ("3 to 4", "to 1.6", "6562 ft from east"))
+    assert "Stations asked" in page and "Interrogations" in page
     plan = json.loads((tmp_path / "plan" / "plan.json").read_text())
     assert [level["altitude_m"] for level in plan["levels"]] == [600.0, 2000.0]
     assert len(plan["levels"][0]["legs"]) == 4

@@ -101,6 +101,7 @@ def _varied(rng, n):
         yield m.GpsVelocity(stamp, "gps/vel", rng.normal(size=3), cov)
         yield m.AirVelocity(stamp, "air/velocity", np.array([40.0, *rng.normal(size=2)]), cov)
         yield m.Attitude(stamp, "imu/data", q / np.linalg.norm(q), cov, rng.normal(size=3), rng.normal(size=3))
+        yield m.Attitude(stamp, "hars/attitude", q / np.linalg.norm(q), cov, rng.normal(size=3), np.zeros(3))  # without specific force
         yield m.MagneticField(stamp, "imu/mag", rng.normal(size=3) * 2e-5, cov * 1e-14)
         yield m.Pressure(stamp, "air/static_pressure", float(rng.normal(9.5e4, 100.0)), float(rng.choice([0.0, 1e-9, 400.0])))
         yield m.AirTemperature(stamp, "air/temperature", float(rng.normal(285.0, 9.0)), float(rng.choice([0.0, 1.0])))

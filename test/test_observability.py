@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from lowcostnav_ros.messages.bag import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
+from lowcostnav_ros.report.observability import drawings
 from lowcostnav_ros.reproduce.solimeno.flights import Case, epochs_of, fed, imu_of, inertial_settings, started, truth_of
 from lowcostnav_ros.reproduce.solimeno.observability import flown_ranks, layout_of, true_dynamics, true_ranks
 from lowcostnav_ros.studies.observability import Watch, geodetic_units, observability
@@ -31,6 +33,17 @@ def test_a_position_measurement_tells_velocity_and_not_a_state_apart():
     assert (found.rank, found.rows, found.stamp_ns) == (2, 1, 5)
     assert found.share == pytest.approx([1.0, 1.0, 0.0])
     assert found.singular_values == pytest.approx([1.0, 1.0, 0.0])
+
+
+def test_the_page_draws_ranks_and_the_share_of_every_state():
+    F = np.zeros((3, 3))
+    F[0, 1] = 1.0
+    rows = np.array([[1.0, 0.0, 0.0]])
+    found = [observability(k * 10**9, F, rows if k % 4 else np.empty((0, 3))) for k in range(8)]
+    drawn = "".join(drawings(("place", "speed", "bias"), found))
+    root = ET.fromstring(f"<div>{drawn}</div>")
+    assert [chart.get("aria-label").partition(" ")[0] for chart in root] == ["Rank", "Singular", "Share"]
+    assert all(f">{name}</text>" in drawn for name in ("place", "speed", "bias")) and drawn.count("place: 1.00 from") == 2
 
 
 def test_without_measurements_nothing_is_told():

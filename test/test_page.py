@@ -151,6 +151,14 @@ def test_the_files_of_the_page_are_served_and_small(serve):
     assert "default-src 'self'" in pages["/"][2]["Content-Security-Policy"] and "http" not in pages["/"][1]
 
 
+def test_the_map_has_coast_and_airports_around_a_place_that_is_one(serve):
+    server = serve()
+    found = json.loads(ask(server, path="/background?lat=37.7&lon=-121.8")[1])
+    assert any(a["ident"] == "KLVK" for a in found["airports"]) and sum(map(len, found["coast"])) > 50
+    for query in ("", "?lat=x&lon=1", "?lat=nan&lon=0", "?lat=inf&lon=0", "?lat=1e9&lon=0", "?lat=1"):
+        assert json.loads(ask(server, path=f"/background{query}")[1]) == {"coast": [], "airports": []}
+
+
 @pytest.mark.parametrize(
     "path", ["/../../../etc/passwd", "/%2e%2e/page.py", "/page.js/../server.py", "//etc/passwd", "/assets/page.js", "/\0"]
 )

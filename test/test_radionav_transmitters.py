@@ -129,9 +129,9 @@ def test_the_next_transmitter_goes_where_there_are_none():
 def test_the_plan_on_the_terminal_and_in_a_folder(tmp_path, capsys):
     assert main(["pseudolite", "plan", "--height-m", "5550", "-o", str(tmp_path)]) == 0
     told = capsys.readouterr().out
-    assert "The next transmitter helps most at" in told and {p.name for p in tmp_path.iterdir()} == {"plan.html", "plan.json", "dop.png"}
+    assert "The next transmitter helps most at" in told and {p.name for p in tmp_path.iterdir()} == {"plan.html", "plan.json"}
     page = (tmp_path / "plan.html").read_text()
-    assert page.count("<svg") == 1 and "The next transmitter helps most at" in page and "DOCTYPE svg" not in page
+    assert page.count('class="map"') == 3 and "The next transmitter helps most at" in page and "PDOP at 5550 m" in page
     assert main(["pseudolite", "plan", "--height-m", "5550", "--pdop", "2"]) == 1
     assert main(["pseudolite", "plan", "--stations", "dme_stations_bay_area.csv", "--height-m", "5550"]) == 2
     assert "holds no station of kind PSEUDOLITE" in capsys.readouterr().err

@@ -154,6 +154,12 @@ def test_equal_results_give_equal_pages_and_pictures(tmp_path):
     assert bytes_of[0] == bytes_of[1]
 
 
+def test_the_page_for_a_browser_holds_its_pictures(tmp_path):
+    records = run.run_results([entry("GR2", lambda _: Outcome("1.01 m", REPRODUCED, "", drawn))], Context(), tmp_path)
+    text = page.write_pages(records, tmp_path, quick=True)[1].read_text()
+    assert "1 reproduced" in text and "title | of GR2" in text and 'src="data:image/png;base64,' in text and "figures/" not in text
+
+
 def test_page_links_rows_to_sections_and_escapes_bars():
     records = run.run_results([entry("GR2", lambda _: judged("2 m", False, "it is larger"))], Context())
     text = page.page("gebre", records, quick=False)

@@ -1,6 +1,7 @@
 """Tuning: the true noise numbers come back from a simulated flight within the uncertainty that is stated."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from lowcostnav_ros.base.settings import from_mapping
 from lowcostnav_ros.cores.noise_levels import NoiseLevels
 from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
 from lowcostnav_ros.physics.earth import displace
+from lowcostnav_ros.report.outages.tuning import tuning_page
 from lowcostnav_ros.studies.tuning import fit as fitting
-from lowcostnav_ros.studies.tuning.likelihood import Flight, innovations
+from lowcostnav_ros.studies.tuning.likelihood import Flight, Source, innovations
+from lowcostnav_ros.studies.tuning.study import Tuned
 
 SECOND = 1_000_000_000
 TRUE = {"wind.gust_mps": 0.5, "heading.bias_deg": 8.0}
@@ -119,3 +122,12 @@ def test_numbers_that_may_be_tuned_are_declared_and_stay_in_their_range():
     assert gust.at(0.0) == 1.0
     assert gust.at(100.0) == 20.0
     assert gust.at(-100.0) == pytest.approx(1.0 / 27.0)
+
+
+def test_the_page_of_a_tuning_says_what_it_gained_and_what_was_learned():
+    gust = next(p for p in fitting.tunables(DeadReckoningSettings(), frozenset({"gps"})) if p.name == "wind.gust_mps")
+    found = fitting.Fit(np.array([math.log(2.0)]), np.array([[0.01]]), 9.0)
+    source = Source(Path("bag"), "dead_reckoning", ("dead_reckoning",), Path("config"))
+    better, worse = (tuning_page(Tuned(source, [gust], found, found, judged, 40, [])) for judged in (3.5, -1.0))
+    assert "1 of 1 numbers of dead_reckoning are told by the recordings; they are better" in better and "wind.gust_mps" in better
+    assert "they are not better" in worse

@@ -3,15 +3,12 @@
 import argparse
 from typing import Any
 
-from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.base.exit_codes import Exit
-from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.calibration.allan import allan_chart
 from lowcostnav_ros.calibration.allan_fit import fit_chart
 from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_rest as rest
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.report.plan_folder import page_of
 
 EXAMPLE = "example: lowcostnav allan still_bag -o result"
 
@@ -39,13 +36,9 @@ def allan(arguments: argparse.Namespace) -> int:
     sound = rest.judge({name: fit.misses(chart) for name, (chart, fit) in results.items()})
     out = rest.out_dir(arguments)
     if out is not None:
-        drawn = []
-        for unit in dict.fromkeys(columns.units.values()):
-            of_unit = {n: results[n] for n in results if columns.units[n] == unit}
-            drawn.append(charts.save(out / f"allan_{rest.quantity(unit)}.png", charts.allan_figure(of_unit, unit)))
-        table = Table.plain("Coefficients", heads, [(name, *(f"{value:.4g}" for value in values)) for name, *values in rows])
-        told = f"Allan deviation of {columns.source}", (table,), () if sound else ("Not to be used: the model misses what was measured.",)
-        write_text(out / "allan.html", page_of(told, drawn))
+        drawn = charts.by_unit(columns.units, lambda names, unit: charts.allan_charts({n: results[n] for n in names}, unit))
+        said = () if sound else ("Not to be used: the model misses what was measured.",)
+        charts.write_page(out / "allan.html", f"Allan deviation of {columns.source}", heads, rows, said, drawn)
         rest.write_numbers(out / "allan.csv", heads, rows)
         rest.write_profile(out, "Allan deviation", numbers, columns, rate_hz)
     return Exit.OK if sound else Exit.WORSE

@@ -21,7 +21,7 @@ from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import between, check_files, check_folder, let_values_begin_with_minus, place_of
 from lowcostnav_ros.radionav.coverage import altitudes_above
 from lowcostnav_ros.radionav.navaid_import import NavaidList, lost_longitude_signs, navaids_from_text, select_near, table_as_text
-from lowcostnav_ros.report.dme.figures import FIGURES
+from lowcostnav_ros.report.dme.figures import drawings
 from lowcostnav_ros.report.dme.plan import make_plan
 from lowcostnav_ros.report.dme.tables import as_mapping, told
 from lowcostnav_ros.report.plan_folder import show_plan
@@ -41,7 +41,7 @@ def add_arguments(dme: argparse.ArgumentParser) -> None:
     plan.add_argument("--stations", metavar="FILE", default=DEFAULT_STATIONS, help="station list, any format (default: %(default)s)")
     plan.add_argument("--altitude-m", metavar="M[,M...]", help="above sea level (default: 500 ft, 1500 ft, 1 km, 2 km above the place)")
     plan.add_argument("--speed-mps", type=float, default=46.3, help="speed over ground (default: %(default)s, 90 kt)")
-    plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the figures there")
+    plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the page plan.html there")
     table = verbs.add_parser("import", help="station table out of a public navaid list", description="Write a station table near a place.")
     let_values_begin_with_minus(table)
     table.add_argument("source", help="OurAirports navaids.csv, X-Plane earth_nav.dat, FlightGear nav.dat or our own format")
@@ -66,7 +66,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     altitudes = _altitudes(arguments.altitude_m, elevation)
     navaids = _read(arguments.stations, 0.0)
     plan = make_plan(navaids, waypoints, altitudes, arguments.speed_mps, arguments.stations)
-    show_plan(plan, told(plan), arguments.output, as_mapping(plan), FIGURES)
+    show_plan(plan, told(plan), arguments.output, as_mapping(plan), drawings)
     return Exit.OK if plan.good_enough() else Exit.WORSE
 
 

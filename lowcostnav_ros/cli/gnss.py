@@ -31,7 +31,7 @@ from lowcostnav_ros.gnss.rinex_obs import Observations
 from lowcostnav_ros.gnss.sky_plan import plan_sky
 from lowcostnav_ros.gnss.track import Track, track
 from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, told
-from lowcostnav_ros.report.gnss.plan_figures import FIGURES
+from lowcostnav_ros.report.gnss.plan_figures import drawings
 from lowcostnav_ros.report.gnss.track import print_track, summarise, write_csv
 from lowcostnav_ros.report.gnss.track_page import write_page
 from lowcostnav_ros.report.plan_folder import show_plan
@@ -71,7 +71,7 @@ def _add_plan(verbs: argparse._SubParsersAction) -> None:
     plan.add_argument("--canyon", nargs=3, type=float, metavar=axis, help="the place lies midway between cliffs: m, m, deg true")
     plan.add_argument("--above-floor", type=float, default=0.0, metavar="M", help="height above the canyon's floor (default: 0)")
     plan.add_argument("--pdop", type=float, default=6.0, help="PDOP above which a position is not good enough (default: %(default)g)")
-    plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the figures there")
+    plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the page plan.html there")
 
 
 EXAMPLE = "example: lowcostnav gnss plan --almanac gps --place 38.7,-9.1,120"
@@ -134,7 +134,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     lat_deg, lon_deg = math.degrees(place[0]), math.degrees(place[1])
     title = f"{Path(arguments.almanac).name}, {len(satellites)} satellites, from {lat_deg:g}, {lon_deg:g}, {place[2]:g} m"
     plan = GnssPlan(sky, title, hidden, start, arguments.pdop, lowest, notes)
-    show_plan(plan, told(plan), arguments.output, as_mapping(plan), FIGURES)
+    show_plan(plan, told(plan), arguments.output, as_mapping(plan), drawings)
     return Exit.OK if plan.good_enough() else Exit.WORSE
 
 

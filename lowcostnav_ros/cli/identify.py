@@ -2,6 +2,10 @@
 
 import argparse
 import math
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.calibration.identification import identify_static
@@ -45,10 +49,14 @@ def identify(arguments: argparse.Namespace) -> int:
     rest.print_grade({name: f.drift_sigma for name, f in found.items()}, columns)
     out = rest.out_dir(arguments)
     if out is not None:
-        for unit in dict.fromkeys(columns.units.values()):
-            of_unit = {n: v for n, v in columns.values.items() if columns.units[n] == unit}
-            charts.save(out / f"identify_{rest.quantity(unit)}.png", charts.identification_figure(of_unit, rate_hz, unit))
+        drawn = charts.by_unit(columns.units, partial(_charts, columns.values, rate_hz))
+        said = [look.words(), *look.findings] if look is not None else []
+        charts.write_page(out / "identify.html", f"{columns.source} at rest", heads, rows, said, drawn)
         numbers = {n: (f.white_density, f.drift_sigma, f.correlation_time_s or 0.0) for n, f in found.items()}
         rest.write_numbers(out / "identify.csv", heads, rows)
         rest.write_profile(out, "mean, scatter and autocorrelation", numbers, columns, rate_hz)
     return Exit.OK if sound else Exit.WORSE
+
+
+def _charts(values: Mapping[str, np.ndarray], rate_hz: float, names: list[str], unit: str) -> list[str]:
+    return charts.identification_charts({name: values[name] for name in names}, rate_hz, unit)

@@ -1,14 +1,12 @@
 """The magcal job: a magnetometer calibrated from a turn or a flight."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.base.documents import write_text
-from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.calibration import magnetometer_fit as fits
 from lowcostnav_ros.calibration.magnetometer_batch import batch_fit
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit, calibration_of
@@ -27,7 +25,6 @@ from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_reading, check_files, let_values_begin_with_minus, place_of
 from lowcostnav_ros.physics.geomagnetism import field_n
 from lowcostnav_ros.physics.rotation import wrap
-from lowcostnav_ros.report.plan_folder import page_of
 
 METHODS = ("full", "two-step", "batch", "known-strength", "level-turn", "swing")
 UNITS = ("T", "G", "mG", "uT", "nT")
@@ -49,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "swing of a bag: topic of the attitudes that the headings are known from (default: %(default)s)"
     parser.add_argument("--reference", metavar="TOPIC", default="gps/attitude", help=text)
     parser.add_argument("--last-heading", type=float, metavar="DEG", help="swing: the headings are angles turned; this one is the last's")
-    parser.add_argument("-o", "--output", metavar="FILE.yaml", help="write the calibration, and a chart beside it")
+    parser.add_argument("-o", "--output", metavar="FILE.yaml", help="write the calibration, and its page FILE.html")
 
 
 EXAMPLE = """examples:
@@ -83,7 +80,7 @@ def magcal(arguments: argparse.Namespace) -> int:
         raise CalibrationError(f"The samples do not show {missing}; bank and pitch more in all headings.")
     _print_fit(fit, unit, bool(given))
     if arguments.output:
-        _write_calibration(arguments, fit, charts.sphere_figure(measured_ut, fit, "uT"), (11.0, 4.0))
+        _write_calibration(arguments, fit, charts.strength_charts(measured_ut, fit, "uT"))
     return 0
 
 
@@ -99,7 +96,7 @@ def _swing(arguments: argparse.Namespace) -> int:
     print(f"largest deviation {before:.2f} deg; left by the curve {np.degrees(curve.residual_rms):.3f}, by the iron {left:.3f} deg RMS")
     _print_fit(fit, "headings", True)
     if arguments.output:
-        _write_calibration(arguments, fit, charts.swing_figure(swung.heading, swung.measured, curve), (7.0, 4.0))
+        _write_calibration(arguments, fit, charts.swing_charts(swung.heading, swung.measured, curve))
     return 0
 
 
@@ -144,20 +141,13 @@ def _print_fit(fit: MagnetometerFit, unit: str, given: bool) -> None:
         print(f"note: {warning}")
 
 
-def _write_calibration(
-    arguments: argparse.Namespace, fit: MagnetometerFit, draw: Callable[[Any], None], inches: tuple[float, float]
-) -> None:
+def _write_calibration(arguments: argparse.Namespace, fit: MagnetometerFit, drawn: Sequence[str]) -> None:
     path = Path(arguments.output)
     text = calibration_text(calibration_of(fit, "uT"), fit, Path(arguments.source).name)
     write_text(path, text)
-    chart = path.with_suffix(".png")
-    drawn = charts.save(chart, draw, inches)
-    rows = [
-        (name, *(f"{v:.4g}" for v in (fit.hard_iron[k], fit.hard_iron_sigma[k], fit.scale[k], 100.0 * fit.scale_sigma[k])))
-        for k, name in enumerate("xyz")
-    ]
-    table = Table.plain("Calibration", ("axis", "hard iron [uT]", "sigma [uT]", "factor", "sigma [%]"), rows)
+    rows = [(n, fit.hard_iron[k], fit.hard_iron_sigma[k], fit.scale[k], 100.0 * fit.scale_sigma[k]) for k, n in enumerate("xyz")]
+    heads = ("axis", "hard iron [uT]", "sigma [uT]", "factor", "sigma [%]")
     said = f"Residual {fit.residual_rms:.3f} uT RMS of {fit.samples} samples, coverage: {fit.coverage}.", *fit.warnings
     page = path.with_suffix(".html")
-    write_text(page, page_of((f"Magnetometer of {Path(arguments.source).name}", (table,), said), [drawn]))
-    print(f"calibration in {path}, chart in {chart}, page in {page}")
+    charts.write_page(page, f"Magnetometer of {Path(arguments.source).name}", heads, rows, said, drawn)
+    print(f"calibration in {path}, page in {page}")

@@ -1,6 +1,6 @@
 """The observability job: rank and singular values of a navigator's measurements along a recording.
 
-lowcostnav observability flight --navigator ins_gnss --period 5 --json observability.json
+lowcostnav observability flight --navigator ins_gnss --period 5 --page observability.html
 lowcostnav observability flight --navigator dead_reckoning --ranges 300
 """
 
@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.catalogue.building import build_navigators
@@ -26,7 +27,9 @@ from lowcostnav_ros.radionav.observability import STATES
 from lowcostnav_ros.replay.links import output_topic
 from lowcostnav_ros.replay.selection import check_names
 from lowcostnav_ros.replay.session import Session
-from lowcostnav_ros.report.terminal import print_report
+from lowcostnav_ros.report.observability import drawings
+from lowcostnav_ros.report.plan_folder import page_of
+from lowcostnav_ros.report.terminal import Told, print_report
 from lowcostnav_ros.studies.observability import Observability, Watch
 from lowcostnav_ros.studies.range_observability import RangeWatch, RangeWindow
 
@@ -42,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--period", type=float, default=5.0, metavar="S", help="seconds between two looks (default: %(default)g)")
     parser.add_argument("--json", metavar="FILE", help="write rank, singular values and shares of the states over time as JSON")
 
+    parser.add_argument("--page", metavar="HTML", help="write a page with ranks, singular values and the share of each state over time")
     text = "also what the ranges, taken one at a time, determine in windows of this length"
     parser.add_argument("--ranges", type=float, metavar="S", help=text)
 
@@ -56,13 +60,17 @@ def observability(arguments: argparse.Namespace) -> int:
         raise SettingsError(f"--period must be above 0 and at most 3600 s, got {arguments.period:g}.")
     if arguments.ranges is not None and not 1.0 <= arguments.ranges <= 86400.0:
         raise SettingsError(f"--ranges must lie between 1 and 86400 s, got {arguments.ranges:g}.")
-    check_files(arguments.json)
+    check_files(arguments.json, arguments.page)
     navigator, found, windows = watch_bag(Path(arguments.bag), arguments.navigator, arguments.config, arguments.period, arguments.ranges)
     if not found:
         raise SettingsError(f"{arguments.navigator} fused nothing in {arguments.bag}: it ended {navigator.mode}, {navigator.reason}.")
-    _print(navigator, found)
+    told = _told(navigator, found)
+    print_report(*told)
     if arguments.ranges is not None:
         _print_ranges(windows, found[0].stamp_ns)
+    if arguments.page:
+        title = f"What {navigator.name} observes in {Path(arguments.bag).name}"
+        write_text(arguments.page, page_of((title, *told[1:]), drawings(navigator.core.layout.labels, found, windows)))
     if arguments.json:
         Path(arguments.json).write_text(json.dumps(as_plain(navigator, found, windows), indent=1) + "\n", encoding="utf-8")
     return 0
@@ -128,7 +136,7 @@ def as_plain(navigator: Navigator, found: list[Observability], windows: Sequence
     return plain
 
 
-def _print(navigator: Navigator, found: list[Observability]) -> None:
+def _told(navigator: Navigator, found: list[Observability]) -> Told:
     size, labels = navigator.core.layout.size, navigator.core.layout.labels
     heads = ("t [s]", "rows", "rank", f"unobservable, of {size}", "largest and smallest counted singular value")
     rows, start_ns = [], found[0].stamp_ns
@@ -143,7 +151,7 @@ def _print(navigator: Navigator, found: list[Observability]) -> None:
     load = f"A dense cycle of {size} states takes {operations(size, most):,} multiplications and additions with {most} rows, "
     load += f"{operations(size, 1):,} with one; what is flown uses the sparse dynamics, and takes less."
     weakly = f"weakly observable within an instant: {', '.join(weak) or 'none'}"
-    print_report("", [Table.plain("", heads, rows, left=0)], [ranked, weakly, load])
+    return "", (Table.plain("", heads, rows, left=0),), (ranked, weakly, load)
 
 
 def _print_ranges(windows: list[RangeWindow], start_ns: int) -> None:

@@ -80,7 +80,7 @@ def open(arguments: argparse.Namespace) -> int:
         result = read_result(folder)
     found, outages = _outages(study, summary.duration_s) if any(one.solutions for one in summary.navigators.values()) else ("", "")
     after = [outages, vibration_section(Path(opened.bag), axis_of(summary))]
-    page = page_of(result, log.name, before=[_sensors(opened)], after=after, outages=found)
+    page = page_of(result, log.name, before=[_sensors(opened)], after=after, outages=found, bag=Path(opened.bag))
     output.write_text(page, encoding="utf-8")
     for path in filter(None, (arguments.kml, arguments.gpx)):
         write_track(result, Path(path))

@@ -13,7 +13,7 @@ from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import between
 from lowcostnav_ros.radionav.transmitters import BEACON, PSEUDOLITE
 from lowcostnav_ros.report.plan_folder import show_plan
-from lowcostnav_ros.report.transmitters import FIGURES, as_mapping, plan_transmitters, told
+from lowcostnav_ros.report.transmitters import as_mapping, drawings, plan_transmitters, told
 
 DEFAULT_STATIONS = "pseudolites_range.csv"
 
@@ -28,7 +28,7 @@ def add_arguments(pseudolite: argparse.ArgumentParser) -> None:
     plan.add_argument("--half-width-km", type=float, default=13.0, metavar="KM", help="half the side of the square (default: %(default)g)")
     plan.add_argument("--pdop", type=float, default=6.0, help="PDOP above which a position is not good enough (default: %(default)g)")
     plan.add_argument("--beacons", action="store_true", help="plan the table's two-way ranging beacons, which need no receiver clock")
-    plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json the maps and a page of both, plan.html, there")
+    plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the page plan.html there")
 
 
 EXAMPLE = "example: lowcostnav pseudolite plan --stations my_network.csv --height-m 3000 --half-width-km 20 -o plan"
@@ -45,5 +45,5 @@ def pseudolite(arguments: argparse.Namespace) -> int:
     if not stations:
         raise SettingsError(f"{arguments.stations} holds no station of kind {kind}; name a table that does.")
     plan = plan_transmitters(stations, arguments.height_m, 1e3 * arguments.half_width_km, arguments.pdop)
-    show_plan(plan, told(plan), arguments.output, as_mapping(plan), FIGURES)
+    show_plan(plan, told(plan), arguments.output, as_mapping(plan), drawings)
     return Exit.OK if plan.good_enough() else Exit.WORSE

@@ -41,16 +41,17 @@ def report(arguments: argparse.Namespace) -> int:
     source = Path(arguments.source)
     others = {Path(path).resolve().name: read_result(Path(path)) for path in arguments.beside}
     with tempfile.TemporaryDirectory(prefix="lowcostnav-report-") as folder:
-        written, vibration = source, ""
+        written, vibration, bag = source, "", None
         if not (source / "summary.json").is_file():
             written = Path(folder)
             summary = replay_with_progress(arguments, written)
             (written / "summary.json").write_text(json.dumps(summary.to_mapping(), allow_nan=False), encoding="utf-8")
             if not arguments.map:
+                bag = source
                 vibration = vibration_section(source, axis_of(summary))
         result = read_result(written)
     shown = side_by_side({source.resolve().name: result, **others}) if others else result
-    page = page_of(shown, arguments.title, after=[vibration])
+    page = page_of(shown, arguments.title, after=[vibration], bag=bag)
     write_text(Path(arguments.output), page)
     for path in filter(None, (arguments.kml, arguments.gpx)):
         write_track(shown, Path(path))

@@ -61,6 +61,8 @@ def open_log(path: Path, options: Options | None = None, profile: str | None = N
         Each with one sentence that says what to do.
     """
     options = options or Options()
+    if path.name == "metadata.yaml" and is_bag(path.parent):
+        path = path.parent
     if not path.exists():
         raise ConvertError(f"{path} does not exist; give a log, a bag, or a folder of recorded tables.")
     if is_bag(path) and not is_ros_1(path) and (own := _own(path)) is not None:

@@ -83,9 +83,14 @@ FORMATS = (
 )
 
 
+def head_of(path: Path) -> bytes:
+    """The first bytes of a file, unpacked where it is packed."""
+    return next(_chunks(path), b"")
+
+
 def recognise(path: Path) -> Format | None:
     """Return the format of a file, None where it is of none; raises ConvertError for one that is empty or cannot be read."""
-    head = next(_chunks(path), b"")
+    head = head_of(path)
     if not head:
         raise ConvertError(f"{path} is empty; check that it was recorded.")
     return next((one for one in FORMATS if one.fits(head)), None)

@@ -113,6 +113,10 @@ class Rows:
         """Checked variances of ``values`` (n,)."""
         return self.each(values, lambda one: self.received.variance(float(one), what))
 
+    def note(self, assumed: np.ndarray, phrase: str) -> None:
+        """Note what is assumed of some messages, by a mask (n,)."""
+        self._noted.append((assumed, Counter([phrase])))
+
     def notes(self) -> Counter[str]:
         """What was assumed of the messages that have passed."""
         total: Counter[str] = Counter()

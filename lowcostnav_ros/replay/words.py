@@ -18,6 +18,16 @@ def distance(metres: float) -> str:
     return f"{metres:.0f} m" if metres >= 10.0 else f"{metres:.1f} m"
 
 
+def times(count: int) -> str:
+    """How often."""
+    return "once" if count == 1 else f"{count} times"
+
+
+def counted_outages(count: int) -> str:
+    """So many outages."""
+    return "one outage" if count == 1 else f"{count} outages"
+
+
 def compared_with(recording: Recording | None) -> str:
     """What errors are formed against where it is no truth but another filter's solution, such as ``autopilot``; else empty."""
     topic = recording.truth if recording else None
@@ -108,4 +118,4 @@ def _refused(navigator: NavigatorResult) -> str:
         ((count, aid, reason) for aid, entry in navigator.aids.items() for reason, count in entry.not_used_or_limited.items()),
         default=None,
     )
-    return f"; most refused: {worst[1]}, {worst[0]} times '{worst[2]}'" if worst else ""
+    return f"; most refused: {worst[1]}, {times(worst[0])} '{worst[2]}'" if worst else ""

@@ -1,6 +1,7 @@
-"""Time charts: curves, sigma bands and dots over the flight, with GPS outages shaded."""
+"""Charts: curves, sigma bands and dots over the flight, with GPS outages shaded, or over any other axis."""
 
 import dataclasses
+import math
 import zlib
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -15,6 +16,8 @@ HALF = 474
 """Width of a chart that another stands beside."""
 UNITS, LEVELS = 10_000, 4_000
 """Steps of time across a chart and of values up it."""
+LONG_S = 3 * 3600.0
+"""From here on the time is written in hours."""
 FAR = 50
 """Values are kept up to so many heights of the chart beyond it."""
 
@@ -67,7 +70,13 @@ class TimeAxis:
     @property
     def unit(self) -> tuple[float, str]:
         """Seconds per unit of the axis, and its name."""
-        return (60.0, "min") if self.end_s - self.start_s > 600.0 else (1.0, "s")
+        long_s = self.end_s - self.start_s
+        return (3600.0, "h") if long_s > LONG_S else (60.0, "min") if long_s > 600.0 else (1.0, "s")
+
+    @property
+    def data(self) -> dict[str, str | None]:
+        """What the page's script must know of the axis, as attributes."""
+        return {"start": f"{self.start_s:.3f}", "end": f"{self.end_s:.3f}"}
 
     def x(self, t_s: np.ndarray | float, left: float, right: float) -> Any:
         """Where stamps land on an axis from ``left`` to ``right``."""
@@ -87,6 +96,34 @@ class TimeAxis:
 
 
 @dataclasses.dataclass(frozen=True)
+class Axis(TimeAxis):
+    """An axis of something else than time from ``start_s`` to ``end_s`` of ``name``, its unit; logarithms to base ten where ``is_log``."""
+
+    name: str = ""
+    is_log: bool = False
+
+    @property
+    def data(self) -> dict[str, str | None]:
+        """What the page's script must know of the axis, as attributes."""
+        return {"start": f"{self.start_s:.9g}", "end": f"{self.end_s:.9g}", "across": self.name, "log": "x" if self.is_log else None}
+
+    def ticks(self, count: int) -> Iterator[tuple[float, str]]:
+        """Values of the ticks and their labels, the last with the unit."""
+        ticks = ticks_of(self.start_s, self.end_s, count, self.is_log)
+        for value, label in ticks:
+            yield value, f"{label} {self.name}" if value == ticks[-1][0] else label
+
+
+def ticks_of(low: float, high: float, count: int, is_log: bool) -> list[tuple[float, str]]:
+    """Ticks and their labels; of logarithms the powers of ten."""
+    if is_log:
+        powers = range(math.ceil(low - 1e-9), math.floor(high + 1e-9) + 1, max(1, round((high - low) / 10)))
+        return [(float(k), f"{10.0**k:g}") for k in powers]
+    ticks = svg.nice_ticks(low, high, count)
+    return [(value, svg.tick_label(value, ticks)) for value in ticks]
+
+
+@dataclasses.dataclass(frozen=True)
 class Frame:
     """The box of a chart of ``width`` by ``height`` pixels and what is inside it, in units that a reader's zoom does not change.
 
@@ -99,6 +136,7 @@ class Frame:
     low: float | None = None
     high: float | None = None
     left: int = LEFT
+    is_log: bool = False
 
     def x(self, t_s: np.ndarray | float) -> Any:
         """Units of stamps."""
@@ -127,7 +165,9 @@ class Frame:
         box = {"x": self.left, "y": TOP, "width": width, "height": height, "viewBox": f"0 0 {UNITS} {levels}"}
         plot = svg.element("svg", shading + inside, class_="plot", preserveAspectRatio="none", **box)
         frame = svg.element("rect", x=self.left, y=TOP, width=width, height=height, class_="frame")
-        data = {"start": f"{self.axis.start_s:.3f}", "end": f"{self.axis.end_s:.3f}", "unit": unit or None}
+        data = {**self.axis.data, "unit": unit or None}
+        if self.is_log:
+            data["log"] = f"{data.get('log') or ''}y"
         data |= {} if self.low is None else {"low": f"{self.low:.6g}", "high": f"{self.high:.6g}"}
         kind = "chart" if self.width > HALF else "chart half"
         named = {f"data_{key}": value for key, value in data.items()}
@@ -141,6 +181,7 @@ def time_chart(
     width: int = 960,
     height: int = 150,
     limits: tuple[float, float] | None = None,
+    is_log: bool = False,
 ) -> str:
     """Draw one chart; an empty string when there is nothing to draw.
 
@@ -155,17 +196,28 @@ def time_chart(
         Pixels.
     limits : (float, float), optional
         Value range; chosen from the data where None.
+    is_log : bool
+        Values, not of a band, are drawn by their logarithms; so is what lies along an :class:`Axis` that says so.
     """
+    if is_log:
+        items = [dataclasses.replace(i, values=_logarithm(i.values)) for i in items if not isinstance(i, Band)]
+    if isinstance(axis, Axis) and axis.is_log:
+        items = [dataclasses.replace(i, t_s=_logarithm(i.t_s)) for i in items]
     items = [i for i in items if len(i.t_s) and np.isfinite(_values(i)).any()]
     if not items:
         return ""
     low, high = limits or _limits(items)
-    frame = Frame(axis, width, height, low, high)
+    frame = Frame(axis, width, height, low, high, is_log=is_log)
     ordered = [i for i in items if isinstance(i, Band)] + [i for i in items if not isinstance(i, Band)]
     inside = "".join(_drawn(frame, i) for i in ordered)
     over = svg.text(2, 13, title, class_="title") + _legend(items, width)
     unit = title.rpartition("[")[2].partition("]")[0].partition(",")[0] if "[" in title else ""
     return frame.drawing(title, svg.element("g", grid(frame), class_="axes"), inside, over, unit)
+
+
+def _logarithm(values: np.ndarray) -> np.ndarray:
+    """To base ten, NaN where there is none."""
+    return np.log10(np.where(values > 0.0, values, np.nan))
 
 
 def _drawn(frame: Frame, item: Item) -> str:
@@ -198,13 +250,14 @@ def grid(frame: Frame) -> str:
     """Lines and labels of values and time."""
     assert frame.low is not None and frame.high is not None
     parts, lines = [], []
-    ticks, base = svg.nice_ticks(frame.low, frame.high, 4), frame.height - BOTTOM
-    for value in ticks:
+    base = frame.height - BOTTOM
+    for value, label in ticks_of(frame.low, frame.high, 4, frame.is_log):
         y = TOP + float(frame.y(value)) / LEVELS * (base - TOP)
         line = f"M{frame.left} {y:.1f}H{frame.width - RIGHT}"
-        lines += [line] if value else []
-        parts += [] if value else [svg.element("path", d=line, class_="zero")]
-        parts.append(svg.text(frame.left - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick end"))
+        is_zero = not value and not frame.is_log
+        lines += [] if is_zero else [line]
+        parts += [] if not is_zero else [svg.element("path", d=line, class_="zero")]
+        parts.append(svg.text(frame.left - 6, y + 3.5, label, class_="tick end"))
     return svg.element("path", d="".join(lines), class_="grid") + "".join(parts) + time_grid(frame)
 
 
@@ -258,7 +311,8 @@ def _band(frame: Frame, band: Band) -> str:
 
 
 def _dots(frame: Frame, dots: Dots) -> str:
-    x, y = _units(frame, *thin_dots(dots.t_s, dots.values))
+    order = np.argsort(dots.t_s, kind="stable")
+    x, y = _units(frame, *thin_dots(dots.t_s[order], dots.values[order]))
     look = {"stroke": dots.colour, "stroke_width": dots.size, "stroke_linecap": "round"}
     return svg.path(svg.dots_data(x, y), data_kind="dots", data_label=dots.label or None, **look)
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-BUCKETS = 700
-"""Buckets per curve; two points each, so a curve never has more than 1400."""
+BUCKETS = 600
+"""Buckets per curve; two points each, so a curve never has more than 1200."""
 
 
 def thin(x: np.ndarray, y: np.ndarray, buckets: int = BUCKETS) -> tuple[np.ndarray, np.ndarray]:
@@ -56,7 +56,7 @@ def thin_envelope(x: np.ndarray, y: np.ndarray, buckets: int = BUCKETS // 2) -> 
     return x[keep], y[keep]
 
 
-def straightened(x: np.ndarray, y: np.ndarray, most: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
+def straightened(x: np.ndarray, y: np.ndarray, most: float = 6.0) -> tuple[np.ndarray, np.ndarray]:
     """Leave out points that lie within ``most`` of the line from the last point that is kept to the next one.
 
     One pass: the slopes that pass every point left out so far within ``most`` stay a wedge, and where it closes a point is kept.

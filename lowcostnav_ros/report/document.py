@@ -1,6 +1,8 @@
 """The frame of every page: one self-contained HTML file with the house style, a table of contents, and the behaviour of its charts."""
 
+import base64
 import re
+import zlib
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -10,7 +12,10 @@ from lowcostnav_ros.report.svg import element, escape
 _HERE = Path(__file__).parent
 _FEW = 4
 """So many sections need no table of contents."""
+_NO_SCRIPT = "<noscript>Drawn by the script of this page.</noscript>"
 _SPEEDS = {str(k): f"{k}\N{MULTIPLICATION SIGN}" for k in (1, 5, 20, 60, 200)}
+PLAIN = 200_000
+"""So much of a page is written out; what lies further down is packed, and unpacked by the script as soon as the page is there."""
 _COLOURS = {"": "track: one colour", "error_m": "by error", "ratio": "by error over sigma", "mode": "by mode"}
 
 
@@ -25,18 +30,39 @@ def document(name: str, sections: Iterable[str], flight: str = "") -> str:
     flight : str
         What there is to play, as JSON; see :mod:`.flight.playback`.
     """
-    style, script, indicator = (_text(file) for file in ("page.css", "page.js", "attitude_indicator.js"))
+    sections = _lighter(sections)
+    style, script, panel = (_text(file) for file in ("page.css", "page.js", "instruments.js"))
     view = '<meta name="viewport" content="width=device-width,initial-scale=1">'
     head = f'<meta charset="utf-8">{view}<title>{escape(name)}</title><style>{style}</style>'
-    tools = _button("\N{CIRCLE WITH RIGHT HALF BLACK}", "light or dark", id="theme") + _button("whole flight", "zoom out", id="unzoom")
+    tools = _button("\N{CIRCLE WITH RIGHT HALF BLACK}", "light or dark", id="theme")
+    tools += _button("SI", "units: SI or of aviation", id="units", hidden="hidden")
+    tools += _button("whole flight", "zoom out", id="unzoom")
     fixed = f'<div id="tools">{tools}</div><div id="when"></div>'
     scripts = script
     if flight:
-        data = flight.replace("<", "\\u003c")
-        fixed += f'{_player()}<script id="flight" type="application/json">{data}</script>'
-        scripts = indicator + script
-    body = f"<main>{_with_contents(list(sections))}</main>{fixed}<script>{scripts}</script>"
+        fixed += f'{_player()}<script id="flight" type="application/octet-stream" data-packed="{packed(flight)}"></script>'
+        scripts = panel + script
+    if any('id="fields"' in one for one in sections):
+        scripts += _text("fields.js")
+    body = f"<main>{_with_contents(sections)}</main>{fixed}<script>{scripts}</script>"
     return f'<!doctype html><html lang="en"><head>{head}</head><body>{body}</body></html>\n'
+
+
+def packed(text: str) -> str:
+    """Deflated, in base 64."""
+    return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
+
+
+def _lighter(sections: Iterable[str]) -> list[str]:
+    """The sections, their contents packed once so much is written out."""
+    written, out = 0, list[str]()
+    for one in sections:
+        head, end, content = one.partition("</h2>")
+        if end and written > PLAIN and len(content) > PLAIN // 20:
+            one = f'{head}{end}<div data-packed="{packed(content.removesuffix("</section>"))}">{_NO_SCRIPT}</div></section>'
+        written += len(one)
+        out.append(one)
+    return out
 
 
 def _text(file: str) -> str:
@@ -56,7 +82,7 @@ def _player() -> str:
     play = _button("\N{BLACK RIGHT-POINTING TRIANGLE}", "play or pause", class_="play")
     choices = choice("who", "navigator", {}) + choice("by", "colour of the track", _COLOURS)
     fold = _button("\N{WHITE CIRCLE}", "attitude indicator", class_="fold")
-    horizon = '<div class="horizon"></div>'
+    horizon = '<div class="horizon"><canvas role="img" aria-label="attitude, speed, height and heading"></canvas></div>'
     parts = (play, choice("speed", "speed", _SPEEDS), slide, '<span class="time"></span>', choices, fold, horizon)
     return f'<div id="player" hidden>{"".join(parts)}</div>'
 

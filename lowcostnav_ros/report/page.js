@@ -1,5 +1,13 @@
-// The page's behaviour.  The charts are whole without it; here they fit the window, zoom, and share a cursor with the map and the player.
-(() => {
+// The page's behaviour.  Charts are whole without it, but for those far down a long page, which are packed; here they fit the window, zoom,
+// and share a cursor with the map and the player.
+window.pageReady = (async () => {
+  const packed = document.querySelectorAll('[data-packed]');
+  if (packed.length) await Promise.all([...packed].map(async e => {
+    const bytes = Uint8Array.from(atob(e.dataset.packed), c => c.charCodeAt(0));
+    const text = await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'))).text();
+    e.removeAttribute('data-packed');
+    if (e.tagName === 'SCRIPT') e.textContent = text; else e.innerHTML = text;
+  }));
   const NS = 'http://www.w3.org/2000/svg', UNITS = 1e4, LEVELS = 4000, RIGHT = 12, TOP = 20, BOTTOM = 20;
   const all = (what, where = document) => [...where.querySelectorAll(what)];
   const make = (name, attributes, parent, text) => {
@@ -19,8 +27,16 @@
     return out;
   }
   const shown = (v, step) => v.toFixed(clamp(-Math.floor(Math.log10(step) + 1e-9), 0, 6)).replace('-', '\u2212').replace(/^\u2212(0(\.0*)?)$/, '$1');
+  const marks = (low, high, count, isLog) => { // places of ticks and their words; of logarithms to base ten those of the numbers
+    if (!isLog) { const found = ticks(low, high, count); return found.map(v => [v, shown(v, found.step)]); }
+    if (high - low < 1) return marks(10 ** low, 10 ** high, count).filter(([v]) => v > 0).map(([v, text]) => [Math.log10(v), text]);
+    const each = Math.max(1, Math.round((high - low) / 10)), out = [];
+    for (let k = Math.ceil(low - 1e-9); k <= high + 1e-9; k += each) out.push([k, Math.abs(k) > 4 ? `1e${k}`.replace('-', '\u2212') : String(+(10 ** k).toPrecision(1))]);
+    return out;
+  };
   const digits = v => {
     const size = Math.abs(v);
+    if (size && size < 1e-3) return v.toExponential(2).replace(/-/g, '\u2212');
     return v.toFixed(size >= 1000 ? 0 : size >= 100 ? 1 : size >= 1 ? 2 : size >= 0.01 ? 4 : 6).replace('-', '\u2212');
   };
 
@@ -43,6 +59,53 @@
     return a - 1;
   }
 
+  // ---- units: SI as written, or those of the cockpit
+  const stored = document.getElementById('flight'), flight = stored && JSON.parse(stored.textContent), unitsChanged = [];
+  let units = 'si';
+  try { if (localStorage.getItem('units') === 'aviation') units = 'aviation'; } catch { /* storage may be off */ }
+  const FOOT = 3.28084, NM = 1 / 1852, KNOT = 1.943844, upright = /height|altitude|down|vertical|climb|msl/i;
+  function cockpit(unit, title, size) { // factor, what is added, and the unit that a pilot reads
+    if (unit === 'm/s') return upright.test(title) ? [60 * FOOT, 0, 'ft/min'] : [KNOT, 0, 'kt'];
+    if (unit === 'm') return upright.test(title) || size < 926 ? [FOOT, 0, 'ft'] : [NM, 0, 'NM'];
+    if (unit === 'km') return [1000 * NM, 0, 'NM'];
+    if (unit === 'deg' && /^true heading/i.test(title) && flight?.declination_deg != null) return [1, -flight.declination_deg, 'deg'];
+    return null;
+  }
+  const rounded = (v, f) => { const size = Math.abs(v *= f); return v.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : 2); };
+  const number = /[-\u2212]?\d+(?:\.\d+)?/g, toNumber = text => +text.replace('\u2212', '-');
+  const inWords = text => units === 'si' ? text : text.replace(/(km) \([\d.]+ NM\)/g, '$1').replace(/([-\u2212]?\d+(?:\.\d+)?) (m\/s|km|m)(?![\w/^\u00b2])/g, (whole, v, unit) => {
+    const [f, , shown] = cockpit(unit, '', Math.abs(toNumber(v)));
+    return `${rounded(toNumber(v), f)} ${shown}`;
+  });
+  function rewrite(node, how) { // the text nodes below, from what was written first
+    const walk = document.createTreeWalker(node, NodeFilter.SHOW_TEXT);
+    for (let t; (t = walk.nextNode());) { t.written ??= t.data; t.data = units === 'si' ? t.written : how(t.written); }
+  }
+  function restate() {
+    all('.findings,.sentences,.note,.facts,header dd').forEach(e => rewrite(e, inWords));
+    for (const table of all('table')) {
+      const heads = all('thead th', table), rows = all('tbody tr', table);
+      heads.forEach((head, k) => {
+        const cells = rows.map(r => r.children[k]).filter(Boolean), title = head.written ??= head.textContent, unit = (title.match(/\[(m\/s|km|m)\]/) || [])[1];
+        if (!unit) { cells.forEach(c => rewrite(c, inWords)); return; }
+        const size = Math.max(0, ...cells.flatMap(c => ((c.firstChild?.written ?? c.textContent).match(number) || []).map(v => Math.abs(toNumber(v)))));
+        const [f, , shown] = cockpit(unit, title, size);
+        rewrite(head, text => text.replace(`[${unit}]`, `[${shown}]`));
+        cells.forEach(c => rewrite(c, text => text.replace(number, v => rounded(toNumber(v), f))));
+      });
+    }
+  }
+  function setUnits(name) {
+    units = name;
+    try { localStorage.setItem('units', name); } catch { /* not kept, then */ }
+    const button = document.getElementById('units');
+    button.textContent = name === 'si' ? 'm \u00b7 m/s' : 'ft \u00b7 kt \u00b7 NM';
+    button.hidden = !charts.length && !all('table').length;
+    restate();
+    for (const chart of charts) { chart.retitle(); if (chart.inner) chart.draw(); }
+    for (const changed of unitsChanged) changed();
+  }
+
   // ---- charts: those of the same axis of time show the same part of it
   const views = {};
   class Chart {
@@ -50,6 +113,7 @@
       this.svg = svg;
       const d = svg.dataset, box = svg.viewBox.baseVal, plot = this.plot = svg.querySelector('svg.plot');
       this.t0 = +d.start; this.t1 = +d.end; this.unit = d.unit || '';
+      this.across = d.across; this.logX = (d.log || '').includes('x'); this.logY = (d.log || '').includes('y');
       this.scaled = 'low' in d; this.low0 = this.low = +d.low; this.high0 = this.high = +d.high;
       this.left0 = this.left = +plot.getAttribute('x'); this.width0 = box.width; this.height = box.height;
       this.axes = svg.querySelector('.axes'); this.frame = svg.querySelector('.frame');
@@ -58,11 +122,17 @@
       this.lanes = all('.lane,.refusal', svg);
       this.hidden = new Set();
       this.line = make('line', {class: 'cursor', y1: TOP, y2: this.height - BOTTOM, visibility: 'hidden'}, svg);
-      const key = d.start + '/' + d.end;
-      this.view = views[key] = views[key] || {t0: this.t0, t1: this.t1, a: this.t0, b: this.t1, charts: []};
+      const key = [d.start, d.end, d.across].join('/');
+      this.view = views[key] = views[key] || {t0: this.t0, t1: this.t1, a: this.t0, b: this.t1, across: d.across, isLog: this.logX, charts: []};
       this.view.charts.push(this);
       for (const k of this.keys) k.g.addEventListener('click', () => this.toggle(k));
+      this.title = svg.querySelector('.title'); this.said = this.title?.textContent || '';
+      this.retitle();
       this.listen();
+    }
+    retitle() { // what is drawn, in the units that are shown
+      this.shown = units === 'aviation' && !this.logY && cockpit(this.unit, this.said, Math.max(Math.abs(this.low0), Math.abs(this.high0))) || [1, 0, this.unit];
+      if (this.title) this.title.textContent = units === 'si' ? this.said : this.said.replace(`[${this.unit}`, `[${this.shown[2]}`).replace('True heading', this.shown[1] ? 'Magnetic heading' : 'True heading');
     }
     items() { // what is drawn, as times and values, worked out when first asked for
       const t = x => this.t0 + x / UNITS * (this.t1 - this.t0), v = y => this.high0 - y / LEVELS * (this.high0 - this.low0);
@@ -135,18 +205,19 @@
       this.plot.setAttribute('viewBox', `${u(a)} ${rows[0]} ${Math.max(u(b) - u(a), 1e-3)} ${rows[1]}`);
       this.axes.replaceChildren();
       if (this.scaled) {
-        const values = ticks(this.low, this.high, 4);
-        for (const v of values) {
-          const y = TOP + (this.high - v) / (this.high - this.low) * (base - TOP);
-          make('path', {d: `M${this.left} ${y}h${this.inner}`, class: Math.abs(v) < 1e-9 * values.step ? 'zero' : 'grid'}, this.axes);
-          make('text', {x: this.left - 6, y: y + 3.5, class: 'tick end'}, this.axes, shown(v, values.step));
+        const [f, more] = this.shown;
+        for (const [u, text] of marks(this.low * f + more, this.high * f + more, 4, this.logY)) {
+          const v = (u - more) / f, y = TOP + (this.high - v) / (this.high - this.low) * (base - TOP);
+          make('path', {d: `M${this.left} ${y}h${this.inner}`, class: u === 0 && !this.logY ? 'zero' : 'grid'}, this.axes);
+          make('text', {x: this.left - 6, y: y + 3.5, class: 'tick end'}, this.axes, text);
         }
       }
-      const [unit, name] = b - a > 600 ? [60, 'min'] : [1, 's'], marks = ticks((a - t0) / unit, (b - t0) / unit, clamp(this.inner / 80, 2, 12));
-      marks.forEach((v, k) => {
-        const x = this.x(t0 + v * unit);
+      const [unit, name] = this.across != null ? [1, this.across] : b - a > 10800 ? [3600, 'h'] : b - a > 600 ? [60, 'min'] : [1, 's'];
+      const zero = this.across != null ? 0 : t0, along = marks((a - zero) / unit, (b - zero) / unit, clamp(this.inner / 80, 2, 12), this.logX);
+      along.forEach(([v, text], k) => {
+        const x = this.x(zero + v * unit);
         make('path', {d: `M${x} ${TOP}V${base}`, class: 'grid'}, this.axes);
-        make('text', {x, y: base + 13, class: 'tick mid'}, this.axes, shown(v, marks.step) + (k === marks.length - 1 ? ' ' + name : ''));
+        make('text', {x, y: base + 13, class: 'tick mid'}, this.axes, text + (k === along.length - 1 ? ' ' + name : ''));
       });
       for (const e of this.modes) {
         const from = this.x(Math.max(+e.dataset.from, a)), to = this.x(Math.min(+e.dataset.to, b));
@@ -234,7 +305,7 @@
     const names = {};
     for (const [item, v] of values) {
       const label = item.kind === 'band' ? item.label : item.label || 'value';
-      if (!names[label]) rows.push(`${label}: ${digits(v)} ${chart.unit}`);
+      if (!names[label]) rows.push(`${label}: ${digits(chart.logY ? 10 ** v : chart.shown[1] ? (v + chart.shown[1] + 360) % 360 : v * chart.shown[0])} ${chart.shown[2]}`);
       names[label] = 1;
     }
     box.replaceChildren(...rows.map(text => Object.assign(document.createElement('div'), {textContent: text})));
@@ -242,11 +313,10 @@
     box.style.left = (right ? event.clientX - box.offsetWidth - 14 : event.clientX + 14) + 'px';
     box.style.top = clamp(event.clientY + 12, 4, innerHeight - box.offsetHeight - 60) + 'px';
   }
-  const clock = s => `${Math.floor(s / 60)}:${(s % 60).toFixed(1).padStart(4, '0')}`;
-  const words = (time, view) => clock(time - view.t0) + (time > 1e8 ? `  ${new Date(time * 1e3).toISOString().slice(11, 21)} UTC` : '');
+  const clock = s => s < 3600 ? `${Math.floor(s / 60)}:${(s % 60).toFixed(1).padStart(4, '0')}` : `${Math.floor(s / 3600)}:${clock(s % 3600).padStart(7, '0')}`;
+  const words = (time, view) => view.across != null ? `${digits(view.isLog ? 10 ** time : time)} ${view.across}` : clock(time - view.t0) + (time > 1e8 ? `  ${new Date(time * 1e3).toISOString().slice(11, 21)} UTC` : '');
   const listeners = [];
   const charts = all('svg.chart').map(svg => new Chart(svg));
-  const stored = document.getElementById('flight'), flight = stored && JSON.parse(stored.textContent);
   const isFlight = v => flight && Math.abs(v.t0 - flight.start) < 0.01;
   const main = Object.values(views).sort((p, q) => isFlight(q) - isFlight(p) || q.charts.length - p.charts.length)[0];
 
@@ -369,7 +439,7 @@
     const count = Math.max(...flight.ways.map(w => (w.roll_deg || w.x || w.height_m || []).length)), ground = grounds[0];
     const bar = document.getElementById('player'), find = name => bar.querySelector('.' + name);
     const [play, speed, slide, when, who, colour] = ['play', 'speed', 'slide', 'time', 'who', 'by'].map(find);
-    const indicator = attitudeIndicator(find('horizon'));
+    const panel = find('horizon').firstElementChild;
     slide.max = main.t1 - main.t0;
     for (const w of flight.ways) who.add(new Option(w.name, w.name));
     const flown = flight.ways.filter(w => !w.given).sort((p, q) => !!q.roll_deg - !!p.roll_deg || !!q.x - !!p.x)[0] || flight.ways[0];
@@ -392,7 +462,7 @@
       for (const {w, g} of crafts) {
         const x = value(w, 'x', t), y = value(w, 'y', t), p = x == null || y == null ? null : ground.pixel(x, y);
         g.setAttribute('visibility', p && ground.holds(...p) ? 'visible' : 'hidden');
-        if (p) g.setAttribute('transform', `translate(${p}) rotate(${value(w, 'heading_deg', t) ?? 0})`);
+        if (p && ground.width) g.setAttribute('transform', `translate(${p}) rotate(${value(w, 'heading_deg', t) ?? 0})`);
       }
       if (region) {
         const at = ['x', 'y', 'sigma_east_m', 'sigma_north_m'].map(key => value(w, key, t)), k = 2 * ground.perMetre;
@@ -401,9 +471,13 @@
         region.style.stroke = w.colour;
       }
       const height = value(w, 'height_m', t), fast = value(w, 'speed_mps', t), mode = w.words?.[w.mode[clamp(Math.floor((t - flight.start) / flight.step), 0, count - 1)]];
-      indicator.set(value(w, 'roll_deg', t), value(w, 'pitch_deg', t), value(w, 'heading_deg', t), fast == null ? '' : `${fast.toFixed(0)} m/s`, height == null ? '' : `${height.toFixed(0)} m`);
+      const twice = v => v == null ? undefined : 2 * v, turned = v => v == null ? undefined : (v % 360 + 360) % 360;
+      const given = {roll: value(w, 'roll_deg', t) ?? undefined, pitch: value(w, 'pitch_deg', t) ?? undefined, heading: turned(value(w, 'heading_deg', t)), track: turned(value(w, 'track_deg', t))};
+      Object.assign(given, {speed: fast ?? undefined, climb: value(w, 'climb_mps', t) ?? undefined, msl: height == null ? undefined : height - (flight.undulation_m || 0)});
+      Object.assign(given, {declination: flight.declination_deg, heading_bound: twice(value(w, 'sigma_heading_deg', t)), height_bound: twice(value(w, 'sigma_down_m', t))});
+      if (!bar.classList.contains('folded')) drawInstruments(panel, given, height == null && given.roll === undefined && given.heading === undefined ? 'no solution' : '', units);
       const error = value(w, 'error_m', t);
-      when.textContent = `${words(t, main)}  ${mode || ''}${error == null ? '' : `  ${digits(error)} m off`}`;
+      when.textContent = `${words(t, main)}  ${mode || ''}${error == null ? '' : `  ${inWords(`${digits(error)} m`)} off`}`;
       if (time == null || time === held) slide.value = t - main.t0;
     };
     listeners.push(render);
@@ -419,7 +493,8 @@
     play.onclick = () => start(!going);
     slide.oninput = () => go(main.t0 + +slide.value);
     who.onchange = () => { paint(); render(); };
-    find('fold').onclick = () => bar.classList.toggle('folded');
+    find('fold').onclick = () => { bar.classList.toggle('folded'); render(); };
+    unitsChanged.push(() => render());
     document.addEventListener('keydown', e => {
       if (/INPUT|SELECT|BUTTON|TEXTAREA|SUMMARY/.test(e.target.tagName) || e.ctrlKey || e.metaKey || e.altKey) return;
       const step = (main.b - main.a) / 200;
@@ -458,6 +533,7 @@
     };
     colour.onchange = paint;
     bar.hidden = false;
+    bar.classList.toggle('folded', innerWidth < 500);
     document.body.classList.add('playing');
     const known = (way().roll_deg || way().x || []).findIndex(v => v != null);
     go(flight.start + Math.max(known, 0) * flight.step);
@@ -468,6 +544,11 @@
 
   // ---- as wide as the window, drawn when seen; on paper as written
   const drawn = [...charts, ...grounds];
+  const add = chart => { drawn.push(chart); charts.push(chart); seen.observe(chart.svg); fitted(chart); };
+  const remove = chart => {
+    seen.unobserve(chart.svg); chart.svg.remove();
+    for (const list of [drawn, charts, chart.view.charts]) list.splice(list.indexOf(chart), 1);
+  };
   const fitted = one => { const w = one.svg.getBoundingClientRect().width; if (w) { one.svg.style.height = (one.height || 0) + 'px'; one.layout(w); one.svg.style.height = one.height + 'px'; one.stale = false; } };
   const seen = new IntersectionObserver(entries => entries.forEach(e => {
     const one = drawn.find(d => d.svg === e.target);
@@ -483,9 +564,11 @@
   };
   addEventListener('beforeprint', () => paper(true));
   addEventListener('afterprint', () => paper(false));
+  document.getElementById('units').onclick = () => setUnits(units === 'si' ? 'aviation' : 'si');
+  setUnits(units);
   document.getElementById('theme').onclick = () => {
     const dark = (document.documentElement.dataset.theme || (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light')) === 'dark';
     document.documentElement.dataset.theme = dark ? 'light' : 'dark';
   };
-  window.page = {charts, grounds, views, main, show, flight, point, fit: () => drawn.forEach(fitted)};
+  window.page = {Chart, add, remove, make, digits, charts, grounds, views, main, show, flight, point, fit: () => drawn.forEach(fitted)};
 })();

@@ -11,7 +11,7 @@ from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.replay.result import ReplayResult
 from lowcostnav_ros.replay.tables import tables
-from lowcostnav_ros.replay.words import compared_with, sentence
+from lowcostnav_ros.replay.words import compared_with, counted_outages, sentence
 
 WIDTH = 100
 
@@ -64,7 +64,7 @@ def _print_head(result: ReplayResult, console: Console) -> None:
     lines = [f"{result.duration_s:.1f} s, {span}, settings {result.settings_hash}"]
     lost = result.without_gps
     if lost.total_s > 0.0:
-        lines.append(f"without GPS for {lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)")
+        lines.append(f"without GPS for {lost.total_s:.0f} s in {counted_outages(len(lost.intervals_s))}")
     lines += result.withheld
     if recording:
         lines += [f"{name} not run: {reason}" for name, reason in recording.left_out.items()]

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,13 +12,15 @@ from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.radionav.network import Dilution, best_next, dilutions, places_of
 from lowcostnav_ros.radionav.stations import Station
 from lowcostnav_ros.radionav.transmitters import BEACON
+from lowcostnav_ros.replay.result import Place
+from lowcostnav_ros.report.map_chart import Cells, map_chart
 from lowcostnav_ros.report.plan_folder import finite
+from lowcostnav_ros.report.svg import escape
 from lowcostnav_ros.report.terminal import Told
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 DOPS = ("hdop", "vdop", "pdop")
+LEVELS = (1.5, 2.0, 3.0, 4.0, 6.0, 10.0)
+COLOURS = ("#1a9850", "#66bd63", "#a6d96a", "#fee08b", "#fdae61", "#f46d43", "#7f2704")
 GRID, COARSE = 31, 9
 """Points of the map, and of the places where a next transmitter is tried, along each side."""
 
@@ -111,18 +113,15 @@ def told(plan: TransmitterPlan) -> Told:
     return title, (Table.plain("Dilutions", columns, rows),), sentences
 
 
-def draw_maps(figure: "Figure", plan: TransmitterPlan) -> None:
+def drawings(plan: TransmitterPlan) -> list[str]:
     """HDOP, VDOP and PDOP over the area, the transmitters and the best next one."""
-    figure.set_size_inches(13.0, 4.4)
-    km = plan.offsets_m / 1e3
-    for k, name in enumerate(DOPS):
-        ax: Any = figure.add_subplot(1, 3, k + 1)
-        shown = ax.contourf(km, km, np.minimum(plan.map_of(name), 10.0), levels=np.linspace(0.0, 10.0, 21))
-        figure.colorbar(shown, ax=ax)
-        ax.plot(plan.places[:, 1] / 1e3, plan.places[:, 0] / 1e3, "w^", markeredgecolor="k", label="transmitter")
-        ax.plot(plan.site_place[1] / 1e3, plan.site_place[0] / 1e3, "r*", markersize=11, label="best next")
-        ax.set(title=name.upper(), xlabel="east [km]", ylabel="north [km]", aspect="equal", xlim=(km[0], km[-1]), ylim=(km[0], km[-1]))
-    ax.legend(fontsize=8, loc="upper left")
-
-
-FIGURES = {"dop.png": draw_maps}
+    pins = [Place(s.ident, math.degrees(s.lat), math.degrees(s.lon)) for s in (*plan.stations, plan.site)]
+    words = [*(f"to {v:g}" for v in LEVELS), f"above {LEVELS[-1]:g}"]
+    drawn = []
+    for name in DOPS:
+        values = plan.map_of(name)
+        classes = np.where(np.isfinite(values), np.searchsorted(LEVELS, np.nan_to_num(values)), -1)
+        cells = Cells(plan.offsets_m, plan.offsets_m, classes, COLOURS, words, LocalFrame(*plan.centre))
+        title = f"{name.upper()} at {plan.height:g} m; {plan.site.ident}: where the next transmitter helps most; clear: no position"
+        drawn.append(f'<p class="note"><b>{escape(title)}</b></p>{map_chart([], pins, cells=cells)}')
+    return drawn

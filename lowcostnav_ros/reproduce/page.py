@@ -1,15 +1,19 @@
 """The page of a study: one table of all results, then each result with its reason and its figure."""
 
+import base64
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from lowcostnav_ros.base.tables import Table
+from lowcostnav_ros.report.document import document, html_table, section
+from lowcostnav_ros.report.svg import element, escape
 from lowcostnav_ros.reproduce.registry import STUDIES, VERDICTS
 from lowcostnav_ros.reproduce.run import ONE_SEED, Record
 
 
 def write_pages(records: Sequence[Record], out: Path, quick: bool) -> list[Path]:
-    """Write ``<study>.md`` for every study among the records; return the paths.
+    """Write ``<study>.md`` and ``<study>.html`` for every study among the records; return the paths.
 
     Parameters
     ----------
@@ -22,9 +26,10 @@ def write_pages(records: Sequence[Record], out: Path, quick: bool) -> list[Path]
     out.mkdir(parents=True, exist_ok=True)
     written = []
     for study in dict.fromkeys(record.entry.study for record in records):
-        path = out / f"{study}.md"
-        path.write_text(page(study, [r for r in records if r.entry.study == study], quick), encoding="utf-8")
-        written.append(path)
+        own = [r for r in records if r.entry.study == study]
+        for path, text in ((out / f"{study}.md", page(study, own, quick)), (out / f"{study}.html", html_page(study, own, out))):
+            path.write_text(text, encoding="utf-8")
+            written.append(path)
     return written
 
 
@@ -52,6 +57,30 @@ def page(study: str, records: Sequence[Record], quick: bool) -> str:
     for record in records:
         lines += ["", *_section(record)]
     return "\n".join(lines) + "\n"
+
+
+def html_page(study: str, records: Sequence[Record], out: Path) -> str:
+    """The same with the frame of every other page, figures inside, to be opened in a browser."""
+    count = Counter(record.outcome.verdict for record in records)
+    said = ", ".join(f"{count[verdict]} {verdict}" for verdict in VERDICTS if count[verdict])
+    head = f'<header><h1>{escape(STUDIES.get(study, study))}</h1><div class="findings"><p>{escape(said)}.</p></div></header>'
+    rows = [(r.entry.id, r.entry.title, r.entry.thesis, r.outcome.ours, r.outcome.verdict) for r in records]
+    table = html_table(Table.plain("", ("id", "result", "thesis", "ours", "verdict"), rows, left=4))
+    return document(f"Validation: {study}", [head, section("All results", table), *(_html_section(record, out) for record in records)])
+
+
+def _html_section(record: Record, out: Path) -> str:
+    entry, outcome = record.entry, record.outcome
+    facts = {"thesis": f"{entry.thesis} ({entry.source})", "ours": outcome.ours, "tolerance": entry.tolerance, "verdict": outcome.verdict}
+    facts |= {"why": outcome.reason} if outcome.reason else {}
+    listed = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>" for name, text in facts.items())
+    rows = [(r.name, r.ours, "yes" if r.within else "no") for r in outcome.readings]
+    readings = html_table(Table.plain("", ("reading", "ours", "within the tolerance"), rows, left=2))
+    picture = ""
+    if record.figure:
+        data = base64.b64encode((out / record.figure).read_bytes()).decode()
+        picture = element("img", src=f"data:image/png;base64,{data}", alt=f"{entry.id}: {entry.title}", class_="picture", loading="lazy")
+    return section(f"{entry.id} {entry.title}", f'<dl class="facts">{listed}</dl>', readings, picture)
 
 
 def _section(record: Record) -> list[str]:

@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from lowcostnav_ros.messages.decode import Decoder
 from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.navigators.registry import NAVIGATORS, label_of
 from lowcostnav_ros.physics.earth import LocalFrame
+from lowcostnav_ros.physics.geomagnetism import declination, year_of_stamp
 from lowcostnav_ros.physics.rotation import quat_to_euler
 from lowcostnav_ros.radionav.ellipse import ellipse_of
 from lowcostnav_ros.radionav.stations import Station
@@ -315,12 +316,24 @@ def _position(solution: NavSolution) -> dict[str, Any]:
     lat, lon, height = solution.place
     shown: dict[str, Any] = {"lat": round(math.degrees(lat), 7), "lon": round(math.degrees(lon), 7)}
     shown["height"] = round(height, 2)
+    year = year_of_stamp(solution.stamp_ns)
+    if year is not None:
+        shown["declination"] = _declination_deg(round(math.degrees(lat), 1), round(math.degrees(lon), 1), round(year, 1))
     shown["msl"] = round(height - float(undulation(lat, lon)), 1)
     if solution.cov_pos is not None:
         ellipse = ellipse_of(solution.cov_pos[:2, :2])
         axes = round(SIGMAS * ellipse.major, 1), round(SIGMAS * ellipse.minor, 1), round(math.degrees(ellipse.orientation), 1)
         shown |= {"ellipse": axes, "height_bound": round(SIGMAS * math.sqrt(solution.cov_pos[2, 2]), 1)}
     return shown
+
+
+@lru_cache(maxsize=256)
+def _declination_deg(lat_deg: float, lon_deg: float, year: float) -> float | None:
+    """Magnetic declination to a tenth of a degree, east positive; None where the model does not reach."""
+    try:
+        return round(math.degrees(declination(math.radians(lat_deg), math.radians(lon_deg), 0.0, year)), 1)
+    except ValueError:
+        return None
 
 
 def _velocity(solution: NavSolution, wind: NavSolution | None) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import contextlib
 import hmac
 import ipaddress
 import json
+import math
 import os
 import queue
 import secrets
@@ -25,6 +26,7 @@ from typing import Any
 from urllib.parse import parse_qs, quote, unquote, urlencode, urlsplit
 
 from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.catalogue.background import airports, coast
 
 USUAL_PORT, TRIED_PORTS = 8040, 20
 MOST_VIEWERS, MOST_CONNECTIONS = 8, 32
@@ -35,8 +37,14 @@ LONGEST_BODY = 1000
 COOKIE = "lowcostnav"
 TOKEN = "LOWCOSTNAV_PAGE_TOKEN"
 """Environment variable with the token of a page; it is no parameter, which anybody could read, and a recording would keep."""
-ASSETS = {"/": ("page.html", "text/html"), "/page.css": ("page.css", "text/css"), "/page.js": ("page.js", "text/javascript")}
-ASSETS |= {"/instruments.js": ("instruments.js", "text/javascript"), "/map.js": ("map.js", "text/javascript")}
+SCRIPT, AROUND_DEG = "text/javascript", 2.0
+ASSETS = {
+    "/": ("graph/page/assets/page.html", "text/html"),
+    "/page.css": ("graph/page/assets/page.css", "text/css"),
+    "/page.js": ("graph/page/assets/page.js", SCRIPT),
+    "/map.js": ("graph/page/assets/map.js", SCRIPT),
+    "/instruments.js": ("report/instruments.js", SCRIPT),
+}
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
     "X-Content-Type-Options": "nosniff",
@@ -204,6 +212,21 @@ def _frame(event: str, content: Any) -> bytes:
     return f"event: {event}\ndata: {json.dumps(content, separators=(',', ':'), allow_nan=False)}\n\n".encode()
 
 
+def _background(query: str) -> dict[str, Any]:
+    """Coast and airports around the place that a query names; nothing around none."""
+    asked = parse_qs(query)
+    try:
+        lat, lon = (float(asked[name][0]) for name in ("lat", "lon"))
+    except (KeyError, ValueError):
+        lat = lon = math.nan
+    if not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
+        return {"coast": [], "airports": []}
+    half = AROUND_DEG / max(math.cos(math.radians(lat)), 0.1)
+    square = lat - AROUND_DEG, lon - half, lat + AROUND_DEG, lon + half
+    places = [{"ident": one.ident, "lat": one.lat_deg, "lon": one.lon_deg} for one in airports(*square)]
+    return {"coast": [line.round(3).tolist() for line in coast(*square)], "airports": places}
+
+
 class _Request(BaseHTTPRequestHandler):
     """One connection, one answer."""
 
@@ -224,7 +247,9 @@ class _Request(BaseHTTPRequestHandler):
             self._stream()
         elif path in ASSETS:
             name, kind = ASSETS[path]
-            self._answer(HTTPStatus.OK, (files(__package__) / "assets" / name).read_bytes(), kind)
+            self._answer(HTTPStatus.OK, (files("lowcostnav_ros") / name).read_bytes(), kind)
+        elif path == "/background":
+            self._answer(HTTPStatus.OK, json.dumps(_background(urlsplit(self.path).query)).encode(), "application/json")
         else:
             self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
 

@@ -21,6 +21,7 @@ from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm
 Imu = TYPES[IMU]
 _NO_TURN = Quaternion(0.0, 0.0, 0.0, 1.0)
 _SAMPLES = 20
+_FORCE_ABSENT = "specific force absent, that of unaccelerated flight used"
 
 
 def _vectors(message: Any, rules: DecodeRules) -> tuple[np.ndarray, np.ndarray]:
@@ -45,8 +46,13 @@ def _vectors_many(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
     rate, force = rows.parts("angular_velocity"), rows.parts("linear_acceleration")
     rows.within(rate, rows.received.rules.max_angular_rate)
     rows.within(force, rows.received.rules.max_specific_force)
-    rows.keep((rows["angular_velocity_covariance"][:, 0] != -1.0) & (rows["linear_acceleration_covariance"][:, 0] != -1.0))
+    rows.keep(rows["angular_velocity_covariance"][:, 0] != -1.0)
     return conv.swap_body(force), conv.swap_body(rate)
+
+
+def _raw_many(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+    rows.keep(rows["linear_acceleration_covariance"][:, 0] != -1.0)
+    return _vectors_many(rows)
 
 
 def _attitude_many(rows: Rows) -> tuple[Any, ...]:
@@ -55,7 +61,14 @@ def _attitude_many(rows: Rows) -> tuple[Any, ...]:
     q = rows.parts("orientation", "xyzw")
     rows.unit(q)
     force, rate = _vectors_many(rows)
-    return conv.quats_from_ros(q), covariances, rate, force
+    q_nb = conv.quats_from_ros(q)
+    absent = rows["linear_acceleration_covariance"][:, 0] == -1.0
+    if absent.any():
+        force = force.copy()
+        for k in np.flatnonzero(absent & rows.good):
+            force[k] = unaccelerated(q_nb[k])
+        rows.note(absent, f"{rows.received.kind.name}: {_FORCE_ABSENT}")
+    return q_nb, covariances, rate, force
 
 
 def orientation(message: Any, received: Received) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +100,7 @@ def decode_attitude(message: Any, received: Received) -> Attitude:
     q_nb, cov_att = orientation(message, received)
     force, rate = _vectors(message, received.rules)
     if message.linear_acceleration_covariance[0] == -1.0:
-        received.notes[f"{received.kind.name}: specific force absent, that of unaccelerated flight used"] += 1
+        received.notes[f"{received.kind.name}: {_FORCE_ABSENT}"] += 1
         force = unaccelerated(q_nb)
     return Attitude(*received.head, q_nb, cov_att, rate, force)
 
@@ -175,7 +188,7 @@ describe(
     sample=_raw_sample,
     sensed=True,
     fast=imu_columns.one,
-    many=_vectors_many,
+    many=_raw_many,
     encode_many=imu_raw_cdr,
 )
 _ORIENTATION = {"quaternion": Quantity(4, "number", False, ("FRD to NED",)), "euler": Quantity(3, "angle", False)}

@@ -1,128 +1,110 @@
-"""Figures of a DME plan: stations in view, HDOP of the best pair, expected error along the way, interrogation schedule."""
+"""Charts of a DME plan: stations in view, HDOP of the best pair, expected error along the way, what is asked when."""
 
+import math
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lowcostnav_ros.base.units import FOOT
 from lowcostnav_ros.base.units import NAUTICAL_MILE as NM
 from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.radionav.benchmarks_vor import REQUIREMENT_M
 from lowcostnav_ros.radionav.interrogation import REPLY_S, SEARCH_S
 from lowcostnav_ros.radionav.plan import pair_changes
+from lowcostnav_ros.replay.result import Place
+from lowcostnav_ros.report.chart import Axis, Curve, TimeAxis, time_chart
 from lowcostnav_ros.report.dme.plan import Leg, Level, Plan
+from lowcostnav_ros.report.document import details
+from lowcostnav_ros.report.lanes import Lane, Span, lanes
+from lowcostnav_ros.report.map_chart import Cells, Track, map_chart
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-HDOP_LEVELS = (1.41, 1.6, 2.0, 3.0, 5.0, 10.0)
-COUNT_LEVELS = (-0.5, 0.5, 1.5, 2.5, 4.5, 8.5, 99.5)
-COUNT_NAMES = ("0", "1", "2", "3-4", "5-8", "9+")
+HDOP_LEVELS = (1.6, 2.0, 3.0, 5.0, 10.0)
+HDOP_COLOURS = ("#1a9850", "#91cf60", "#d9ef8b", "#fee08b", "#fc8d59", "#7f2704")
+COUNT_LEVELS = (1, 2, 3, 5, 9)
+COUNT_COLOURS = ("#d9d9d9", "#edf8b1", "#a1dab4", "#41b6c4", "#2c7fb8", "#253494")
+COUNT_WORDS = ("no station", "1 station", "2", "3 to 4", "5 to 8", "9 and more")
 SCHEDULE_S = 120.0
-LABEL = {"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.5}
-DASHES = ("-", "--", ":", "-.")
+COLOURS = ("#0b5c8a", "#d95f02", "#2a9d5c", "#7a5195", "#8c6d31", "#56b4e9")
+DASHES = (None, "7 3", "2 3", "7 3 2 3")
 
 
-def draw_coverage(figure: "Figure", plan: Plan) -> None:
-    """Number of usable stations on a map, one panel per altitude."""
-    values = [level.coverage.audible for level in plan.levels]
-    bar = _maps(figure, plan, values, "stations in line of sight and service volume", "YlGnBu", COUNT_LEVELS, "stations")
-    bar.set_ticks([0.5 * (a + b) for a, b in pairwise(COUNT_LEVELS)], labels=COUNT_NAMES)
+def drawings(plan: Plan) -> list[str]:
+    """All of them; the maps of the lower altitudes folded away."""
+    *others, last = [(_height(level), _maps(plan, level)) for level in plan.levels]
+    return [f"<h3>{last[0]}</h3>{last[1]}", *(details(*one) for one in others), error(plan), asked(plan), schedule(plan)]
 
 
-def draw_hdop(figure: "Figure", plan: Plan) -> None:
-    """HDOP of the best pair on a map, one panel per altitude; grey where no pair gives a position."""
-    values = [np.ma.masked_invalid(level.coverage.hdop_pair) for level in plan.levels]
-    title = "HDOP of the best pair (1.41 is the best there is; grey: no pair)"
-    _maps(figure, plan, values, title, "RdYlGn_r", HDOP_LEVELS, "HDOP", extend="max")
+def _height(level: Level) -> str:
+    return f"{level.altitude_m / FOOT:.0f} ft ({level.altitude_m:.0f} m) above sea level"
 
 
-def _maps(figure: "Figure", plan: Plan, values: Sequence[Any], title: str, colours: str, bounds: tuple, label: str, **norm: Any) -> Any:
-    """Colours on a map, one panel per altitude; return the colour bar."""
-    from matplotlib import colormaps
-    from matplotlib.colors import BoundaryNorm
-
-    colour_map = colormaps[colours].with_extremes(over="#7f2704")
-    columns = min(2, len(plan.levels))
-    rows = -(-len(plan.levels) // columns)
-    figure.set_size_inches(5.2 * columns + 1.2, 4.9 * rows + 0.5)
-    axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
-    figure.suptitle(title)
-    drawn = {"cmap": colour_map, "norm": BoundaryNorm(bounds, colour_map.N, **norm), "shading": "nearest"}
-    images = []
-    for ax, level, value in zip(axes, plan.levels, values, strict=False):
-        images.append(ax.pcolormesh(plan.offsets_m / NM, plan.offsets_m / NM, value, **drawn))
-        ax.set_facecolor("#dddddd")
-        _map(ax, plan, level)
-    for ax in axes[len(plan.levels) :]:
-        ax.set_visible(False)
-    return figure.colorbar(images[-1], ax=list(axes[: len(plan.levels)]), shrink=0.7, label=label)
+def _maps(plan: Plan, level: Level) -> str:
+    counts = np.searchsorted(COUNT_LEVELS, level.coverage.audible, side="right")
+    hdop = level.coverage.hdop_pair
+    classes = np.where(np.isfinite(hdop), np.searchsorted(HDOP_LEVELS, np.nan_to_num(hdop)), -1)
+    words = [*(f"to {v:g}" for v in HDOP_LEVELS), f"above {HDOP_LEVELS[-1]:g}"]
+    first = "<p class='note'><b>Stations in line of sight and service volume</b></p>"
+    second = "<p class='note'><b>HDOP of the best pair</b>; 1.41 is the best there is; clear: no pair</p>"
+    one, other = _map(plan, level, counts, COUNT_COLOURS, COUNT_WORDS), _map(plan, level, classes, HDOP_COLOURS, words)
+    return f"{first}{one}{second}{other}"
 
 
-def _map(ax: "Axes", plan: Plan, level: Level) -> None:
-    """Stations inside the map, the ways flown, axes in nautical miles."""
-    frame = LocalFrame(*plan.centre)
-    edge = plan.offsets_m[-1]
-    for station in plan.table:
-        north, east, _ = frame.to_ned(station.lat, station.lon, 0.0)
-        if abs(north) <= edge and abs(east) <= edge:
-            ax.plot(east / NM, north / NM, "k^", ms=5, mfc="white")
-            ax.annotate(station.ident, (east / NM, north / NM), (3, 3), textcoords="offset points", fontsize=7, bbox=LABEL)
-    for leg in level.legs:
-        ned = frame.to_ned(leg.route.lat, leg.route.lon, 0.0)
-        ax.plot(ned[:, 1] / NM, ned[:, 0] / NM, "k-", lw=1.3)
-    ax.set(xlim=(-edge / NM, edge / NM), ylim=(-edge / NM, edge / NM), aspect="equal", title=f"{level.altitude_m:.0f} m above sea level")
-    ax.set(xlabel="east [NM]", ylabel="north [NM]")
+def _map(plan: Plan, level: Level, classes: np.ndarray, colours: Sequence[str], words: Sequence[str]) -> str:
+    """Colours, stations and the ways flown."""
+    cells = Cells(plan.offsets_m, plan.offsets_m, classes, colours, words, LocalFrame(*plan.centre))
+    ways = [Track(np.degrees(leg.route.lat), np.degrees(leg.route.lon), "var(--ink)", leg.name, 2.0, DASHES[k % 4])
+            for k, leg in enumerate(level.legs)]  # fmt: skip
+    stations = [Place(s.ident, math.degrees(s.lat), math.degrees(s.lon)) for s in plan.table]
+    return map_chart(ways, stations, cells=cells)
 
 
-def draw_error(figure: "Figure", plan: Plan) -> None:
-    """Expected error along the way against the requirement, and below it the stations asked at the highest altitude."""
-    legs = plan.levels[-1].legs
-    figure.set_size_inches(9.0, 4.6 + 0.45 * len(legs))
-    top, below = figure.subplots(2, 1, sharex=True, height_ratios=(4.0, 0.5 + 0.45 * len(legs)))
+def error(plan: Plan) -> str:
+    """Expected error along the way at every altitude against the requirement."""
+    curves, far = list[Curve](), 0.0
     for number, level in enumerate(plan.levels):
         for k, leg in enumerate(level.legs):
-            label = f"{level.altitude_m:.0f} m" if k == 0 else None
             distance = leg.route.time_s * leg.route.speed / NM
-            top.plot(distance, leg.sigma.horizontal(), color=f"C{number}", ls=DASHES[k % 4], lw=1.2, label=label)
-    top.axhline(REQUIREMENT_M, color="k", lw=1, ls=(0, (6, 4)))
-    top.annotate("0.5 NM", (0.0, REQUIREMENT_M), (2, 3), textcoords="offset points", fontsize=8)
-    top.set(ylabel="expected horizontal 1-sigma [m]", ylim=(0.0, None), title="backup navigator, GPS lost at the start, one receiver")
-    if len(legs) > 1:
-        for leg, dash in zip(legs, DASHES, strict=False):
-            top.plot([], [], color="k", ls=dash, lw=1.2, label=leg.name)
-    top.set_xlim(0.0, max(leg.route.time_s[-1] * leg.route.speed for leg in legs) / NM)
-    top.legend(fontsize=8, ncols=2, loc="lower right")
-    for row, leg in enumerate(legs):
-        _asked(below, row, leg)
-    below.set(yticks=range(len(legs)), yticklabels=[leg.name for leg in legs], ylim=(len(legs) - 0.4, -0.6), xlabel="distance flown [NM]")
-    below.set_title(f"stations asked at {plan.levels[-1].altitude_m:.0f} m (red: fewer than two; red line: poor geometry)", fontsize=9)
+            far = max(far, float(distance[-1]))
+            label = f"{level.altitude_m / FOOT:.0f} ft" + (f" {leg.name}" if len(level.legs) > 1 else "")
+            curves.append(Curve(distance, leg.sigma.horizontal(), COLOURS[number % len(COLOURS)], label, 1.4, DASHES[k % 4]))
+    limit = Curve(np.array([0.0, far]), np.full(2, REQUIREMENT_M), "#c0392b", "0.5 NM", 1.2, "6 4")
+    title = "Expected horizontal 1-sigma [m] of the backup navigator, GPS lost at the start, against the distance flown"
+    top = 1.06 * max(REQUIREMENT_M, *(float(np.nanmax(c.values)) for c in curves))
+    axis = Axis(0.0, far, name="NM")
+    if len(plan.levels[0].legs) == 1:
+        return time_chart(title, axis, [limit, *curves], height=260, limits=(0.0, top))
+    names = [leg.name for leg in plan.levels[0].legs]
+    each = [[c for c in curves if c.label.endswith(f" {name}")] for name in names]
+    charts = [(f"{title}, {name}", [limit, *one]) for name, one in zip(names, each, strict=True)]
+    return "".join(time_chart(said, axis, items, height=170, limits=(0.0, top)) for said, items in charts)
 
 
-def _asked(ax: "Axes", row: int, leg: Leg) -> None:
+def asked(plan: Plan) -> str:
+    """The stations asked along the way at the highest altitude; red: fewer than two, dark: poor geometry."""
+    level = plan.levels[-1]
+    far = max(leg.route.time_s[-1] * leg.route.speed for leg in level.legs) / NM
+    title = f"Stations asked at {_height(level)}; red: fewer than two, red ticks: poor geometry"
+    rows = [lane for leg in level.legs for lane in _asked(leg)]
+    return lanes(title, Axis(0.0, float(far), name="NM"), rows, left=100)
+
+
+def _asked(leg: Leg) -> list[Lane]:
+    spans = []
     for k, (begin, end, pair) in enumerate(pair_changes(leg.points)):
         colour = "#c0392b" if len(pair) < 2 else ("#9ecae1", "#c7e9c0")[k % 2]
-        ax.barh(row, (end - begin) / NM, left=begin / NM, height=0.7, color=colour, ec="white")
-        ax.text(0.5 * (begin + end) / NM, row, "-".join(pair) or "none", ha="center", va="center", fontsize=7)
-    for p in leg.points:
-        if p.pair and p.poor:
-            ax.plot(p.distance_m / NM, row + 0.42, "r_", ms=6)
+        word = "-".join(pair) or "none"
+        spans.append(Span(begin / NM, end / NM, colour, word, f"{word}, {begin / NM:.0f} to {end / NM:.0f} NM"))
+    poor = np.array([p.distance_m / NM for p in leg.points if p.pair and p.poor])
+    return [Lane(leg.name, spans), *([Lane("poor geometry", moments=poor)] if len(poor) else [])]
 
 
-def draw_schedule(figure: "Figure", plan: Plan) -> None:
+def schedule(plan: Plan) -> str:
     """The first two minutes of the schedule at the highest altitude: search, then measurement, station by station."""
-    figure.set_size_inches(9.0, 2.6)
-    ax = figure.subplots()
     replies = [r for r in plan.levels[-1].legs[0].replies if r.time_s <= SCHEDULE_S]
-    names = list(dict.fromkeys(r.station for r in replies))
+    spans: dict[str, list[Span]] = {}
     for r in replies:
-        row = names.index(r.station)
-        ax.barh(row, SEARCH_S, left=r.time_s - REPLY_S - SEARCH_S, height=0.5, color="#bdbdbd")
-        ax.barh(row, REPLY_S, left=r.time_s - REPLY_S, height=0.5, color="#08519c")
-    ax.set(yticks=range(len(names)), yticklabels=names, xlim=(0.0, SCHEDULE_S), xlabel="time [s]")
-    ax.set_title("interrogations: 4 s search (grey), 1 s measurement (blue)", fontsize=10)
-
-
-FIGURES = {"coverage.png": draw_coverage, "hdop.png": draw_hdop, "error.png": draw_error, "schedule.png": draw_schedule}
+        begin = r.time_s - REPLY_S
+        searched = Span(begin - SEARCH_S, begin, "#bdbdbd", "", f"{r.station}: search")
+        spans.setdefault(r.station, []).extend([searched, Span(begin, r.time_s, "#08519c", "", f"{r.station}: measurement")])
+    title = f"Interrogations: {SEARCH_S:g} s search (grey), {REPLY_S:g} s measurement (blue)"
+    return lanes(title, TimeAxis(0.0, SCHEDULE_S), [Lane(name, own) for name, own in spans.items()], left=62)

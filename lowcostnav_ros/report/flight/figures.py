@@ -1,16 +1,18 @@
 """The figures of a report: which columns go into which chart."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from lowcostnav_ros.base.units import MILLI_G
 from lowcostnav_ros.gnss.accuracy import CATEGORIES_M
 from lowcostnav_ros.navigators.registry import label_of
 from lowcostnav_ros.replay.result import ReplayResult
 from lowcostnav_ros.replay.words import compared_with
 from lowcostnav_ros.report.chart import HALF, Band, Curve, Dots, Item, TimeAxis, time_chart
-from lowcostnav_ros.report.flight.map_chart import Ellipse, Ground, Track, map_chart
 from lowcostnav_ros.report.flight.result_folder import Columns, NavigatorResult, Result
+from lowcostnav_ros.report.map_chart import Ellipse, Ground, Track, map_chart
 
 TRUTH_COLOUR, SMOOTHED_COLOUR = "var(--ink)", "#00856a"
 _SPARE = ("#7a5195", "#8c6d31", "#56b4e9", "#5f7f3a")
@@ -18,6 +20,16 @@ ELLIPSE_EVERY_S = 60.0
 ATTITUDE = {"roll_deg": "Roll [deg]", "pitch_deg": "Pitch [deg]", "heading_deg": "True heading [deg]"}
 MOTION = {"height_m": "Height above the ellipsoid [m]", "speed_mps": "Ground speed [m/s]"}
 WIND = {"wind_north_mps": "Wind toward north [m/s]", "wind_east_mps": "Wind toward east [m/s]"}
+FIELD_UNITS = {
+    "_radps": ("deg/h", math.degrees(3600.0)),
+    "_mps2": ("mg", 1.0 / MILLI_G),
+    "_mps": ("m/s", 1.0),
+    "_rad": ("deg", math.degrees(1.0)),
+    "_ut": ("uT", 1.0),
+    "_m": ("m", 1.0),
+    "_s": ("s", 1.0),
+}
+"""By how a name in code ends: unit of the field, and factor to it."""
 GAP_S = 5.0
 """A curve is broken where nothing was estimated for longer than this."""
 
@@ -150,17 +162,26 @@ def compared_figures(result: Result, axis: TimeAxis, titles: Mapping[str, str]) 
     return charts
 
 
+def in_words(name: str) -> tuple[str, float]:
+    """A quantity as it is named in code, ``gyro_bias_x_radps``, as a title with the unit of the field, and the factor to that unit."""
+    for suffix, (unit, factor) in FIELD_UNITS.items():
+        if name.endswith(suffix):
+            return f"{name.removesuffix(suffix).replace('_', ' ')} [{unit}]", factor
+    return name.replace("_", " "), 1.0
+
+
 def state_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list[str]:
     """Biases and whatever else a navigator reports by name, each with its one- and two-sigma lines."""
     states = navigator.states
     charts = []
     for name in dict.fromkeys(states["state"].tolist()) if states else ():
         rows = states["state"] == name
-        t, value, sigma = states["t_s"][rows], states["value"][rows], states["sigma"][rows]
+        title, factor = in_words(str(name))
+        t, value, sigma = states["t_s"][rows], factor * states["value"][rows], factor * states["sigma"][rows]
         items: list[Item] = [Band(t, sigma, colour, value), Curve(t, value, colour, "estimate")]
         low, high = np.nanquantile(value - 2.0 * sigma, 0.04), np.nanquantile(value + 2.0 * sigma, 0.96)
         limits = (float(low), float(high)) if high > low else None  # the first seconds' sigmas would flatten all the rest
-        charts.append(time_chart(str(name), axis, items, width=HALF, height=120, limits=limits))
+        charts.append(time_chart(title, axis, items, width=HALF, height=120, limits=limits))
     return charts
 
 
@@ -174,10 +195,11 @@ def aid_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list
     charts = []
     for aid, label in keys:
         rows = computed & (aids["aid"] == aid) & (aids["label"] == label)
-        t, y, used = aids["t_s"][rows], aids["innovation"][rows], aids["accepted"][rows] == "yes"
-        t_band, _, sigma = _broken(t, y, aids["sigma"][rows], gap_s=60.0)
+        said, factor = in_words(label)
+        t, y, used = aids["t_s"][rows], factor * aids["innovation"][rows], aids["accepted"][rows] == "yes"
+        t_band, _, sigma = _broken(t, y, factor * aids["sigma"][rows], gap_s=60.0)
         dots = [Dots(t[used], y[used], colour, "used"), Dots(t[~used], y[~used], "#c0392b", "refused", 3.2)]
-        title = f"{aid}: {label} innovation"
+        title = f"{aid}: innovation of {said}"
         charts.append(time_chart(title, axis, [Band(t_band, sigma, "#8a8f94"), *dots], width=HALF, height=130))
     return charts
 

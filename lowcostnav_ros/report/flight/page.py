@@ -8,11 +8,12 @@ from pathlib import Path
 from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.replay import tables
 from lowcostnav_ros.replay.result import ReplayResult
-from lowcostnav_ros.replay.words import compared_with, sentence
+from lowcostnav_ros.replay.words import compared_with, counted_outages, sentence
 from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.document import details, document, html_table, section
 from lowcostnav_ros.report.flight import figures
 from lowcostnav_ros.report.flight.events import events
+from lowcostnav_ros.report.flight.fields import fields_section
 from lowcostnav_ros.report.flight.findings import clock, findings, has_gps
 from lowcostnav_ros.report.flight.playback import playback
 from lowcostnav_ros.report.flight.result_folder import Result, read_result
@@ -57,7 +58,12 @@ def write_page(folder: Path, output: Path, title: str | None = None) -> int:
 
 
 def page_of(
-    result: Result, title: str | None = None, before: Sequence[str] = (), after: Sequence[str] = (), outages: str = ""
+    result: Result,
+    title: str | None = None,
+    before: Sequence[str] = (),
+    after: Sequence[str] = (),
+    outages: str = "",
+    bag: Path | None = None,
 ) -> str:
     """The page as text.
 
@@ -70,6 +76,8 @@ def page_of(
         Further sections, behind the first sentences and at the end.
     outages : str
         What a study of outages found, in a sentence.
+    bag : Path, optional
+        The recording, whose inputs a reader may draw.
     """
     summary = result.summary
     axis = figures.axis_of(summary)
@@ -92,6 +100,7 @@ def page_of(
         section("Wind (velocity of the air mass)", *figures.compared_figures(result, axis, figures.WIND)),
         section("Inputs, aids, speed", *(html_table(make(summary)) for make in last)),
         *after,
+        fields_section(result, axis, bag),
         section("What is missing for more", _missing(summary)),
         details("Settings", f"<pre>{escape(json.dumps(summary.settings, indent=1))}</pre>"),
     ]
@@ -140,7 +149,7 @@ def _without_gps(summary: ReplayResult) -> str:
     lost = summary.without_gps
     if not lost.total_s:
         return "never" if has_gps(summary) else "always"
-    return f"{lost.total_s:.0f} s in {len(lost.intervals_s)} outage(s)"
+    return f"{lost.total_s:.0f} s in {counted_outages(len(lost.intervals_s))}"
 
 
 def _reference(summary: ReplayResult) -> str:

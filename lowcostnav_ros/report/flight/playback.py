@@ -1,22 +1,27 @@
 """What the page plays: place, attitude, height, speed, errors and mode of every navigator at even times, in whole numbers."""
 
+import contextlib
 import json
+import math
 from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.catalogue.geoid import undulation
 from lowcostnav_ros.navigators.registry import known_modes
+from lowcostnav_ros.physics.geomagnetism import declination, year_of_stamp
 from lowcostnav_ros.report.chart import TimeAxis
 from lowcostnav_ros.report.flight.figures import GAP_S, TRUTH_COLOUR, colour_of, reference_of
-from lowcostnav_ros.report.flight.map_chart import Ground
 from lowcostnav_ros.report.flight.result_folder import Columns, Result
+from lowcostnav_ros.report.map_chart import Ground
 
 MOST, LEAST_STEP_S = 1200, 0.5
 """Times that are kept at most, and the least between two of them."""
 SCALES = {"roll_deg": 10.0, "pitch_deg": 10.0, "heading_deg": 10.0, "height_m": 1.0, "speed_mps": 10.0}
 SCALES |= {"sigma_north_m": 10.0, "sigma_east_m": 10.0, "error_m": 10.0, "ratio": 100.0}
+SCALES |= {"climb_mps": 10.0, "track_deg": 10.0, "sigma_heading_deg": 10.0, "sigma_down_m": 10.0}
 """Steps in a unit of what is kept."""
-_TURNING = ("roll_deg", "heading_deg")
+_TURNING = ("roll_deg", "heading_deg", "track_deg")
 
 
 def playback(result: Result, ground: Ground | None, axis: TimeAxis) -> str:
@@ -41,8 +46,19 @@ def playback(result: Result, ground: Ground | None, axis: TimeAxis) -> str:
     if not ways:
         return ""
     modes = {mode: look for mode, (look, _) in known_modes().items()}
-    data = {"start": axis.start_s, "step": step_s, "scales": SCALES, "modes": modes, "ways": ways}
+    data = {"start": axis.start_s, "step": step_s, "scales": SCALES, "modes": modes, "ways": ways, **_there(ground, axis.start_s)}
     return json.dumps(data, separators=(",", ":"), allow_nan=False)
+
+
+def _there(ground: Ground | None, start_s: float) -> dict[str, float]:
+    """Geoid and declination in the middle of the flight: an altimeter and a compass do not read height and heading of the charts."""
+    if ground is None:
+        return {}
+    out = {"undulation_m": round(float(undulation(ground.lat0, ground.lon0)), 1)}
+    year = year_of_stamp(int(start_s * 1e9))
+    with contextlib.suppress(ValueError):  # beyond the years of the model
+        out |= {} if year is None else {"declination_deg": round(math.degrees(declination(ground.lat0, ground.lon0, 0.0, year)), 2)}
+    return out
 
 
 def _way(columns: Columns, at_s: np.ndarray, ground: Ground | None) -> dict[str, Any]:
@@ -53,6 +69,8 @@ def _way(columns: Columns, at_s: np.ndarray, ground: Ground | None) -> dict[str,
     columns = dict(columns)
     if "vn_mps" in columns:
         columns["speed_mps"] = np.hypot(columns["vn_mps"], columns["ve_mps"])
+        columns["track_deg"] = np.degrees(np.arctan2(columns["ve_mps"], columns["vn_mps"]))
+        columns["climb_mps"] = -columns["vd_mps"]
     out: dict[str, Any] = {}
     for name, scale in SCALES.items():
         if name in columns and np.isfinite(columns[name]).any():

@@ -10,7 +10,7 @@ from lowcostnav_ros.report import svg
 from lowcostnav_ros.report.chart import HALF, Curve, Dots, Item, TimeAxis, time_chart
 from lowcostnav_ros.report.document import details, document, html_table, section
 from lowcostnav_ros.report.flight.figures import colour_of
-from lowcostnav_ros.report.flight.map_chart import Track, map_chart
+from lowcostnav_ros.report.map_chart import Track, map_chart
 from lowcostnav_ros.studies.outages.result import End, Flown, Outage, OutageStudy
 from lowcostnav_ros.studies.outages.tables import outage_table, window_table
 

@@ -12,6 +12,8 @@ class MovingMap {
     this.isCentred = true;
     this.middle = null; // lat, lon in degrees
     this.chart = { stations: [], tracks: {} };
+    this.ground = { coast: [], airports: [] };
+    this.asked = null; // where the ground was asked for
     this.colours = {};
     this.pointers = new Map();
     canvas.addEventListener("wheel", (e) => { e.preventDefault(); this.zoom(Math.exp(e.deltaY * 0.0015)); }, { passive: false });
@@ -77,6 +79,8 @@ class MovingMap {
       c.fillText(chosen ? `no position from ${chosen} yet` : "no navigator yet", w / 2, h / 2);
       return;
     }
+    this.look();
+    this.under(c, w, h, of);
     this.scale(c, w, h, of, unitsName);
     this.stations(c, w, h, of, heard);
     for (const [name, track] of Object.entries(this.chart.tracks)) this.track(c, w, h, track, name === "truth" ? of("--truth") : this.colour(name), name === chosen, name === "truth");
@@ -86,6 +90,27 @@ class MovingMap {
     if (own.lat !== undefined) this.aircraft(c, w, h, own, this.colour(chosen), stale);
     if (own.wind !== undefined && !stale) this.wind(c, w, own, of, unitsName);
     if (stale) redCross(c, 0, 0, w, h, stale);
+  }
+
+  // Coast and airports around the middle, from the server's own file.
+  look() {
+    if (this.asked && this.metres(this.asked, this.middle) < 80000) return;
+    this.asked = [...this.middle];
+    fetch(`/background?lat=${this.middle[0]}&lon=${this.middle[1]}`).then((r) => r.json()).then((ground) => { this.ground = ground; this.onMoved(); }).catch(() => { this.asked = null; });
+  }
+
+  under(c, w, h, of) {
+    c.strokeStyle = of("--coast"); c.lineWidth = 1.4;
+    c.beginPath();
+    for (const line of this.ground.coast) line.forEach(([lat, lon], k) => { const [x, y] = this.at(lat, lon, w, h); if (k) c.lineTo(x, y); else c.moveTo(x, y); });
+    c.stroke();
+    c.strokeStyle = c.fillStyle = of("--faint"); c.lineWidth = 1; c.font = "10px system-ui, sans-serif"; c.textAlign = "left"; c.textBaseline = "middle";
+    for (const a of this.ground.airports) {
+      const [x, y] = this.at(a.lat, a.lon, w, h);
+      if (x < 0 || y < 0 || x > w || y > h) continue;
+      c.beginPath(); c.arc(x, y, 3.5, 0, 2 * Math.PI); c.moveTo(x - 5, y); c.lineTo(x + 5, y); c.stroke();
+      if (this.metresPerPixel < 300) c.fillText(a.ident, x + 7, y + 4);
+    }
   }
 
   scale(c, w, h, of, unitsName) {

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.units import NAUTICAL_MILE
+from lowcostnav_ros.catalogue import background
+from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.replay.columns import position_difference_n
 from lowcostnav_ros.replay.result import Place
 from lowcostnav_ros.report import svg
@@ -16,6 +18,8 @@ WIDTH, MARGIN = 960, 46
 MAX_POINTS = 1800
 FINER = 20
 """Units of the drawing in a pixel: a reader may look so much closer."""
+WIDER = 4.0
+"""Coast is there for a reader who zooms out, over so many widths of the map."""
 FARTHEST_NM = 200.0
 """A station farther away than any receiver receives is not named."""
 
@@ -44,6 +48,59 @@ class Ellipse:
     sigma_east_m: float
     colour: str
     label: str = ""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cells:
+    """Classes over a rectangle: ``classes`` (rows, columns) of whole numbers, from south and west, of which the negative ones stay clear.
+
+    ``north_m`` and ``east_m`` are the middles of rows and columns, evenly apart, in ``frame``.
+    """
+
+    north_m: np.ndarray
+    east_m: np.ndarray
+    classes: np.ndarray
+    colours: Sequence[str]
+    words: Sequence[str]
+    frame: LocalFrame
+
+    def at(self, north_m: np.ndarray, east_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Latitude and longitude of places, degrees."""
+        lat, lon, _ = self.frame.from_ned(np.column_stack([north_m, east_m, np.zeros(len(north_m))]))
+        return np.degrees(lat), np.degrees(lon)
+
+    def edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of rows and of columns, m."""
+        halves = [0.5 * (side[1] - side[0]) for side in (self.north_m, self.east_m)]
+        return tuple(np.append(s - h, s[-1] + h) for s, h in zip((self.north_m, self.east_m), halves, strict=True))  # type: ignore[return-value]
+
+    def extent(self) -> Track:
+        """Its middle and its corners."""
+        north, east = self.edges()
+        corners = self.at(np.append(0.0, north[[0, 0, -1, -1]]), np.append(0.0, east[[0, -1, 0, -1]]))
+        return Track(*corners, "none", "", dots=True)
+
+    def drawn(self, ground: "Ground") -> str:
+        """A path for each class, of rectangles that lie side by side."""
+        north, east = self.edges()
+        n, e = np.meshgrid(north, east, indexing="ij")
+        x, y = (v.reshape(n.shape).round().astype(int) for v in ground.units(*self.at(n.ravel(), e.ravel())))
+        paths: dict[int, list[str]] = {}
+        for i, row in enumerate(self.classes):
+            starts = np.flatnonzero(np.append(True, row[1:] != row[:-1]))
+            for a, b in zip(starts, [*starts[1:], len(row)], strict=True):
+                if row[a] >= 0:
+                    corners = ((i, a), (i, b), (i + 1, b), (i + 1, a))
+                    paths.setdefault(int(row[a]), []).append("M" + "L".join(f"{x[c]} {y[c]}" for c in corners) + "z")
+        looks = {k: {"fill": self.colours[k], "stroke": self.colours[k], "stroke_width": 0.8} for k in paths}
+        cells = (svg.path("".join(d), data_label=self.words[k], **looks[k]) for k, d in sorted(paths.items()))
+        return svg.element("g", "".join(cells), opacity=0.8)
+
+    def legend(self) -> str:
+        """The colours in a line of text, those that are there."""
+        there = sorted({int(k) for k in np.unique(self.classes) if k >= 0})
+        spans = (svg.element("span", svg.escape(self.words[k]), style=f"border-color:{self.colours[k]}") for k in there)
+        return svg.element("p", "".join(spans), class_="note colours")
 
 
 class Ground:
@@ -85,6 +142,15 @@ class Ground:
         north, east = self.metres(np.atleast_1d(lat_deg), np.atleast_1d(lon_deg))
         return (east - self.west) * self.scale * FINER, (self.north - north) * self.scale * FINER
 
+    def degrees(self, wider: float) -> tuple[float, float, float, float]:
+        """South, west, north and east of the map, made so many times wider, degrees."""
+        per_north = math.radians(6_371_000.0)
+        per_east = per_north * max(math.cos(self.lat0), 0.01)
+        half_north, half_east = (0.5 * wider * (b - a) for a, b in ((self.south, self.north), (self.west, self.east)))
+        lat = math.degrees(self.lat0) + 0.5 * (self.south + self.north) / per_north
+        lon = math.degrees(self.lon0) + 0.5 * (self.west + self.east) / per_east
+        return lat - half_north / per_north, lon - half_east / per_east, lat + half_north / per_north, lon + half_east / per_east
+
     def pin(self, lat_deg: float, lon_deg: float, content: str) -> str:
         """Marks drawn about (0, 0) at a place, as large however close a reader looks."""
         (x,), (y,) = self.units(lat_deg, lon_deg)
@@ -92,7 +158,9 @@ class Ground:
         return svg.element("g", content, class_="pin", transform=where, data_x=f"{x:.0f}", data_y=f"{y:.0f}")
 
 
-def map_chart(tracks: Sequence[Track], stations: Sequence[Place] = (), ellipses: Sequence[Ellipse] = ()) -> str:
+def map_chart(
+    tracks: Sequence[Track], stations: Sequence[Place] = (), ellipses: Sequence[Ellipse] = (), cells: Cells | None = None
+) -> str:
     """Draw the map; an empty string without positions.
 
     Parameters
@@ -102,23 +170,29 @@ def map_chart(tracks: Sequence[Track], stations: Sequence[Place] = (), ellipses:
     stations : sequence of Place
         Those inside the extent are drawn, the rest is named below with distance and bearing.
     ellipses : sequence of Ellipse
+    cells : Cells, optional
+        Colours under all of it, which lie within the extent too.
     """
-    ground = Ground.under(tracks)
+    ground = Ground.under([*tracks, cells.extent()] if cells else tracks)
     if ground is None:
         return ""
     tracks = [t for t in tracks if np.isfinite(t.lat_deg).any()]
-    inside = "".join([*(_ellipse(ground, e) for e in ellipses), *(_track(ground, t) for t in tracks)])
+    under = (cells.drawn(ground) if cells else "") + _coast(ground)
+    inside = "".join([under, *(_ellipse(ground, e) for e in ellipses), *(_track(ground, t) for t in tracks)])
     pins, outside = _stations(ground, stations)
+    pins = _airports(ground) + pins
     width, height = WIDTH - 2 * MARGIN, ground.height - 2 * MARGIN
     box = {"x": MARGIN, "y": MARGIN, "width": width, "height": height, "viewBox": f"0 0 {width * FINER} {height * FINER}"}
     plot = svg.element("svg", inside, class_="plot", preserveAspectRatio="xMidYMid meet", **box)
-    marks = svg.element("g", pins + _ends(ground, tracks[0]), class_="pins")
+    marks = svg.element("g", pins + ("" if cells else _ends(ground, tracks[0])), class_="pins")
     axes = svg.element("g", _graticule(ground) + _scale_bar(ground), class_="axes")
     parts = [axes, plot, marks, _names(ground), _north()]
     note = f'<p class="note">Stations outside the map: {svg.escape(", ".join(outside))}.</p>' if outside else ""
     corner = {"data_per_metre": f"{ground.scale * FINER:.6g}", "data_west": f"{ground.west:.1f}", "data_north": f"{ground.north:.1f}"}
+    corner |= {"data_lat": f"{math.degrees(ground.lat0):.6f}", "data_lon": f"{math.degrees(ground.lon0):.6f}"}
     drawn = svg.drawing("map", "map", WIDTH, ground.height, "".join(parts), data_margin=MARGIN, **corner)
-    return f"{_legend(tracks, bool(ellipses))}{drawn}{note}"
+    said = (cells.legend() if cells else "") + _legend([t for t in tracks if t.label], bool(ellipses))
+    return f"{said}{drawn}{note}"
 
 
 def _track(ground: Ground, track: Track) -> str:
@@ -139,6 +213,23 @@ def _ellipse(ground: Ground, e: Ellipse) -> str:
     colours: dict[str, Any] = {"fill": e.colour, "fill_opacity": 0.06, "stroke": e.colour, "stroke_opacity": 0.5}
     title = svg.element("title", svg.escape(e.label)) if e.label else ""
     return svg.element("ellipse", title, cx=f"{x:.0f}", cy=f"{y:.0f}", rx=f"{rx:.0f}", ry=f"{ry:.0f}", **colours)
+
+
+def _coast(ground: Ground) -> str:
+    lines = (svg.path_data(*ground.units(line[:, 0], line[:, 1])) for line in background.coast(*ground.degrees(WIDER)))
+    return svg.path("".join(lines), class_="coast")
+
+
+def _airports(ground: Ground) -> str:
+    """Pins of the airports, their names for who points at them."""
+    pins = []
+    for one in background.airports(*ground.degrees(1.0)):
+        (north,), (east,) = ground.metres(np.array([one.lat_deg]), np.array([one.lon_deg]))
+        if ground.holds(north, east):
+            title = svg.element("title", svg.escape(one.name))
+            mark = svg.element("circle", title, r=3.5) + svg.element("path", d="M-5 0h10") + svg.text(7, 4, one.ident)
+            pins.append(ground.pin(one.lat_deg, one.lon_deg, svg.element("g", mark, class_="airport")))
+    return "".join(pins)
 
 
 def _stations(ground: Ground, stations: Sequence[Place]) -> tuple[str, list[str]]:
@@ -186,7 +277,8 @@ def _graticule(ground: Ground) -> str:
 def _names(ground: Ground) -> str:
     """What the numbers on the edges are."""
     origin = f"{_side(ground.lat0, 'NS')}, {_side(ground.lon0, 'EW')}"
-    along = svg.text(WIDTH / 2, ground.height - MARGIN + 30, f"east and north of {origin} [NM]", class_="tick", text_anchor="middle")
+    said = f"east and north of {origin} [NM]; coast to about 1 km"
+    along = svg.text(WIDTH / 2, ground.height - MARGIN + 30, said, class_="tick", text_anchor="middle")
     return svg.element("g", along, class_="names")
 
 
@@ -216,6 +308,8 @@ def _north() -> str:
 
 def _legend(tracks: Sequence[Track], has_ellipses: bool) -> str:
     """The marks of the tracks in a line of text, which a narrow window breaks."""
+    if not tracks:
+        return ""
     said = "".join(f"<span>{_sample(track)}{svg.escape(track.label)}</span>" for track in tracks)
     said += "<span>ellipses: 2 sigma, every minute without GPS</span>" if has_ellipses else ""
     return f'<p class="note names-of-tracks">{said}</p>'

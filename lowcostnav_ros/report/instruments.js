@@ -146,12 +146,19 @@ function headingTape(c, x, y, w, h, s) {
   c.fillStyle = "#000"; c.strokeStyle = AVIONICS.ink; c.lineWidth = 1.5;
   c.beginPath(); c.rect(cx - 40, y + h - 23, 80, 22); c.fill(); c.stroke();
   c.fillStyle = AVIONICS.ink; c.font = "600 15px system-ui, sans-serif"; c.textBaseline = "middle";
-  c.fillText(`${String(Math.round(s.heading) % 360).padStart(3, "0")}\u00b0 T`, cx, y + h - 11);
+  c.fillText(`${String(Math.round(s.heading) % 360).padStart(3, "0")}\u00b0 ${s.north || "T"}`, cx, y + h - 11);
   c.restore();
+}
+
+// The same angles from magnetic north, as pilots read them, where the declination is known.
+function magnetic(s) {
+  const turned = (angle) => (angle === undefined ? undefined : ((angle - s.declination) % 360 + 360) % 360);
+  return { ...s, heading: turned(s.heading), track: turned(s.track), north: "M" };
 }
 
 // The whole panel.  `stale` is a sentence when nothing of it may be believed.
 function drawInstruments(canvas, s, stale, unitsName) {
+  if (s && s.declination !== undefined && unitsName === "aviation") s = magnetic(s);
   const [c, w, h] = prepared(canvas), u = UNITS[unitsName], side = Math.min(86, w * 0.19), foot = 50;
   c.clearRect(0, 0, w, h);
   c.fillStyle = "#05080b"; c.fillRect(0, 0, w, h);
