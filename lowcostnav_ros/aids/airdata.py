@@ -153,7 +153,7 @@ class AirDataAid(Aid):
     def _confirm(self, host: Host, *, confirmed: bool) -> None:
         """Know the airspeed less well where it has changed since GPS confirmed it."""
         seen = self.status.observation
-        gained = 0.0 if seen is None else self._unconfirmed.take(float(seen[0]), confirmed=confirmed)
+        gained = 0.0 if seen is None else self._unconfirmed.take(self.status.stamp_ns, float(seen[0]), confirmed=confirmed)
         if gained > 0.0:
             kalman.add_variance(host.P, host.layout[self.own("airspeed_bias")], gained, host.core.history)
 

@@ -5,8 +5,10 @@ one, because the airspeed itself levels them.  So the error of the airspeed is u
 flying by hand do all the time.  Ranges and radials then correct the airspeed as well as the place.
 """
 
-USUAL_MPS = 3.0
-"""Changes up to this are gusts and flying by hand."""
+USUAL_MPS = 2.0
+"""Changes well below this are gusts and flying by hand."""
+MEMORY_S = 30.0
+"""What an airspeed has been for so long is what its next change counts from: by then ranges may have learned its error."""
 
 
 class UnconfirmedSpeed:
@@ -24,15 +26,20 @@ class UnconfirmedSpeed:
 
     def clear(self) -> None:
         """Forget what was confirmed."""
-        self._confirmed: float | None = None
-        self._allowed = 0.0
+        self._usual: float | None = None
+        self._allowed, self._t_ns = 0.0, 0
 
-    def take(self, speed: float, *, confirmed: bool) -> float:
+    def take(self, stamp_ns: int, speed: float, *, confirmed: bool) -> float:
         """Take an airspeed, m/s, free of its noise; return the variance, (m/s)^2, that its error gains now."""
-        if confirmed or self._confirmed is None:
-            self._confirmed, self._allowed = speed, 0.0
+        faded = min(1e-9 * (stamp_ns - self._t_ns) / MEMORY_S, 1.0)
+        self._t_ns = stamp_ns
+        if confirmed or self._usual is None:
+            self._usual, self._allowed = speed, 0.0
             return 0.0
-        sigma = self._share * max(abs(speed - self._confirmed) - USUAL_MPS, 0.0)
+        change = abs(speed - self._usual)
+        self._usual += faded * (speed - self._usual)
+        self._allowed *= 1.0 - faded
+        sigma = self._share * change**2 / (change + USUAL_MPS)
         gained = max(sigma**2 - self._allowed**2, 0.0)
         self._allowed = max(sigma, self._allowed)
         return gained

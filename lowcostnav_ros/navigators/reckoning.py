@@ -47,7 +47,7 @@ class ReckoningNavigator(Navigator):
     def _confirm_air(self, stamp_ns: int) -> None:
         """Know the airspeed less well where it has changed since GPS velocity last confirmed it."""
         confirmed = any(aid.is_fresh(stamp_ns) for aid in self.aids_of(VelocityAid))
-        gained = self._unconfirmed.take(self.core.held.steady_speed, confirmed=confirmed)
+        gained = self._unconfirmed.take(stamp_ns, self.core.held.steady_speed, confirmed=confirmed)
         rows = self.layout.get("airspeed_bias")
         if gained > 0.0 and rows is not None:
             self.core.settle()
