@@ -157,6 +157,10 @@ class AirDataAid(Aid):
         if gained > 0.0:
             kalman.add_variance(host.P, host.layout[self.own("airspeed_bias")], gained, host.core.history)
 
+    def doubt_mps(self, measurement: AirVelocity) -> float:
+        """Sigma, m/s, by which a measurement may be off because it has changed while no GPS confirmed it."""
+        return self._unconfirmed.doubt(float(np.linalg.norm(measurement.vel_b)))
+
     def _begin_watch(self) -> None:
         """Forget the innovations seen, and what they have moved."""
         shape = len(WATCHED_S)

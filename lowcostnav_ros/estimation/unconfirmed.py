@@ -29,6 +29,11 @@ class UnconfirmedSpeed:
         self._usual: float | None = None
         self._allowed, self._t_ns = 0.0, 0
 
+    def doubt(self, speed: float) -> float:
+        """Sigma, m/s, by which an airspeed may be off that has changed from what it was to ``speed``."""
+        change = 0.0 if self._usual is None else abs(speed - self._usual)
+        return self._share * change**2 / (change + USUAL_MPS)
+
     def take(self, stamp_ns: int, speed: float, *, confirmed: bool) -> float:
         """Take an airspeed, m/s, free of its noise; return the variance, (m/s)^2, that its error gains now."""
         faded = min(1e-9 * (stamp_ns - self._t_ns) / MEMORY_S, 1.0)
@@ -36,10 +41,9 @@ class UnconfirmedSpeed:
         if confirmed or self._usual is None:
             self._usual, self._allowed = speed, 0.0
             return 0.0
-        change = abs(speed - self._usual)
+        sigma = self.doubt(speed)
         self._usual += faded * (speed - self._usual)
         self._allowed *= 1.0 - faded
-        sigma = self._share * change**2 / (change + USUAL_MPS)
         gained = max(sigma**2 - self._allowed**2, 0.0)
         self._allowed = max(sigma, self._allowed)
         return gained

@@ -16,6 +16,8 @@ from lowcostnav_ros.estimation.unconfirmed import UnconfirmedSpeed
 from lowcostnav_ros.navigators.base import Navigator
 
 AIR = "air/velocity"
+STEP_MPS = 8.0
+"""An airspeed this far from its average of seconds is no gust: the step counts at once."""
 UNCONFIRMED = 0.7
 """Share of a change of the airspeed without GPS that may be its error: nothing else shows the speed."""
 
@@ -47,7 +49,9 @@ class ReckoningNavigator(Navigator):
     def _confirm_air(self, stamp_ns: int) -> None:
         """Know the airspeed less well where it has changed since GPS velocity last confirmed it."""
         confirmed = any(aid.is_fresh(stamp_ns) for aid in self.aids_of(VelocityAid))
-        gained = self._unconfirmed.take(stamp_ns, self.core.held.steady_speed, confirmed=confirmed)
+        held = self.core.held
+        speed = held.speed if abs(held.speed - held.steady_speed) > STEP_MPS else held.steady_speed
+        gained = self._unconfirmed.take(stamp_ns, speed, confirmed=confirmed)
         rows = self.layout.get("airspeed_bias")
         if gained > 0.0 and rows is not None:
             self.core.settle()
