@@ -108,10 +108,10 @@ class Clock:
 
     def take_back(self) -> None:
         """Correct an offset of whole seconds: a wrong second, leap seconds, a zone, a week.  What lies a little behind may be late."""
-        seconds = round((self.high_ns + EARLY_NS // 2) / SECOND_NS)
-        rest_ns = self.high_ns - seconds * SECOND_NS
-        if -DELAY_NS <= rest_ns <= EARLY_NS and not -LATENCY_NS <= seconds * SECOND_NS <= 0:
-            self.shift_ns += seconds * SECOND_NS
+        whole_ns = round((self.high_ns + EARLY_NS // 2) / SECOND_NS) * SECOND_NS
+        is_whole = whole_ns != 0 and -DELAY_NS <= self.high_ns - whole_ns <= EARLY_NS
+        if is_whole and (whole_ns == -self.shift_ns or not -LATENCY_NS <= whole_ns <= 0):
+            self.shift_ns += whole_ns
             self.out = self.steady = 0
 
     @property
