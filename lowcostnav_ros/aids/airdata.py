@@ -36,6 +36,8 @@ WAIT_S = 20.0
 """One that creeps is not used for so long, three times as long each time again."""
 UNCONFIRMED = 0.4
 """Share of a change of the airspeed without GPS that may be its error: the inertial sensors have felt the rest."""
+GUSTS = 8.0
+"""Changes up to so many times the noise of a measurement are that, and flying by hand."""
 SHEAR = 2.0
 """No wind changes at once by much more than so many times its usual change; the rest of a step is the airspeed's own."""
 CHANCE = chi_square.threshold(1.0 - 1e-6, 1)
@@ -103,7 +105,7 @@ class AirDataAid(Aid):
         super().__init__(settings, key, stations)
         self.unfelt = Latch("airspeed and inertial motion disagree", (self.topic, "the inertial sensors"), "m/s")
         self.latches = [self.unfelt]
-        self._unconfirmed = UnconfirmedSpeed(UNCONFIRMED)
+        self._unconfirmed = UnconfirmedSpeed(UNCONFIRMED, GUSTS * settings.noise_mps)
 
     def attach(self, host: Host) -> None:
         """Find the states; how fast the wind changes may be learned."""

@@ -18,10 +18,12 @@ class UnconfirmedSpeed:
     ----------
     share : float
         Sigma of the airspeed as a share of its unconfirmed change.
+    noise_mps : float
+        Change that is noise, where the airspeed is taken as it is measured.
     """
 
-    def __init__(self, share: float) -> None:
-        self._share = share
+    def __init__(self, share: float, noise_mps: float = 0.0) -> None:
+        self._share, self._noise_mps = share, noise_mps
         self.clear()
 
     def clear(self) -> None:
@@ -31,11 +33,11 @@ class UnconfirmedSpeed:
 
     def doubt(self, speed: float) -> float:
         """Sigma, m/s, by which an airspeed may be off that has changed from what it was to ``speed``."""
-        change = 0.0 if self._usual is None else abs(speed - self._usual)
+        change = 0.0 if self._usual is None else max(abs(speed - self._usual) - self._noise_mps, 0.0)
         return self._share * change**2 / (change + USUAL_MPS)
 
     def take(self, stamp_ns: int, speed: float, *, confirmed: bool) -> float:
-        """Take an airspeed, m/s, free of its noise; return the variance, (m/s)^2, that its error gains now."""
+        """Take an airspeed, m/s; return the variance, (m/s)^2, that its error gains now."""
         faded = min(1e-9 * (stamp_ns - self._t_ns) / MEMORY_S, 1.0)
         self._t_ns = stamp_ns
         if confirmed or self._usual is None:
