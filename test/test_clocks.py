@@ -37,7 +37,7 @@ class Flown:
         self.refused, self.reasons, self.jumps, self.out = Counter(), {}, 0, []
 
     def feed(self, source, stamp_ns):
-        m = message(source, stamp_ns)
+        (m,) = self.horizon.clocks.pieces(message(source, stamp_ns))
         verdict = self.horizon.push(m)
         if verdict == TIME_JUMPED:
             self.jumps += 1
@@ -110,6 +110,17 @@ def test_a_receiver_whose_clock_is_off_is_named_and_silences_nobody(offset_s, fr
     assert flown.reasons["gps/fix"].phrase in ("stamp ahead of the other inputs", "late", "stamp implausible")
     stamps = [t for source, t in flown.out if source == IMU]
     assert max(np.diff(stamps[-1500:])) <= 20 * MS
+    is_corrected = offset_s in (1.0, 2.0, 18.0, 3600.0, -18.0)  # one that lies a second behind may be late
+    assert found["gps/fix"].advice.endswith("corrected" if is_corrected else "not used")
+    fixes = [t - START for source, t in flown.out if source == "gps/fix" and t > START + 20 * SECOND]
+    if is_corrected:
+        assert fixes == [t for t, source in flight(0, 40) if source == "gps/fix" and 20 * SECOND < t <= fixes[-1]]
+
+
+def test_a_clock_that_is_set_right_again_is_taken_as_it_is():
+    flown = Flown().fly(0, 60, lambda source, t: t + SECOND * (source.startswith("gps") and 10 * SECOND <= t < 30 * SECOND))
+    assert not flown.horizon.clocks.contradictions()
+    assert [t for source, t in flown.out if source == "gps/fix"][-1] > START + 59 * SECOND
 
 
 @pytest.mark.parametrize("offset_s", [5.0, -5.0, 3600.0, -3600.0])

@@ -14,9 +14,11 @@ from lowcostnav_ros.messages import encode
 from lowcostnav_ros.navigators.base import HorizonSettings
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
-from lowcostnav_ros.replay.columns import columns_of
+from lowcostnav_ros.replay.columns import columns_of, concatenate
 from lowcostnav_ros.replay.digest import Comparison, imu_record, odometry_record
+from lowcostnav_ros.replay.evaluation import Evaluation, Truth
 from lowcostnav_ros.replay.links import in_order
+from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.replay.result_files import SOLUTION_HEADER, seconds_text
 from lowcostnav_ros.replay.runs import AidStatistics
@@ -267,6 +269,25 @@ def test_truth_that_steps_back_with_the_clock_is_not_compared_with_the_flight_be
     session.flush()
     assert session.truth.newest_ns == 77_000_000_000
     assert session.truth.at(np.array([75_500_000_000])).position[0, 0] == pytest.approx(0.2)
+
+
+def test_solutions_before_and_after_a_step_back_are_compared_each_with_its_truth():
+    def states(seconds, lat, source):
+        return columns_of([NavSolution(round(s * 1e9), source, lat, 0.0, 0.0, np.zeros(3)) for s in seconds])
+
+    evaluation = Evaluation(Truth(), GpsGaps(), [])
+    found = []
+    evaluation.listeners.append(found.append)
+    before, after = np.arange(70.0, 80.1, 0.5), np.arange(75.0, 78.1, 0.5)
+    evaluation.add_solutions(concatenate([states(before, 0.1, "x"), states(after, 0.2, "x")]))  # all of one window
+    evaluation.truth.states.add(states(before, 0.1, "truth"))
+    evaluation.advance()
+    second = Truth()
+    second.states.add(states(after, 0.2, "truth"))
+    evaluation.begin_anew(second)
+    evaluation.advance()
+    assert [len(errors) for errors in found] == [len(before), len(after)]
+    assert all(np.abs(errors.axis("north_m")).max() < 1e-6 for errors in found)
 
 
 def test_navigators_that_add_nothing_are_spared_with_a_reason():

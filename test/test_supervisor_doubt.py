@@ -153,3 +153,21 @@ def test_a_healthy_solution_is_never_doubted():
     assert len(supervisor.switches) == 1
     assert not supervisor.status().contradictions
     assert {s.health.level for s in out if s.health is not None and s.stamp_ns > T0 + 10e9} == {Level.OK}
+
+
+def test_a_turn_between_two_fixes_is_no_contradiction():
+    """The velocity of a fix is that of its own stamp, whichever of the two comes first."""
+    speed, rate = 50.0, 0.15
+
+    def turning(t):
+        angle = rate * t
+        place = speed / rate * np.array([np.sin(angle), 1.0 - np.cos(angle), 0.0])
+        return place, speed * np.array([np.cos(angle), np.sin(angle), 0.0])
+
+    supervisor = Supervisor()
+    for k in range(80):
+        stamp_ns, (offset, vel_n) = T0 + k * 500_000_000, turning(0.5 * k)
+        lat, lon, height = place(0.0, offset)
+        supervisor.feed(GpsPosition(stamp_ns, "gps/fix", lat, lon, height, np.eye(3)))
+        supervisor.feed(GpsVelocity(stamp_ns, "gps/vel", vel_n, 0.01 * np.eye(3)))
+        assert not supervisor.status().contradictions

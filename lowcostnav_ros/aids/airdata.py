@@ -18,11 +18,13 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.inertial import CORE, POS, VEL
 from lowcostnav_ros.cores.views import Attitude, Velocity
+from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings, each
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov, random_walk
 from lowcostnav_ros.estimation.growth import Growth
 from lowcostnav_ros.estimation.innovation_watch import watch
+from lowcostnav_ros.estimation.unconfirmed import UnconfirmedSpeed
 from lowcostnav_ros.physics.rotation import skew
 
 SLOW = "below minimum airspeed"
@@ -32,6 +34,12 @@ WATCHED_S, CALM_MPS = (5.0, 15.0, 45.0), 0.3
 """Times over which the innovations of the airspeed are added up, and the mean that a sound one may have."""
 WAIT_S = 20.0
 """One that creeps is not used for so long, three times as long each time again."""
+UNCONFIRMED = 0.4
+"""Share of a change of the airspeed without GPS that may be its error: the inertial sensors have felt the rest."""
+GUSTS = 8.0
+"""Changes up to so many times the noise of a measurement are that, and flying by hand."""
+SHEAR = 2.0
+"""No wind changes at once by much more than so many times its usual change; the rest of a step is the airspeed's own."""
 CHANCE = chi_square.threshold(1.0 - 1e-6, 1)
 SMALLEST_SPEED = 1.0
 VANE_SHARE = 0.5 * DEGREE
@@ -97,6 +105,7 @@ class AirDataAid(Aid):
         super().__init__(settings, key, stations)
         self.unfelt = Latch("airspeed and inertial motion disagree", (self.topic, "the inertial sensors"), "m/s")
         self.latches = [self.unfelt]
+        self._unconfirmed = UnconfirmedSpeed(UNCONFIRMED, GUSTS * settings.noise_mps)
 
     def attach(self, host: Host) -> None:
         """Find the states; how fast the wind changes may be learned."""
@@ -109,6 +118,7 @@ class AirDataAid(Aid):
         super().restart()
         self._begin_watch()
         self._waits, self._until_ns = 0, 0
+        self._unconfirmed.clear()
         if self.growth is not None:
             self.growth.restart()
 
@@ -137,8 +147,21 @@ class AirDataAid(Aid):
             decision = Decision.REJECT, CREPT
         else:
             decision = super().control(stamp_ns, test_ratio, host)
+        if decision[0] is Decision.FUSE:
+            self._confirm(host, confirmed=host.gps_good(stamp_ns))
         self.unfelt.judge(stamp_ns, decision[0] is not Decision.FUSE, 0.0 if y is None else float(np.linalg.norm(y)), self.source, ADVICE)
         return decision
+
+    def _confirm(self, host: Host, *, confirmed: bool) -> None:
+        """Know the airspeed less well where it has changed since GPS confirmed it."""
+        seen = self.status.observation
+        gained = 0.0 if seen is None else self._unconfirmed.take(self.status.stamp_ns, float(seen[0]), confirmed=confirmed)
+        if gained > 0.0:
+            kalman.add_variance(host.P, host.layout[self.own("airspeed_bias")], gained, host.core.history)
+
+    def doubt_mps(self, measurement: AirVelocity) -> float:
+        """Sigma, m/s, by which a measurement may be off because it has changed while no GPS confirmed it."""
+        return self._unconfirmed.doubt(float(np.linalg.norm(measurement.vel_b)))
 
     def _begin_watch(self) -> None:
         """Forget the innovations seen, and what they have moved."""
@@ -167,13 +190,9 @@ class AirDataAid(Aid):
     def recover(self, measurement: AirVelocity, innovation: Innovation, host: Host) -> None:
         """Lose the air mass, not the velocity: the wind has changed or the airspeed fails, and from now on only its changes count."""
         self._doubt_moved(host)
-        core, layout, y = host.core, host.layout, innovation.y
-        if core.history is not None:
-            core.history.begin(host.P)
-        for rows, variance in ((layout["wind"], y @ y), (layout[self.own("airspeed_bias")], y[0] ** 2)):
-            host.P[rows, rows] += variance * np.eye(rows.stop - rows.start)
-        if core.history is not None:
-            core.history.end(host.P)
+        layout, y, history = host.layout, innovation.y, host.core.history
+        kalman.add_variance(host.P, layout["wind"], min(float(y @ y), (SHEAR * self.settings.wind_mps) ** 2), history)
+        kalman.add_variance(host.P, layout[self.own("airspeed_bias")], float(y[0] ** 2), history)
         self.fuse(innovation, host)
 
     def wind_n(self, host: Host) -> np.ndarray:
@@ -183,7 +202,7 @@ class AirDataAid(Aid):
 
     def fast_enough(self, measurement: AirVelocity) -> bool:
         """Whether it flies fast enough for the measurement to be used."""
-        return bool(np.linalg.norm(measurement.vel_b) >= self.settings.minimum_mps)
+        return bool(measurement.vel_b[0] > 0.0 and np.linalg.norm(measurement.vel_b) >= self.settings.minimum_mps)
 
     def innovation(self, measurement: AirVelocity, host: Host) -> Innovation | str:
         """Rows airspeed, lateral, vertical against ``u = C' (v - w)``.

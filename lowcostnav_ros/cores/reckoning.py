@@ -152,9 +152,14 @@ class HeldInputs(HeldAttitude):
         share = 1.0 if self.air_ns is None else min(1e-9 * max(air.stamp_ns - self.air_ns, 0) / STEADY_S, 1.0)
         self.steady_b = self.steady_b + share * (self.vel_b - self.steady_b)
         self.speed, self.air_ns = math.sqrt(self.vel_b @ self.vel_b), air.stamp_ns
-        self.airborne = self.speed >= settings.minimum_mps * (LANDED if self.airborne else 1.0)
+        self.airborne = self.speed >= settings.minimum_mps * (LANDED if self.airborne else 1.0) and self.vel_b[0] > 0.0
         if self.airborne:
             self.fastest = max(self.fastest, self.speed)
+
+    @property
+    def steady_speed(self) -> float:
+        """True airspeed averaged over :data:`STEADY_S`, m/s."""
+        return math.sqrt(self.steady_b @ self.steady_b)
 
     def air_n(self, t_ns: int) -> tuple[np.ndarray, float]:
         """Air-relative velocity (3,) in n and sine of the bank at a time, the attitude turned on with its rate."""
@@ -294,7 +299,7 @@ class ReckoningCore:
         sums, layout, settings = self._sums, self.layout, self.settings
         if sums[0] <= 0.0:
             return
-        layout.pace(math.hypot(sums[1], sums[2]) / sums[0])
+        layout.pace(max(math.hypot(sums[1], sums[2]) / sums[0], self._unseen_speed()))
         heading, airspeed = (settings.heading.noise_deg * DEGREE) ** 2, settings.airspeed.noise_mps**2
         track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
         model.carry_covariance(self.P, sums, layout.kind, layout.axis, layout.rate, layout.psd, heading, airspeed, self._walk(), track)
@@ -399,6 +404,10 @@ class ReckoningCore:
         if self.timed_out() or not self.held.airborne:
             return max(2.0 * LOST_S * self.held.fastest**2, settings.ground_walk_mps**2)
         return 0.0
+
+    def _unseen_speed(self) -> float:
+        """Airspeed at which the aircraft may fly on while none is measured, m/s: what varies along the way goes on to vary."""
+        return self.held.fastest if self.timed_out() or not self.held.airborne else 0.0
 
     def course_n(self) -> np.ndarray:
         """Velocity (3,), m/s, by which the true one changes but for what is estimated: that through the air."""

@@ -9,9 +9,13 @@ Who is right is put to the vote, one vote for each device (the first word of a t
 those that left the base together against those that have spoken for it since.  Inputs that all step, or all resume after a pause, move the
 base; one that steps alone does not, however many messages it sends, and a message alone never does.  When it is one against one, the
 input that carries the state is believed.  What only lies behind is late, not wrong about the time, unless by more than any transport takes.
+
+An input that is off by whole seconds for good (a wrong second, leap seconds, a zone) is corrected by them, which no delay imitates; one
+that is off by anything else is not used: read off the order of arrival, an offset is uncertain by the delay.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,6 +52,9 @@ STEADY_NS = 500_000_000
 NAMED_MESSAGES, NAMED_NS = 3, 1_000_000_000
 """So many messages over so long a time make an offset certain."""
 MAX_HELD = 2_000
+SECOND_NS = 1_000_000_000
+EARLY_NS, DELAY_NS = 150_000_000, 350_000_000
+"""A lead is one of whole seconds if it is no more than this above them (by the pace of the others), or below (by its transport)."""
 
 
 class Clock:
@@ -65,6 +72,8 @@ class Clock:
         Number, in the order of arrival of all, of the last message that agreed, and of the first of those since that did not.
     out : int
         Messages in a row that did not agree; their newest stamp is ``stamp_ns``, the first ``first_ns``.
+    shift_ns : int
+        Whole seconds by which its stamps are taken back.
     steady : int
         How many of them, from the stamp ``steady_ns`` on, lead the base by the same, ``low_ns`` to ``high_ns``; it was ``since_ns`` then.
     """
@@ -74,7 +83,7 @@ class Clock:
         self.last_ns: int | None = None
         self.pace_ns = 0.0
         self.kept = self.spoke = self.left = self.out = self.steady = 0
-        self.stamp_ns = self.first_ns = self.steady_ns = self.since_ns = self.low_ns = self.high_ns = 0
+        self.stamp_ns = self.first_ns = self.steady_ns = self.since_ns = self.low_ns = self.high_ns = self.shift_ns = 0
 
     def agreed(self, first_ns: int, last_ns: int, count: int, serial: int) -> None:
         """Note stamps that agree with the base."""
@@ -96,6 +105,14 @@ class Clock:
             self.steady, self.steady_ns, self.since_ns, self.low_ns, self.high_ns = 0, stamp_ns, base_ns, lead_ns, lead_ns
         self.low_ns, self.high_ns = min(self.low_ns, lead_ns), max(self.high_ns, lead_ns)
         self.out, self.steady, self.stamp_ns = self.out + count, self.steady + 1, stamp_ns
+
+    def take_back(self) -> None:
+        """Correct an offset of whole seconds: a wrong second, leap seconds, a zone, a week.  What lies a little behind may be late."""
+        whole_ns = round((self.high_ns + EARLY_NS // 2) / SECOND_NS) * SECOND_NS
+        is_whole = whole_ns != 0 and -DELAY_NS <= self.high_ns - whole_ns <= EARLY_NS
+        if is_whole and (whole_ns == -self.shift_ns or not -LATENCY_NS <= whole_ns <= 0):
+            self.shift_ns += whole_ns
+            self.out = self.steady = 0
 
     @property
     def is_off(self) -> bool:
@@ -151,7 +168,13 @@ class Clocks:
         self._serial = 0
 
     def pieces(self, measurement: Measurement) -> Iterator[Measurement]:
-        """A measurement as it is judged: a block is cut where its stamps do not go on as usual, so that no cut of blocks matters."""
+        """A measurement as it is judged: at the time that its stamp is taken for.
+
+        A block is cut where its stamps do not go on as usual, so that no cut of blocks matters.
+        """
+        clock = self._clocks.get(measurement.source)
+        if clock is not None and clock.shift_ns:
+            measurement = replace(measurement, stamp_ns=measurement.stamp_ns - clock.shift_ns)
         if isinstance(measurement, ImuBlock) and len(measurement) > 1 and not goes_on(measurement.stamps_ns, self._near_ns):
             steps = np.diff(measurement.stamps_ns)
             cuts = [0, *(np.flatnonzero((steps <= 0) | (steps > self._near_ns)) + 1).tolist(), len(measurement)]
@@ -192,7 +215,10 @@ class Clocks:
         if ahead and not clock.is_off and len(self._held) < MAX_HELD:
             self._held.append(measurement)
             return HELD
-        return self._reason(clock, ahead)
+        reason = self._reason(clock, ahead)
+        if clock.is_off and clock.source != self.anchor and not isinstance(measurement, ImuBlock):
+            clock.take_back()
+        return reason
 
     def released(self) -> list[Measurement]:
         """Messages that were held and turn out to be right, in the order of arrival; once."""
@@ -201,16 +227,19 @@ class Clocks:
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """Inputs whose clocks are off, each with the input it is compared with, and by how much."""
-        off = [c for c in self._clocks.values() if c.steady and c.is_off]
+        off = [c for c in self._clocks.values() if (c.steady and c.is_off) or c.shift_ns]
         return tuple([self._contradiction(c) for c in off]) if off else ()
 
     def _contradiction(self, c: Clock) -> Contradiction:
-        parties, advice = (c.source, self._reference(c)), f"{self.words(c)}: not used"
-        return Contradiction(CLOCK_OFFSET, parties, abs(self._offset_s(c)), "s", c.since_ns, c.source, advice)
+        parties, size = (c.source, self._reference(c)), abs(self._offset_s(c))
+        return Contradiction(CLOCK_OFFSET, parties, size, "s", c.since_ns, c.source, self._sentence(c))
 
     def sentences(self) -> list[str]:
         """What is wrong with which clock, for people."""
-        return [f"{self.words(clock)}: not used" for clock in self._clocks.values() if clock.is_off]
+        return [self._sentence(clock) for clock in self._clocks.values() if clock.is_off or clock.shift_ns]
+
+    def _sentence(self, clock: Clock) -> str:
+        return f"{self.words(clock)}: {'not used' if clock.is_off or not clock.shift_ns else 'corrected'}"
 
     def words(self, clock: Clock) -> str:
         """Size of an offset, for people: ``gps/fix is 1.0 s ahead of imu/data_raw``."""
@@ -219,9 +248,11 @@ class Clocks:
 
     def _offset_s(self, clock: Clock) -> float:
         """The least delayed message is the best measure, or the one that comes right after a slower reference's."""
+        if clock.shift_ns and not clock.is_off:
+            return 1e-9 * clock.shift_ns
         reference = self._clocks.get(self._reference(clock))
         slower = reference is not None and reference.pace_ns > PACES * clock.pace_ns > 0.0
-        return 1e-9 * (clock.low_ns if slower else clock.high_ns)
+        return 1e-9 * (clock.shift_ns + (clock.low_ns if slower else clock.high_ns))
 
     def _reason(self, clock: Clock, ahead: bool) -> str:
         phrase = IMPLAUSIBLE if max(abs(clock.low_ns), abs(clock.high_ns)) > self.jump_ns else AHEAD if ahead else LATE

@@ -344,6 +344,15 @@ def raise_sigmas(P: np.ndarray, least: np.ndarray) -> None:
     np.fill_diagonal(P, np.maximum(P.diagonal(), least**2))
 
 
+def add_variance(P: np.ndarray, rows: slice, variance: float, history: Any = None) -> None:
+    """Add a variance to each state of one block, in place, its correlations left; ``history`` is that of the core, for the smoother."""
+    if history is not None:
+        history.begin(P)
+    P[rows, rows] += variance * np.eye(rows.stop - rows.start)
+    if history is not None:
+        history.end(P)
+
+
 def reset_block(P: np.ndarray, rows: slice, covariance: np.ndarray, history: Any = None) -> None:
     """Forget what is known of one block, in place: its covariance is replaced, its correlations with the rest removed.
 

@@ -6,14 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.aids.gps import PositionAid
+from lowcostnav_ros.aids.gps import PositionAid, VelocityAid
 from lowcostnav_ros.base.measurements import AirVelocity, Attitude, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.cores.reckoning_model import POS
+from lowcostnav_ros.estimation import kalman
+from lowcostnav_ros.estimation.unconfirmed import UnconfirmedSpeed
 from lowcostnav_ros.navigators.base import Navigator
 
 AIR = "air/velocity"
+STEP_MPS = 8.0
+"""An airspeed this far from its average of seconds is no gust: the step counts at once."""
+UNCONFIRMED = 0.7
+"""Share of a change of the airspeed without GPS that may be its error: nothing else shows the speed."""
 
 
 class ReckoningNavigator(Navigator):
@@ -31,6 +37,7 @@ class ReckoningNavigator(Navigator):
         """Fly a new core, of which nothing has been given out and no aid remembers anything."""
         self._take(core)
         self._last_out_ns = None
+        self._unconfirmed = UnconfirmedSpeed(UNCONFIRMED)
         self.restart_channels()
         for aid in self.aids:
             aid.restart()
@@ -38,6 +45,17 @@ class ReckoningNavigator(Navigator):
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether a fix was accepted within the time-out."""
         return any(aid.is_fresh(stamp_ns) for aid in self._fixes)
+
+    def _confirm_air(self, stamp_ns: int) -> None:
+        """Know the airspeed less well where it has changed since GPS velocity last confirmed it."""
+        confirmed = any(aid.is_fresh(stamp_ns) for aid in self.aids_of(VelocityAid))
+        held = self.core.held
+        speed = held.speed if abs(held.speed - held.steady_speed) > STEP_MPS else held.steady_speed
+        gained = self._unconfirmed.take(stamp_ns, speed, confirmed=confirmed)
+        rows = self.layout.get("airspeed_bias")
+        if gained > 0.0 and rows is not None:
+            self.core.settle()
+            kalman.add_variance(self.P, rows, gained, self.core.history)
 
     def start_at(self, stamp_ns: int, lat: float, lon: float, height: float, sigma_m: float = 10.0) -> None:
         """Begin at a given position (rad, rad, m above the ellipsoid) known to ``sigma_m`` per axis, instead of at the first fix."""

@@ -1,7 +1,8 @@
 """Matching solutions with a reference as both stream by, and filing the errors under flight, GPS outages and withheld windows."""
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
 
 import numpy as np
 
@@ -150,13 +151,23 @@ class Evaluation:
         self.coverage = Coverage()
         self._estimates = Track()
         self._pending: list[NavColumns] = []
+        self._set_back: list[list[NavColumns]] = []  # solutions after each step back of the clock that the truth has yet to make
+        self._newest_ns: int | None = None
 
     def add_solutions(self, columns: NavColumns) -> None:
-        """Take solutions in, in order of stamps."""
-        if self.truth is None:
-            self._estimates.add(columns)
-        else:
-            self._pending.append(columns)
+        """Take solutions in, in the order in which they came."""
+        for part in map(in_order, set_back(columns)):
+            if self.truth is None:
+                self._estimates.add(part)
+                continue
+            if self._newest_ns is not None and part.stamps_ns[0] < self._newest_ns - MAX_GAP_NS:
+                self._set_back.append([])
+            self._newest_ns = int(part.stamps_ns[-1])
+            (self._set_back[-1] if self._set_back else self._pending).append(part)
+
+    def begin_anew(self, truth: Truth) -> None:
+        """Compare with the truth after a step back of its clock; what came before and has no truth yet gets none."""
+        self.truth, self._pending = truth, self._set_back.pop(0) if self._set_back else []
 
     def add_withheld(self, fix: NavColumns) -> None:
         """Take one withheld fix in (used when there is no truth)."""
@@ -224,6 +235,13 @@ class Evaluation:
             tuple(r.result(end_ns) for _, r in self.windows),
             self.truth is not None,
         )
+
+
+def set_back(columns: NavColumns) -> Iterator[NavColumns]:
+    """Columns cut where their stamps go back by more than a gap: there the clock of the recording was set back."""
+    cuts = np.flatnonzero(np.diff(columns.stamps_ns) < -MAX_GAP_NS) + 1
+    for first, last in pairwise([0, *cuts.tolist(), len(columns)]):
+        yield columns[first:last]
 
 
 def in_order(columns: NavColumns) -> NavColumns:

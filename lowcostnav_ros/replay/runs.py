@@ -17,7 +17,7 @@ from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.replay import result_files as files
 from lowcostnav_ros.replay.columns import NavColumns, columns_of
 from lowcostnav_ros.replay.digest import Comparison, records_of_solutions
-from lowcostnav_ros.replay.evaluation import Evaluation, in_order
+from lowcostnav_ros.replay.evaluation import Evaluation
 from lowcostnav_ros.replay.integrity import IntegrityRecord
 from lowcostnav_ros.replay.links import Link
 from lowcostnav_ros.replay.metrics import Errors
@@ -179,7 +179,7 @@ class NavigatorRun:
             if self.out is not None:
                 self.out.add(self._pending, columns)
             self.integrity.add(self._pending)
-            self.evaluation.add_solutions(in_order(columns))
+            self.evaluation.add_solutions(columns)
             self._pending, self._origins = [], []
         self.evaluation.advance()
 
@@ -203,7 +203,7 @@ class NavigatorRun:
         if self.smoothed is not None and solutions:
             if self.out is not None:
                 self.out.add_smoothed(solutions)
-            self.smoothed.add_solutions(in_order(columns_of(solutions)))
+            self.smoothed.add_solutions(columns_of(solutions))
             self.smoothed.advance()
 
     def _on_aid(self, status: AidStatus) -> None:

@@ -22,7 +22,7 @@ from lowcostnav_ros.messages.decode import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay import result_files as files
 from lowcostnav_ros.replay.columns import NavColumns, blank_columns, concatenate
-from lowcostnav_ros.replay.evaluation import MAX_GAP_NS, Evaluation, Truth, fix_columns, truth_columns
+from lowcostnav_ros.replay.evaluation import MAX_GAP_NS, Evaluation, Truth, fix_columns, set_back, truth_columns
 from lowcostnav_ros.replay.links import Chain
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.result import Place, ReplayResult, Times, WithoutGps
@@ -221,7 +221,7 @@ class Session:
             self._evaluate()  # the clock of the recording was set back
             self.truth = Truth()
             for run in self.runs.values():
-                run.evaluation.truth = self.truth
+                run.evaluation.begin_anew(self.truth)
         getattr(self.truth, name).add(columns)
         self.files.add_truth(shown)
         if self.kept is not None:
@@ -251,7 +251,7 @@ class Session:
         for hand_over in self.alongside:
             hand_over(self.newest_ns)
         for name, parts in self._true.items():
-            for columns in _set_back(concatenate(parts)) if parts else ():
+            for columns in set_back(concatenate(parts)) if parts else ():
                 self._take_truth(name, columns, columns)
             parts.clear()
         self._evaluate()
@@ -303,13 +303,6 @@ def _stations(navigator: Navigator) -> list[Place]:
     """The radio stations a navigator knows, for the map."""
     table = getattr(navigator, "stations", None) or ()
     return [Place(s.ident, math.degrees(s.lat), math.degrees(s.lon)) for s in table]
-
-
-def _set_back(columns: NavColumns) -> Iterator[NavColumns]:
-    """Columns cut where their stamps go back by more than a gap: there the clock of the recording was set back."""
-    cuts = np.flatnonzero(np.diff(columns.stamps_ns) < -MAX_GAP_NS) + 1
-    for first, last in itertools.pairwise([0, *cuts.tolist(), len(columns)]):
-        yield columns[first:last]
 
 
 def _ten_hertz(columns: NavColumns) -> NavColumns:

@@ -121,14 +121,15 @@ def _correlate_attitude(core: InertialCore, first: FirstAttitude) -> None:
         P[8, bias] = P[bias, 8] = -P[bias, bias]
 
 
-def restart_velocity_from_air(core: InertialCore, air: AirVelocity, wind_n: np.ndarray) -> None:
-    """Set the velocity over ground to airspeed plus wind; its error is the wind's, and is correlated with it so."""
+def restart_velocity_from_air(core: InertialCore, air: AirVelocity, wind_n: np.ndarray, doubt_mps: float = 0.0) -> None:
+    """Set the velocity over ground to airspeed plus wind; its error is the wind's, correlated with it so, and ``doubt_mps`` ahead."""
     P, layout = core.P, core.layout
     tas = float(np.linalg.norm(air.vel_b))
     core.nav[VEL] = quat_rotate(core.nav[6:10], np.array([tas, 0.0, 0.0])) + wind_n
     rows = np.r_[layout["wind"], layout["updraught"]]
     wind = P[np.ix_(rows, rows)]
     heading_part = np.diag([1.0, 1.0, 0.0]) * P[8, 8] * tas**2
-    kalman.reset_block(P, VEL, wind + np.eye(3) * UNKNOWN_SPEED**2 + heading_part, core.history)
+    ahead_n = doubt_mps * core.C_nb()[:, 0]
+    kalman.reset_block(P, VEL, wind + np.eye(3) * UNKNOWN_SPEED**2 + heading_part + np.outer(ahead_n, ahead_n), core.history)
     P[VEL, rows] = wind
     P[rows, VEL] = wind

@@ -13,18 +13,21 @@ from lowcostnav_ros.messages.parts import twist_stamped, without_covariance
 from lowcostnav_ros.messages.rules import Refusal
 from lowcostnav_ros.messages.samples import VELOCITY
 
+SLOWEST = -20.0
+"""Nothing that flies reads less than this, m/s: a sensor that does is plumbed the wrong way round."""
+
 
 def _decode(message: Any, received: checks.Received) -> AirVelocity:
     received.frame(message.header.frame_id)
     velocity, cov = checks.twist(message, received, "airspeed", 400.0)
-    if velocity[0] < -50.0:
+    if velocity[0] < SLOWEST:
         raise Refusal("airspeed is negative", f"{velocity[0]:g} m/s")
     return AirVelocity(*received.head, conv.swap_body(velocity), received.known(cov, conv.swap_body_cov))
 
 
 def _many(rows: Rows) -> tuple[Any, ...]:
     velocity, cov = rows.twist("airspeed", 400.0, conv.swap_body, conv.swap_body_cov)
-    rows.keep(velocity[:, 0] >= -50.0)
+    rows.keep(velocity[:, 0] >= SLOWEST)
     return velocity, cov
 
 

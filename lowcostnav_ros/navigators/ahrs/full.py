@@ -63,7 +63,7 @@ class FullFilter(Filter):
         if isinstance(aid, VelocityAid) and isinstance(measurement, GpsVelocity):
             restart_velocity(core, measurement.vel_n, measurement.cov_n + np.eye(3) * aid.settings.velocity_floor_mps**2)
         elif isinstance(aid, AirDataAid) and isinstance(measurement, AirVelocity) and aid.fast_enough(measurement):
-            restart_velocity_from_air(core, measurement, aid.wind_n(self.host))
+            restart_velocity_from_air(core, measurement, aid.wind_n(self.host), aid.doubt_mps(measurement))
         else:
             return
         self.level.since_ns = None

@@ -102,6 +102,8 @@ class DeadReckoning(ReckoningNavigator):
             self.trust.told = item.mode == Mode.SUSPECT
         elif self._hold(item, self.core):
             self.trust.witness.take(item)
+            if isinstance(item, AirVelocity):
+                self._confirm_air(item.stamp_ns)
         else:
             self._aid(item)
 

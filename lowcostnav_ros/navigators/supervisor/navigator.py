@@ -39,7 +39,7 @@ def standby() -> dict[str, str]:
 GPS = "gps"
 """The receiver's own fixes and velocities as a solution: tested like the others, flown when nothing else is sound."""
 VELOCITY_NS = 500_000_000
-"""A velocity of the receiver this old still belongs to a fix."""
+"""A velocity of the receiver this far from a fix still belongs to it."""
 APART = 25.0
 """Squared difference of two solutions over both covariances, two degrees of freedom, above which they contradict each other."""
 AGREED_S = 10.0
@@ -133,6 +133,7 @@ class Supervisor(Navigator):
         self._t_ns, self._first_ns = 0, NEVER_NS
         self._fix: GpsPosition | None = None
         self._velocity: GpsVelocity | None = None
+        self._waiting: GpsPosition | None = None
         self._agreed_ns, self._streak_ns, self._better_since_ns, self._worse_since_ns = NEVER_NS, NEVER_NS, NEVER_NS, NEVER_NS
         self._strays: dict[str, int] = {}
         self._apart: Contradiction | None = None
@@ -152,18 +153,32 @@ class Supervisor(Navigator):
             self._attitude = item
             self._motion.see(item)
         elif isinstance(item, GpsVelocity):
+            self._pair(item)
             self._velocity = item
         elif isinstance(item, GpsPosition):
-            self._candidates[GPS].take(self._as_solution(item))
+            self._pair(None)
+            self._waiting = item
             self._compare_fix(item)
 
-    def _as_solution(self, fix: GpsPosition) -> NavSolution:
-        """A fix with the receiver's velocity, else with that of the solution flown, as a solution."""
-        velocity, flown = self._velocity, self._flown
+    def _pair(self, later: GpsVelocity | None) -> None:
+        """Give the fix that waits its velocity, as a solution of the receiver's own; None: none has come before the next fix."""
+        fix, self._waiting = self._waiting, None
+        if fix is not None:
+            self._candidates[GPS].take(self._as_solution(fix, later))
+
+    def _as_solution(self, fix: GpsPosition, later: GpsVelocity | None) -> NavSolution:
+        """A fix with the receiver's velocity at its stamp, else with that of the solution flown, as a solution.
+
+        An older velocity is not that of the fix: half a second's turning is as much as the way may be off.
+        """
+        before, flown = self._velocity, self._flown
         vel_n: np.ndarray | None
         cov_vel: np.ndarray | None
-        if velocity is not None and abs(fix.stamp_ns - velocity.stamp_ns) <= VELOCITY_NS:
-            vel_n, cov_vel = velocity.vel_n, velocity.cov_n
+        if later is not None and later.stamp_ns - fix.stamp_ns <= VELOCITY_NS:
+            vel_n, cov_vel = later.vel_n, later.cov_n
+            if before is not None and fix.stamp_ns - before.stamp_ns <= VELOCITY_NS:
+                share = (fix.stamp_ns - before.stamp_ns) / (later.stamp_ns - before.stamp_ns)
+                vel_n = before.vel_n + share * (later.vel_n - before.vel_n)
         elif flown is not None and flown.vel_n is not None and abs(fix.stamp_ns - flown.stamp_ns) <= 1e9 * self.settings.solution_timeout_s:
             vel_n, cov_vel = flown.vel_n, flown.cov_vel
         else:
