@@ -201,7 +201,7 @@ class InertialNavigator(Navigator):
                 elif decision is Decision.RECOVER and aid.measurement is GpsPosition and self.trust.agreement().get(GpsVelocity, False):
                     decision = Decision.REJECT  # where the velocity agrees it is not the IMU
                 off = aid.status.innovation if aid.measurement is GpsVelocity else None
-                recovery.note(item.stamp_ns, decision, 0.0 if off is None else float(np.linalg.norm(off)))
+                recovery.note(item.stamp_ns, decision, off, aid.status.nis)
                 if decision is Decision.RECOVER and off is not None:
                     self.widen(recovery.seen())
                 found = recovery.contradiction(self.core.estimate) or self.attitude_watch.one_way.held

@@ -140,7 +140,7 @@ class Trust:
     def noise_factor(self, aid: Aid) -> float:
         """By what the stated variance of an aid's measurements is to be multiplied: they scatter more than they state."""
         receiver = self.receivers.get(aid)
-        return 1.0 if receiver is None else receiver.noise_factor
+        return 1.0 if receiver is None else receiver.scatter.noise_factor
 
     def is_frozen(self, aid: Aid) -> str:
         """Why what contradicts the prediction is no measurement: it repeats old values; empty for nothing."""
@@ -202,18 +202,20 @@ class Trust:
             added[0:3, 0:3] += covering(offset + drift * lasting_s(stamp_ns - seen_ns))
             added[3:6, 3:6] += covering(drift)
         for key in dict.fromkeys(aid.key for aid in self.receivers):
-            offset = np.zeros(3)
+            offset, noise = np.zeros(3), np.zeros((3, 3))
             for aid, check in self.receivers.items():
-                if aid.key != key or aid.unresolved is None or check.is_frozen(aid.measurement):
+                S = aid.status.innovation_covariance
+                if aid.key != key or aid.unresolved is None or S is None or check.is_frozen(aid.measurement):
                     continue
                 seen_ns, y = aid.unresolved
                 if aid.measurement is GpsPosition:
-                    offset += y
+                    offset, noise = offset + y, noise + S
                     continue
                 seen_ns = next((a.unresolved[0] for a in self.receivers if a is not aid and a.key == key and a.unresolved), seen_ns)
-                added[3:6, 3:6] += covering(y)
-                offset += y * lasting_s(stamp_ns - seen_ns)
-            added[0:3, 0:3] += covering(offset)
+                added[3:6, 3:6] += covering(y) + S
+                lasting = lasting_s(stamp_ns - seen_ns)
+                offset, noise = offset + y * lasting, noise + S * lasting**2
+            added[0:3, 0:3] += covering(offset) + noise  # what they are apart is known no better than it was measured
         return added
 
     # the witness -------------------------------------------------------------------------------------------------------------
