@@ -168,7 +168,8 @@ class PositionAid(ReceiverAid):
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; not used while the velocity of the same receiver is off by a step: it would pull the velocity after it."""
         velocity = self._velocity
-        stepped = "" if velocity is None or velocity.rejecting_since_ns is None else velocity.doubt(stamp_ns, host)
+        refused = velocity is not None and velocity.rejecting_since_ns is not None and not host.excluded(velocity)
+        stepped = velocity.doubt(stamp_ns, host) if refused else ""
         if stepped and not host.excluded(self):
             self.rejecting_since_ns = self.rejecting_since_ns or stamp_ns
             return Decision.REJECT, stepped
@@ -233,7 +234,7 @@ class VelocityAid(ReceiverAid):
             _, first, S = self._stepped
             # that the gate has grown to its size is no agreement; that it passes the gate as it was is: the first was chance
             if y @ y > BACK**2 * first @ first and kalman.normalised_innovation_squared(y, S) > self.threshold:
-                return Decision.REJECT, STEPPED
+                return Decision.REJECT, host.trust.is_frozen(self) or STEPPED
         decision = super().control(stamp_ns, test_ratio, host)
         if decision[0] is not Decision.REJECT:
             lasted_ns = 0 if self._off_since_ns is None else stamp_ns - self._off_since_ns

@@ -88,7 +88,7 @@ class Recovery:
 
     def __init__(self, imu: ImuSettings, layout: Layout) -> None:
         self._layout, self._psd = layout, layout.psd.copy()
-        self._steps, self._factor = 0, 1.0
+        self._steps, self._factor, self._worst = 0, 1.0, 0.0
         self._tested_ns: int | None = None
         self._since_ns, self._is_far = NEVER_NS, False
         self._looked, self._looked_steps = -1, 0
@@ -187,10 +187,8 @@ class Recovery:
         if self._tests < ENOUGH or stamp_ns - self._tested_ns < PACE_NS:
             return
         mean, self._tested_ns = self._squares / self._tests, None
-        if mean < AS_SET:
-            self._widen(max(0.5 * self._factor, 1.0))
-        elif mean > TOO_MUCH:
-            self._widen(min(2.0 * self._factor, WIDENINGS[-1]))
+        by = 0.5 if mean < AS_SET else 2.0 if mean > TOO_MUCH else 1.0
+        self._widen(min(max(by * self._factor, 1.0), WIDENINGS[-1]))
 
     def lose(self, stamp_ns: int) -> None:
         """Take attitude and biases for lost: GPS corrects them one way again and again."""
@@ -222,11 +220,13 @@ class Recovery:
             self.distrust_compass(stamp_ns)
 
     def _widen(self, factor: float) -> None:
-        """Take the sensors' noise for so much larger than set."""
+        """Take the sensors' noise for so much larger than set; a bias far beyond its setting is no steadier than that shows."""
         self._factor, self._tested_ns = factor, None
         rows = self._sensors.copy()
         rows[VEL], rows[ATT] = True, True
         self._layout.psd[rows] = self._psd[rows] * factor**2
+        if self._steps and self._worst > factor**2:
+            self._layout.psd[self._sensors] = self._psd[self._sensors] * self._worst
 
     def distrust_compass(self, stamp_ns: int) -> None:
         """Let the magnetometer wait: the heading comes from the track."""
@@ -257,7 +257,7 @@ class Recovery:
             if ratio > max(worst, EXCEEDED):
                 advice = f"{'xyz'[axis]} is off by {value:.3g} {word}, {ratio:.0f} sigmas of {name}: set it to {value:.2g} or more"
             worst = max(worst, ratio)
-        self._calm = worst <= EXCEEDED
+        self._calm, self._worst = worst <= EXCEEDED, min(worst, WIDENINGS[-1])
         if not self._steps:
             self._since_ns = self._since_ns if worst > FAR_EXCEEDED and self._is_far else self._now_ns
             self._is_far = worst > FAR_EXCEEDED
