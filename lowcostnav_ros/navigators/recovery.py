@@ -108,6 +108,7 @@ class Recovery:
         """Forget the recoveries; what was learnt of the IMU stays."""
         self.is_lost = False
         self._off_since_ns: int | None = None
+        self._agreed_ns: int | None = None
         self._accel = self._rate = 0.0
         self._run, self._before = Run(), (0.0, 0.0)
         self._recovered_ns = self._rejected_ns = self._compass_off_ns = NEVER_NS
@@ -169,13 +170,15 @@ class Recovery:
             lasted = self._off_since_ns is not None and stamp_ns - self._off_since_ns > LASTING_NS
             self.is_lost |= lasted and self._accel > LARGE  # the gate has grown to it
             self._off_since_ns = None
+            self._agreed_ns = stamp_ns if decision is not None else self._agreed_ns
             return
         if self._off_since_ns is None:
             self._off_since_ns, self._run, self._before = stamp_ns, Run(), (self._accel, self._rate)
         self._run.add(off)
         if self._run.count < SHORTEST:
             return
-        lasted_s, mean = 1e-9 * (stamp_ns - self._off_since_ns) + UNNOTICED_S, self._run.mean()
+        begun_ns = self._off_since_ns if self._agreed_ns is None else self._agreed_ns  # after an outage: with it
+        lasted_s, mean = 1e-9 * (stamp_ns - begun_ns) + UNNOTICED_S, self._run.mean()
         self._accel = min(max(self._before[0], 2.0 * mean / lasted_s), STANDARD_GRAVITY)
         self._rate = min(max(self._before[1], 6.0 * mean / (STANDARD_GRAVITY * lasted_s**2)), FASTEST)
 
