@@ -168,8 +168,9 @@ class PositionAid(ReceiverAid):
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; not used while the velocity of the same receiver is off by a step: it would pull the velocity after it."""
         velocity = self._velocity
-        refused = velocity is not None and velocity.rejecting_since_ns is not None and not host.excluded(velocity)
-        stepped = velocity.doubt(stamp_ns, host) if refused else ""
+        stepped = ""
+        if velocity is not None and velocity.rejecting_since_ns is not None and not host.excluded(velocity):
+            stepped = velocity.doubt(stamp_ns, host)
         if stepped and not host.excluded(self):
             self.rejecting_since_ns = self.rejecting_since_ns or stamp_ns
             return Decision.REJECT, stepped

@@ -37,9 +37,7 @@ class AgainstAir:
     def take(self, aid: AirDataAid) -> None:
         """Take what became of an air velocity."""
         y, S, now_ns = aid.status.innovation, aid.status.innovation_covariance, aid.status.stamp_ns
-        across = aid.decision is Decision.REJECT and y is not None and S is not None
-        across = across and kalman.normalised_innovation_squared(y[1:], np.ascontiguousarray(S[1:, 1:])) > CHANCE
-        if not across:
+        if aid.decision is not Decision.REJECT or y is None or S is None or not strays(y, S):
             self._since_ns = None if self._accel == 0.0 else self._since_ns
             return
         self._since_ns = now_ns if self._since_ns is None else self._since_ns
@@ -58,3 +56,8 @@ class AgainstAir:
         sigma[POS], sigma[VEL] = 0.5 * off * self._lasted_s(t_ns), off
         sigma[ATT] = min(off / max(speed_mps, SLOWEST_MPS), math.pi)  # a heading that is off turns the velocity as much
         return np.diag(sigma**2)
+
+
+def strays(y: np.ndarray, S: np.ndarray) -> bool:
+    """Whether an innovation (3,) of the air velocity of covariance (3, 3) is beyond chance across the flight."""
+    return kalman.normalised_innovation_squared(y[1:], np.ascontiguousarray(S[1:, 1:])) > CHANCE
