@@ -23,6 +23,8 @@ ONE_EVENT_NS = 2_000_000_000
 """Recoveries of position and velocity this close are one."""
 AGAIN_S = 3.0
 WIDENINGS = (10.0, 30.0)
+YOUNG_NS = 30_000_000_000
+"""A state that began anew has not found out yet what is bias and what is tilt."""
 PACE_NS, ENOUGH = 6_000_000_000, 8
 """The widened noise is judged over so long, and by so many velocities at least."""
 AS_SET, TOO_MUCH, MOST = 1.3, 2.0, 10.0
@@ -144,7 +146,7 @@ class Recovery:
         self._now_ns = stamp_ns
         if off is not None:
             self._size(stamp_ns, decision, off)
-            if self._steps and decision is not None:
+            if self._steps and decision is not None and stamp_ns - self._since_ns > YOUNG_NS:
                 self._narrow(stamp_ns, nis / len(off))
         if decision in (Decision.REJECT, Decision.RECOVER):
             self._rejected_ns = stamp_ns

@@ -25,6 +25,7 @@ from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotve
 FIX, AIR, STATIC, EPOCHS = "gps/fix", "air/velocity", "air/static_pressure", "gnss/raw"
 COVERED = 0.5
 """Sigma of a solution that GPS contradicts, as a share of what the two are apart: whichever is right is within two sigmas."""
+ACROSS = 0.5
 LAG_S, LONGEST_S = 1.0, 60.0
 """A velocity that is off has been so, unnoticed, for a while, and moves the position for as long as nothing else does, within reason."""
 DISAGREES_NS = 3_000_000_000
@@ -270,7 +271,7 @@ class Trust:
             self._largest = max(self._largest, size)
             since_ns = now_ns if self.led_away is None else self.led_away.since_ns
             self.led_away = Contradiction(LED_AWAY, (self._gps(), host.inertial or host.name), size, self._unit, since_ns)
-            self._added = alone(covering(apart) + other.P)
+            self._added = alone(other.P, apart)
         if self._is_back(now_ns, other):
             host.return_to(witness.core)
             for aid, check in self.receivers.items():
@@ -325,15 +326,15 @@ def lasting_s(age_ns: int) -> float:
 
 
 def covering(offset: np.ndarray) -> np.ndarray:
-    """What an offset (m,) that may be an error adds to a covariance (m, m)."""
-    return COVERED**2 * np.outer(offset, offset)
+    """What an offset (m,) that may be an error adds to a covariance (m, m): across it half as much, for both may be wrong."""
+    return COVERED**2 * (np.outer(offset, offset) + ACROSS**2 * float(offset @ offset) * np.eye(len(offset)))
 
 
-def alone(P: np.ndarray) -> np.ndarray:
-    """Position, velocity and attitude of a covariance (9, 9) without their correlations."""
+def alone(P: np.ndarray, apart: np.ndarray) -> np.ndarray:
+    """Position, velocity and attitude of a covariance (9, 9) without their correlations, and what covers an offset (9,) of each."""
     out = np.zeros((9, 9))
     for rows in (slice(0, 3), slice(3, 6), slice(6, 9)):
-        out[rows, rows] = P[rows, rows]
+        out[rows, rows] = P[rows, rows] + covering(apart[rows])
     return out
 
 
