@@ -45,6 +45,8 @@ USUAL, USUALLY_S, LARGEST = 0.17, 60.0, 2.0
 """Their size, over what one in a thousand exceeds, that is usual; over which time what is usual is learnt; the most that counts for it."""
 BEND_NS = 3_000_000_000
 """Innovations farther apart are not compared."""
+PASSING_S, FEW = 2.0, 0.3
+"""Of velocities that scatter fewer than this share pass the gate as stated, over such a time; of those that come twice half of them."""
 AXES, LEAST = np.eye(3), 1e-12
 STEPPED = "velocity stepped without a motion"
 
@@ -201,6 +203,7 @@ class VelocityAid(ReceiverAid):
         """As every aid."""
         super().restart()
         self._bends.clear()
+        self._passing = 1.0
 
     def process(self, measurement: GpsVelocity, host: Host) -> bool:
         """As every aid; its scatter about the prediction is watched where the velocity is carried by inertial sensors."""
@@ -211,7 +214,9 @@ class VelocityAid(ReceiverAid):
             stated = status.innovation_variance - (self._factor - 1.0) * self.noise(measurement).diagonal()
             bend = self._bends.take(status.stamp_ns, status.innovation, stated)
             if bend is not None:
-                self.scatter.take(status.stamp_ns, *bend)
+                passes = float(np.sum(status.innovation**2 / stated)) <= self.threshold
+                self._passing += min(bend[0] / PASSING_S, 1.0) * (passes - self._passing)
+                self.scatter.take(status.stamp_ns, *bend, counts=self._passing < FEW or self.scatter.held is not None)
         return used
 
     def attach(self, host: Host) -> None:

@@ -112,7 +112,7 @@ class Recovery:
         self._off_since_ns: int | None = None
         self._agreed_ns: int | None = None
         self._accel = self._rate = 0.0
-        self._run, self._before = Run(), (0.0, 0.0)
+        self._run = Run()
         self._recovered_ns = self._rejected_ns = self._compass_off_ns = NEVER_NS
         self._now_ns = 0
 
@@ -175,14 +175,14 @@ class Recovery:
             self._agreed_ns = stamp_ns if decision is not None else self._agreed_ns
             return
         if self._off_since_ns is None:
-            self._off_since_ns, self._run, self._before = stamp_ns, Run(), (self._accel, self._rate)
+            self._off_since_ns, self._run = stamp_ns, Run()
         self._run.add(off)
         if self._run.count < SHORTEST:
             return
         begun_ns = self._off_since_ns if self._agreed_ns is None else self._agreed_ns  # after an outage: with it
         lasted_s, mean = 1e-9 * (stamp_ns - begun_ns) + UNNOTICED_S, self._run.mean()
-        self._accel = min(max(self._before[0], 2.0 * mean / lasted_s), STANDARD_GRAVITY)
-        self._rate = min(max(self._before[1], 6.0 * mean / (STANDARD_GRAVITY * lasted_s**2)), FASTEST)
+        self._accel = min(max(self._accel, 2.0 * mean / lasted_s), STANDARD_GRAVITY)
+        self._rate = min(max(self._rate, 6.0 * mean / (STANDARD_GRAVITY * lasted_s**2)), FASTEST)
 
     def _narrow(self, stamp_ns: int, nis: float) -> None:
         """Halve the noise while GPS velocities agree with the prediction as well as they should, double it while they do not."""

@@ -27,11 +27,14 @@ class ScatterCheck(Latch):
         """By what its stated variance is to be multiplied."""
         return self.held.size**2 if self.held is not None else 1.0
 
-    def take(self, stamp_ns: int, span_s: float, squared: float) -> None:
-        """Take the square of what a measurement, ``span_s`` after the one before, strays by, over what it states: 1 on average."""
+    def take(self, stamp_ns: int, span_s: float, squared: float, *, counts: bool = True) -> None:
+        """Take the square of what a measurement, ``span_s`` after the one before, strays by, over what it states: 1 on average.
+
+        ``counts``: whether most of them stray, as white noise does.
+        """
         weight = min(1.0, span_s / SCATTER_S)
         largest = max(LARGEST, 4.0 * self._scatter2)
         self._scatter2 += weight * (min(squared, largest) - self._scatter2)
         size = math.sqrt(self._scatter2)
         advice = f"set gps.sigma_scale to {size:.1f} or more"
-        self.judge(stamp_ns, size > (SCATTER if self.held is None else 0.7 * SCATTER), size, self.parties[0], advice)
+        self.judge(stamp_ns, counts and size > (SCATTER if self.held is None else 0.7 * SCATTER), size, self.parties[0], advice)
