@@ -78,6 +78,17 @@ def test_noise_that_was_widened_comes_back_while_velocities_agree(nis, factor):
     assert layout.psd[3:9] == pytest.approx(factor**2 * set_to)
 
 
+def test_noise_stays_wide_where_a_bias_is_beyond_what_a_poor_unit_has():
+    recovery, layout = remembered()
+    set_to, estimate = layout.psd[3:9].copy(), np.zeros(layout.size)
+    estimate[np.flatnonzero(layout.kind == int(Kind.GYRO_BIAS))[2]] = np.radians(5.0)
+    recovery.begin(100 * SECOND, layout.initial_covariance(), moving=False)
+    for k in range(160):
+        recovery.note(round((100.5 + 0.5 * k) * SECOND), Decision.FUSE, np.full(3, 0.1), 3.0)
+        recovery.contradiction(estimate)
+    assert layout.psd[3:9] == pytest.approx(100.0 * set_to)
+
+
 def test_what_sensor_errors_do_is_straight_and_white_noise_bends_by_as_much_as_its_variance_says():
     bends, rng = Bends(), np.random.default_rng(1)
     for k in range(6):

@@ -90,7 +90,7 @@ class Recovery:
 
     def __init__(self, imu: ImuSettings, layout: Layout) -> None:
         self._layout, self._psd = layout, layout.psd.copy()
-        self._steps, self._factor, self._worst = 0, 1.0, 0.0
+        self._steps, self._factor, self._worst, self._is_fault = 0, 1.0, 0.0, False
         self._tested_ns: int | None = None
         self._since_ns, self._is_far = NEVER_NS, False
         self._looked, self._looked_steps = -1, 0
@@ -185,7 +185,13 @@ class Recovery:
         self._rate = min(max(self._rate, 6.0 * mean / (STANDARD_GRAVITY * lasted_s**2)), FASTEST)
 
     def _narrow(self, stamp_ns: int, nis: float) -> None:
-        """Halve the noise while GPS velocities agree with the prediction as well as they should, double it while they do not."""
+        """Halve the noise while GPS velocities agree with the prediction as well as they should, double it while they do not.
+
+        A bias beyond what a poor unit has is a fault, which may end as it came: the noise stays.
+        """
+        self._is_fault |= self._worst > WIDENINGS[-1]
+        if self._is_fault:
+            return
         if self._tested_ns is None:
             self._tested_ns, self._tests, self._squares = stamp_ns, 0, 0.0
         self._tests, self._squares = self._tests + 1, self._squares + min(nis, MOST)
@@ -217,7 +223,7 @@ class Recovery:
         """Widen the covariance of the sensor errors, in place, and the driving noise, after an alignment."""
         factor = self.widening
         self._steps, self._since_ns, self.is_lost = self._steps + 1, stamp_ns, False
-        self._calm = False
+        self._calm = self._is_fault = False
         P[np.ix_(self._sensors, self._sensors)] *= factor**2
         kalman.raise_sigmas(P, self.seen())
         self._widen(factor)
@@ -230,8 +236,9 @@ class Recovery:
         rows = self._sensors.copy()
         rows[VEL], rows[ATT] = True, True
         self._layout.psd[rows] = self._psd[rows] * factor**2
-        if self._steps and self._worst > factor**2:
-            self._layout.psd[self._sensors] = self._psd[self._sensors] * self._worst
+        worst = min(self._worst, WIDENINGS[-1])
+        if self._steps and worst > factor**2:
+            self._layout.psd[self._sensors] = self._psd[self._sensors] * worst
 
     def distrust_compass(self, stamp_ns: int) -> None:
         """Let the magnetometer wait: the heading comes from the track."""
@@ -262,7 +269,7 @@ class Recovery:
             if ratio > max(worst, EXCEEDED):
                 advice = f"{'xyz'[axis]} is off by {value:.3g} {word}, {ratio:.0f} sigmas of {name}: set it to {value:.2g} or more"
             worst = max(worst, ratio)
-        self._calm, self._worst = worst <= EXCEEDED, min(worst, WIDENINGS[-1])
+        self._calm, self._worst = worst <= EXCEEDED, worst
         if not self._steps:
             self._since_ns = self._since_ns if worst > FAR_EXCEEDED and self._is_far else self._now_ns
             self._is_far = worst > FAR_EXCEEDED
