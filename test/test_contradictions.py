@@ -14,7 +14,8 @@ from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
 from lowcostnav_ros.estimation.cross_checks.heading import crabs
 from lowcostnav_ros.estimation.cross_checks.height import ClimbCheck
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
-from lowcostnav_ros.estimation.cross_checks.receiver import DISAGREE, FROZEN, UNDERSTATED, ReceiverCheck
+from lowcostnav_ros.estimation.cross_checks.receiver import DISAGREE, FROZEN, ReceiverCheck
+from lowcostnav_ros.estimation.cross_checks.scatter import UNDERSTATED
 from lowcostnav_ros.estimation.cross_checks.sources import SourceChecks
 from lowcostnav_ros.navigators.ins_gps import InsGps
 from lowcostnav_ros.physics.earth import displace
@@ -125,7 +126,7 @@ def test_values_that_never_change_while_the_vehicle_moves_are_no_measurements():
 def test_fixes_that_scatter_more_than_they_state_are_taken_for_worse():
     check, seen = checked(receiver(120.0, straight, sigma=7.0))
     assert seen[UNDERSTATED][1] == "gps/fix"
-    assert 6.0 < check.noise_factor < 25.0
+    assert 6.0 < check.scatter.noise_factor < 25.0
     assert not check.excluded(GpsVelocity)
 
 

@@ -16,7 +16,6 @@ from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
-from lowcostnav_ros.cores.inertial import CORE, POS, VEL
 from lowcostnav_ros.cores.views import Attitude, Velocity
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings, each
@@ -32,6 +31,8 @@ ADVICE = "pitot tube blocked or iced, air data failed, or the wind has changed a
 CREPT = "airspeed creeps away from the inertial motion"
 WATCHED_S, CALM_MPS = (5.0, 15.0, 45.0), 0.3
 """Times over which the innovations of the airspeed are added up, and the mean that a sound one may have."""
+MOVED_S = 90.0
+"""What it has moved so long ago was right."""
 WAIT_S = 20.0
 """One that creeps is not used for so long, three times as long each time again."""
 UNCONFIRMED = 0.4
@@ -128,7 +129,7 @@ class AirDataAid(Aid):
         if self.growth is not None and free is not None:
             self.growth.take(self.status.stamp_ns, y, H, R, host.core.estimate, host.P)
         dx = self.updated(innovation, host)
-        self._moved += dx[:CORE]
+        self._moved += dx
         host.correct(dx)
 
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
@@ -141,7 +142,7 @@ class AirDataAid(Aid):
         elif self._until_ns:
             over = stamp_ns >= self._until_ns
             self._until_ns, decision = (0, (Decision.RECOVER, CREPT)) if over else (self._until_ns, (Decision.REJECT, CREPT))
-        elif test_ratio <= 1.0 and self._creeps(stamp_ns, y[:1], S[:1, None]):
+        elif test_ratio <= 1.0 and self._creeps(stamp_ns, y[:1], S[:1, None], host):
             self._doubt_moved(host)
             self._until_ns, self._waits = stamp_ns + round(1e9 * WAIT_S * 3**self._waits), min(self._waits + 1, 6)
             decision = Decision.REJECT, CREPT
@@ -167,24 +168,25 @@ class AirDataAid(Aid):
         """Forget the innovations seen, and what they have moved."""
         shape = len(WATCHED_S)
         self._sums = np.zeros((shape, 1)), np.zeros((shape, 1, 1)), np.zeros((shape, 1, 1))
-        self._moved, self._seen_ns = np.zeros(CORE), 0
+        self._moved, self._seen_ns = np.zeros(self._all.size), 0
 
     def _doubt_moved(self, host: Host) -> None:
-        """Add what it has moved of late to the covariance."""
+        """Add what it has moved of late to the covariance, position, velocity and attitude alone: one must not vouch for the others."""
         history = host.core.history
         if history is not None:
             history.begin(host.P)
-        host.P[:CORE, :CORE] += np.outer(self._moved, self._moved)
+        for rows in (slice(0, 3), slice(3, 6), slice(6, 9)):
+            host.P[rows, rows] += np.outer(self._moved[rows], self._moved[rows])
         if history is not None:
             history.end(host.P)
         self._begin_watch()
 
-    def _creeps(self, stamp_ns: int, y: np.ndarray, S: np.ndarray) -> bool:
-        """Whether airspeed has been off to one side for longer than chance allows."""
+    def _creeps(self, stamp_ns: int, y: np.ndarray, S: np.ndarray, host: Host) -> bool:
+        """Whether airspeed has been off to one side for longer than chance allows; carries what it has moved on to now."""
         dt = 1e-9 * (stamp_ns - self._seen_ns) if self._seen_ns else 0.0
         self._seen_ns = stamp_ns
-        self._moved *= np.exp(-dt / WATCHED_S[-1])
-        self._moved[POS] += self._moved[VEL] * dt
+        self._moved *= np.exp(-dt / MOVED_S)
+        self._moved += host.core.dynamics() @ self._moved * dt
         return bool((watch(y, np.eye(1), S, dt, np.array(WATCHED_S), np.array([CALM_MPS]), *self._sums) > CHANCE).any())
 
     def recover(self, measurement: AirVelocity, innovation: Innovation, host: Host) -> None:

@@ -24,6 +24,7 @@ from lowcostnav_ros.estimation.aiding import (
     floored,
     reset_to,
 )
+from lowcostnav_ros.estimation.cross_checks.scatter import ScatterCheck
 from lowcostnav_ros.estimation.error_state import Block, Kind, gauss_markov
 from lowcostnav_ros.estimation.innovation_watch import InnovationWatch
 from lowcostnav_ros.physics.earth import difference_n
@@ -42,6 +43,10 @@ WATCHED_S, RARE = (5.0, 10.0), 1e-3
 """Times over which innovations are watched, s, and how rarely a sound one is suspected."""
 USUAL, USUALLY_S, LARGEST = 0.17, 60.0, 2.0
 """Their size, over what one in a thousand exceeds, that is usual; over which time what is usual is learnt; the most that counts for it."""
+BEND_NS = 3_000_000_000
+"""Innovations farther apart are not compared."""
+PASSING_S, FEW = 2.0, 0.3
+"""Of velocities that scatter fewer than this share pass the gate as stated, over such a time; of those that come twice half of them."""
 AXES, LEAST = np.eye(3), 1e-12
 STEPPED = "velocity stepped without a motion"
 
@@ -165,7 +170,9 @@ class PositionAid(ReceiverAid):
     def control(self, stamp_ns: int, test_ratio: float, host: Host) -> tuple[Decision, str]:
         """As every aid; not used while the velocity of the same receiver is off by a step: it would pull the velocity after it."""
         velocity = self._velocity
-        stepped = "" if velocity is None or velocity.rejecting_since_ns is None else velocity.doubt(stamp_ns, host)
+        stepped = ""
+        if velocity is not None and velocity.rejecting_since_ns is not None and not host.excluded(velocity):
+            stepped = velocity.doubt(stamp_ns, host)
         if stepped and not host.excluded(self):
             self.rejecting_since_ns = self.rejecting_since_ns or stamp_ns
             return Decision.REJECT, stepped
@@ -185,6 +192,32 @@ class VelocityAid(ReceiverAid):
 
     name, labels = "gps_velocity", ("north_mps", "east_mps", "down_mps")
     measurement, topic, views, needs_rate, small = GpsVelocity, "gps/vel", (Velocity,), True, 0.01
+
+    def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
+        super().__init__(settings, key, stations)
+        self._bends = Bends()
+        self.scatter = ScatterCheck(self.status.name)
+        self.latches = [self.scatter]
+
+    def restart(self) -> None:
+        """As every aid."""
+        super().restart()
+        self._bends.clear()
+        self._passing = 1.0
+
+    def process(self, measurement: GpsVelocity, host: Host) -> bool:
+        """As every aid; its scatter about the prediction is watched where the velocity is carried by inertial sensors."""
+        used, status = super().process(measurement, host), self.status
+        if self.decision is None or status.innovation is None or status.innovation_variance is None or host.excluded(self):
+            self._bends.clear()
+        elif host.core.velocity_rows is not None:
+            stated = status.innovation_variance - (self._factor - 1.0) * self.noise(measurement).diagonal()
+            bend = self._bends.take(status.stamp_ns, status.innovation, stated)
+            if bend is not None:
+                passes = float(np.sum(status.innovation**2 / stated)) <= self.threshold
+                self._passing += min(bend[0] / PASSING_S, 1.0) * (passes - self._passing)
+                self.scatter.take(status.stamp_ns, *bend, counts=self._passing < FEW or self.scatter.held is not None)
+        return used
 
     def attach(self, host: Host) -> None:
         """Take the lever arm."""
@@ -207,7 +240,7 @@ class VelocityAid(ReceiverAid):
             _, first, S = self._stepped
             # that the gate has grown to its size is no agreement; that it passes the gate as it was is: the first was chance
             if y @ y > BACK**2 * first @ first and kalman.normalised_innovation_squared(y, S) > self.threshold:
-                return Decision.REJECT, STEPPED
+                return Decision.REJECT, host.trust.is_frozen(self) or STEPPED
         decision = super().control(stamp_ns, test_ratio, host)
         if decision[0] is not Decision.REJECT:
             lasted_ns = 0 if self._off_since_ns is None else stamp_ns - self._off_since_ns
@@ -239,8 +272,8 @@ class VelocityAid(ReceiverAid):
         R, self.swing_n = self.noise(measurement), seen.swing_n
         if seen.noise is not None:
             R = R + seen.noise
-        factor = correlation_factor(self.since_s(measurement), self.settings.correlation_s)
-        return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, factor * R, measurement.vel_n, turns=seen.turns)
+        self._factor = self.scatter.noise_factor * correlation_factor(self.since_s(measurement), self.settings.correlation_s)
+        return Innovation(measurement.vel_n - seen.vel_n - seen.swing_n, seen.H, self._factor * R, measurement.vel_n, turns=seen.turns)
 
     def recover(self, measurement: GpsVelocity, innovation: Innovation, host: Host) -> None:
         """Reset the velocity to that of GPS; attitude and biases stay."""
@@ -248,6 +281,29 @@ class VelocityAid(ReceiverAid):
             super().recover(measurement, innovation, host)
         else:
             reset_to(host, host.core.velocity_rows, innovation.y, innovation.R)
+
+
+class Bends:
+    """Second differences of innovations: what a sensor error makes of them is nearly straight, white noise bends them at every step."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self._points: list[tuple[int, np.ndarray]] = []
+
+    def take(self, stamp_ns: int, y: np.ndarray, variance: np.ndarray) -> tuple[float, float] | None:
+        """Take an innovation (m,); seconds since the one before and the square of the bend over its variance; None: too few yet."""
+        if self._points and not 0 < stamp_ns - self._points[-1][0] <= BEND_NS:
+            self._points.clear()
+        points = self._points = [*self._points[-2:], (stamp_ns, y.copy())]
+        if len(points) < 3:
+            return None
+        (t0, y0), (t1, y1), _ = points
+        share = (stamp_ns - t1) / (t1 - t0)
+        bend2 = (y - y1 - share * (y1 - y0)) ** 2 / (2.0 * (1.0 + share + share * share))
+        return 1e-9 * (stamp_ns - t1), float(np.mean(bend2 / variance))
 
 
 GPS_VELOCITY = Sensor("gps", GpsVelocitySettings, each(VelocityAid))

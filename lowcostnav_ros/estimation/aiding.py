@@ -481,13 +481,21 @@ def reset_to(host: Host, rows: slice, y: np.ndarray, covariance: np.ndarray) -> 
 
 
 def floored(cov: np.ndarray, scale: float, floor: float) -> np.ndarray:
-    """Covariance (m, m) scaled by the sigma factor ``scale``, no variance below ``floor`` squared, in oblique directions neither."""
+    """Covariance (m, m) scaled by the sigma factor ``scale``, no variance below ``floor`` squared, in oblique directions neither.
+
+    Correlations of one are no measurement's: where there are any the diagonal alone counts.
+    """
     out = cov * (scale * scale)
+    spread = np.sqrt(out.diagonal())
+    if (np.abs(np.triu(out, 1)) > SINGULAR * np.outer(spread, spread)).any():
+        out = np.diag(out.diagonal())
     for i in range(len(out)):
         out[i, i] = max(out[i, i], floor * floor)
     return at_least(out, floor)
 
 
+SINGULAR = 0.9999
+"""Correlation of two axes that no measurement has: an ellipse more than a hundred times as long as wide."""
 Maker = Callable[[Any, str, Any], list[Aid]]
 
 

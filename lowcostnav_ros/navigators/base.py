@@ -45,6 +45,7 @@ LOOK_NS, ENOUGH_NS = 4_000_000_000, 2_000_000_000
 TOO_MUCH = {True: 10.0, False: 30.0}
 """White noise this many times the settings' is said, at rest and in motion, where vibration adds to it."""
 
+
 @dataclass(frozen=True)
 class HorizonSettings:
     """The fusion horizon and the outputs."""

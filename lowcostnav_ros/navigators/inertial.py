@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.aids.airdata import AirDataAid
 from lowcostnav_ros.aids.gps import VelocityAid
 from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.contradiction import Contradiction
@@ -21,6 +22,7 @@ from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
+from lowcostnav_ros.navigators.against_air import AgainstAir
 from lowcostnav_ros.navigators.attitude_watch import AttitudeWatch
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.channel import Channel
@@ -101,7 +103,7 @@ class InertialNavigator(Navigator):
         self._attach(layout, InertialCore(layout))
         self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
         self.slope = SlopeVelocity()
-        self.axes = AxesCheck(IMU)
+        self.axes, self.against_air = AxesCheck(IMU), AgainstAir()
         self._remember(settings.imu, layout)
         self._wind_aids = [aid for aid in self.aids if "wind" in aid.teaches]
         self._restart()
@@ -161,6 +163,7 @@ class InertialNavigator(Navigator):
         self._aligned = self._led_away = False
         self.headings.close()
         self.axes.clear()
+        self.against_air.clear()
         self.attitude_watch.clear()
         self._began_over = False
         self.recovery.restart()
@@ -201,7 +204,7 @@ class InertialNavigator(Navigator):
                 elif decision is Decision.RECOVER and aid.measurement is GpsPosition and self.trust.agreement().get(GpsVelocity, False):
                     decision = Decision.REJECT  # where the velocity agrees it is not the IMU
                 off = aid.status.innovation if aid.measurement is GpsVelocity else None
-                recovery.note(item.stamp_ns, decision, 0.0 if off is None else float(np.linalg.norm(off)))
+                recovery.note(item.stamp_ns, decision, off, aid.status.nis)
                 if decision is Decision.RECOVER and off is not None:
                     self.widen(recovery.seen())
                 found = recovery.contradiction(self.core.estimate) or self.attitude_watch.one_way.held
@@ -333,6 +336,8 @@ class InertialNavigator(Navigator):
             used = super().use_aid(aid, measurement)
             if before is not None:
                 self.attitude_watch.after(aid, measurement, before, used=used)
+            if isinstance(aid, AirDataAid) and not self.gps_good(measurement.stamp_ns):
+                self.against_air.take(aid)
             return used
         used = super().use_aid(aid, measurement)
         if used:
@@ -386,6 +391,7 @@ class InertialNavigator(Navigator):
             self.mode, self.reason = Mode.COASTING, f"no inertial data for {1e-9 * (now - self._sampled_ns):.1f} s: the last motion goes on"
         elif last is not None and now - last <= 1e9 * self.settings.gps.timeout_s:
             self.mode, self.reason = Mode.GPS, "GPS position accepted"
+            self.against_air.clear()
             if self.trust.led_away is not None:
                 self.mode, self.reason, self._led_away = Mode.SUSPECT, self.trust.suspicion(), True
         elif found := self.trust.suspicion():
@@ -508,7 +514,8 @@ class InertialNavigator(Navigator):
         if is_over or self.recovery.is_lost:
             doubt = doubt.copy()
             doubt[ATT, ATT] += UPSIDE_DOWN if is_over else np.diag(self.recovery.seen()[ATT] ** 2)
-        return doubt
+        astray = self.against_air.doubt(t_ns, self.core.speed_mps)
+        return doubt if astray is None else doubt + astray
 
     def _sigmas(self) -> dict[str, float]:
         if not self._aligned:

@@ -23,6 +23,12 @@ ONE_EVENT_NS = 2_000_000_000
 """Recoveries of position and velocity this close are one."""
 AGAIN_S = 3.0
 WIDENINGS = (10.0, 30.0)
+YOUNG_NS = 30_000_000_000
+"""A state that began anew has not found out yet what is bias and what is tilt."""
+PACE_NS, ENOUGH = 6_000_000_000, 8
+"""The widened noise is judged over so long, and by so many velocities at least."""
+AS_SET, TOO_MUCH, MOST = 1.3, 2.0, 10.0
+"""Their mean normalised square, 1 in theory, up to which the noise is halved, and beyond which doubled; the most that one counts for."""
 CALM_NS = 120_000_000_000
 """Without a rejection for so long, and with biases as the settings say, a fault of the IMU has ended."""
 COMPASS_NS, COMPASS_LATEST_NS = 30_000_000_000, 180_000_000_000
@@ -32,6 +38,8 @@ EXCEEDED, FAR_EXCEEDED = 3.0, 6.0
 """Sigmas of its setting by which a bias is too large: after an alignment anew; and where it was learnt without one."""
 BEYOND_SPOOFING = 20.0
 """Sigmas of its setting that no bias learnt from a spoofer reaches."""
+SHORTEST, NOISY = 3, 4.0
+"""A run of fewer rejections is none; times the square that white noise leaves of a mean, on average, which may be chance."""
 UNNOTICED_S = 1.0
 """An error of the sensors works so long before it shows."""
 LASTING_NS = 4_000_000_000
@@ -45,6 +53,24 @@ FASTEST, STEEPEST = 0.5, 0.6
 NEVER_NS = -(10**18)
 SETTINGS = "its settings"
 LOOK_NS = 1_000_000_000
+
+
+class Run:
+    """Innovations (3,) of velocities that were rejected one after the other."""
+
+    def __init__(self) -> None:
+        self.count, self._sum, self._last, self._differences = 0, np.zeros(3), np.zeros(3), 0.0
+
+    def add(self, y: np.ndarray) -> None:
+        """Take one in."""
+        if self.count:
+            self._differences += float(np.sum((y - self._last) ** 2))
+        self.count, self._sum, self._last = self.count + 1, self._sum + y, y
+
+    def mean(self) -> float:
+        """Length of their mean, less what white noise leaves of one."""
+        noise2 = self._differences / (2.0 * (self.count - 1)) / self.count
+        return math.sqrt(max(float(np.sum((self._sum / self.count) ** 2)) - NOISY * noise2, 0.0))
 
 
 class Recovery:
@@ -64,7 +90,8 @@ class Recovery:
 
     def __init__(self, imu: ImuSettings, layout: Layout) -> None:
         self._layout, self._psd = layout, layout.psd.copy()
-        self._steps = 0
+        self._steps, self._factor, self._worst, self._is_fault = 0, 1.0, 0.0, False
+        self._tested_ns: int | None = None
         self._since_ns, self._is_far = NEVER_NS, False
         self._looked, self._looked_steps = -1, 0
         self._found: Contradiction | None = None
@@ -83,7 +110,9 @@ class Recovery:
         """Forget the recoveries; what was learnt of the IMU stays."""
         self.is_lost = False
         self._off_since_ns: int | None = None
+        self._agreed_ns: int | None = None
         self._accel = self._rate = 0.0
+        self._run = Run()
         self._recovered_ns = self._rejected_ns = self._compass_off_ns = NEVER_NS
         self._now_ns = 0
 
@@ -112,11 +141,13 @@ class Recovery:
         """How long GPS must have been rejected, s."""
         return min(usual_s, AGAIN_S) if stamp_ns - self._recovered_ns <= MEMORY_NS else usual_s
 
-    def note(self, stamp_ns: int, decision: Decision | None, off_mps: float = 0.0) -> None:
-        """Take what became of a GPS measurement, and the size of the innovation of a velocity; None: it was excluded."""
+    def note(self, stamp_ns: int, decision: Decision | None, off: np.ndarray | None = None, nis: float = 0.0) -> None:
+        """Take what became of a GPS measurement; of a velocity its innovation (3,), m/s, and normalised square; None: it was excluded."""
         self._now_ns = stamp_ns
-        if off_mps > 0.0:
-            self._size(stamp_ns, decision, off_mps)
+        if off is not None:
+            self._size(stamp_ns, decision, off)
+            if self._steps and decision is not None and stamp_ns - self._since_ns > YOUNG_NS:
+                self._narrow(stamp_ns, nis / len(off))
         if decision in (Decision.REJECT, Decision.RECOVER):
             self._rejected_ns = stamp_ns
         if decision is Decision.RECOVER and stamp_ns - self._recovered_ns > ONE_EVENT_NS:
@@ -131,17 +162,44 @@ class Recovery:
             self._steps = 0
             self._widen(1.0)
 
-    def _size(self, stamp_ns: int, decision: Decision | None, off_mps: float) -> None:
-        """Find how large an error of the sensors explains a velocity that GPS contradicts: |y| = a T, or |y| = g w T^2 / 2."""
+    def _size(self, stamp_ns: int, decision: Decision | None, off: np.ndarray) -> None:
+        """Find how large an error of the sensors explains velocities that GPS contradicts.
+
+        They are off by ``y = a t`` or ``y = g w t^2 / 2``, so that over a run of T seconds their mean is a T / 2 or g w T^2 / 6; white
+        noise of the receiver averages out, and what is left of it, the mean square of successive differences over 2 n, is taken off.
+        """
         if decision not in (Decision.REJECT, Decision.RECOVER):
             lasted = self._off_since_ns is not None and stamp_ns - self._off_since_ns > LASTING_NS
             self.is_lost |= lasted and self._accel > LARGE  # the gate has grown to it
             self._off_since_ns = None
+            self._agreed_ns = stamp_ns if decision is not None else self._agreed_ns
             return
-        self._off_since_ns = self._off_since_ns or stamp_ns
-        lasted_s = 1e-9 * (stamp_ns - self._off_since_ns) + UNNOTICED_S
-        self._accel = min(max(self._accel, off_mps / lasted_s), STANDARD_GRAVITY)
-        self._rate = min(max(self._rate, 2.0 * off_mps / (STANDARD_GRAVITY * lasted_s**2)), FASTEST)
+        if self._off_since_ns is None:
+            self._off_since_ns, self._run = stamp_ns, Run()
+        self._run.add(off)
+        if self._run.count < SHORTEST:
+            return
+        begun_ns = self._off_since_ns if self._agreed_ns is None else self._agreed_ns  # after an outage: with it
+        lasted_s, mean = 1e-9 * (stamp_ns - begun_ns) + UNNOTICED_S, self._run.mean()
+        self._accel = min(max(self._accel, 2.0 * mean / lasted_s), STANDARD_GRAVITY)
+        self._rate = min(max(self._rate, 6.0 * mean / (STANDARD_GRAVITY * lasted_s**2)), FASTEST)
+
+    def _narrow(self, stamp_ns: int, nis: float) -> None:
+        """Halve the noise while GPS velocities agree with the prediction as well as they should, double it while they do not.
+
+        A bias beyond what a poor unit has is a fault, which may end as it came: the noise stays.
+        """
+        self._is_fault |= self._worst > WIDENINGS[-1]
+        if self._is_fault:
+            return
+        if self._tested_ns is None:
+            self._tested_ns, self._tests, self._squares = stamp_ns, 0, 0.0
+        self._tests, self._squares = self._tests + 1, self._squares + min(nis, MOST)
+        if self._tests < ENOUGH or stamp_ns - self._tested_ns < PACE_NS:
+            return
+        mean, self._tested_ns = self._squares / self._tests, None
+        by = 0.5 if mean < AS_SET else 2.0 if mean > TOO_MUCH else 1.0
+        self._widen(min(max(by * self._factor, 1.0), WIDENINGS[-1]))
 
     def lose(self, stamp_ns: int) -> None:
         """Take attitude and biases for lost: GPS corrects them one way again and again."""
@@ -165,7 +223,7 @@ class Recovery:
         """Widen the covariance of the sensor errors, in place, and the driving noise, after an alignment."""
         factor = self.widening
         self._steps, self._since_ns, self.is_lost = self._steps + 1, stamp_ns, False
-        self._calm = False
+        self._calm = self._is_fault = False
         P[np.ix_(self._sensors, self._sensors)] *= factor**2
         kalman.raise_sigmas(P, self.seen())
         self._widen(factor)
@@ -173,10 +231,14 @@ class Recovery:
             self.distrust_compass(stamp_ns)
 
     def _widen(self, factor: float) -> None:
-        """Take the sensors' noise for so much larger than set."""
+        """Take the sensors' noise for so much larger than set; a bias far beyond its setting is no steadier than that shows."""
+        self._factor, self._tested_ns = factor, None
         rows = self._sensors.copy()
         rows[VEL], rows[ATT] = True, True
         self._layout.psd[rows] = self._psd[rows] * factor**2
+        worst = min(self._worst, WIDENINGS[-1])
+        if self._steps and worst > factor**2:
+            self._layout.psd[self._sensors] = self._psd[self._sensors] * worst
 
     def distrust_compass(self, stamp_ns: int) -> None:
         """Let the magnetometer wait: the heading comes from the track."""
@@ -207,7 +269,7 @@ class Recovery:
             if ratio > max(worst, EXCEEDED):
                 advice = f"{'xyz'[axis]} is off by {value:.3g} {word}, {ratio:.0f} sigmas of {name}: set it to {value:.2g} or more"
             worst = max(worst, ratio)
-        self._calm = worst <= EXCEEDED
+        self._calm, self._worst = worst <= EXCEEDED, worst
         if not self._steps:
             self._since_ns = self._since_ns if worst > FAR_EXCEEDED and self._is_far else self._now_ns
             self._is_far = worst > FAR_EXCEEDED

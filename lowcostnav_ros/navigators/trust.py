@@ -25,6 +25,7 @@ from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotve
 FIX, AIR, STATIC, EPOCHS = "gps/fix", "air/velocity", "air/static_pressure", "gnss/raw"
 COVERED = 0.5
 """Sigma of a solution that GPS contradicts, as a share of what the two are apart: whichever is right is within two sigmas."""
+ACROSS = 0.5
 LAG_S, LONGEST_S = 1.0, 60.0
 """A velocity that is off has been so, unnoticed, for a while, and moves the position for as long as nothing else does, within reason."""
 DISAGREES_NS = 3_000_000_000
@@ -140,7 +141,7 @@ class Trust:
     def noise_factor(self, aid: Aid) -> float:
         """By what the stated variance of an aid's measurements is to be multiplied: they scatter more than they state."""
         receiver = self.receivers.get(aid)
-        return 1.0 if receiver is None else receiver.noise_factor
+        return 1.0 if receiver is None else receiver.scatter.noise_factor
 
     def is_frozen(self, aid: Aid) -> str:
         """Why what contradicts the prediction is no measurement: it repeats old values; empty for nothing."""
@@ -202,18 +203,20 @@ class Trust:
             added[0:3, 0:3] += covering(offset + drift * lasting_s(stamp_ns - seen_ns))
             added[3:6, 3:6] += covering(drift)
         for key in dict.fromkeys(aid.key for aid in self.receivers):
-            offset = np.zeros(3)
+            offset, noise = np.zeros(3), np.zeros((3, 3))
             for aid, check in self.receivers.items():
-                if aid.key != key or aid.unresolved is None or check.is_frozen(aid.measurement):
+                S = aid.status.innovation_covariance
+                if aid.key != key or aid.unresolved is None or S is None or check.is_frozen(aid.measurement):
                     continue
                 seen_ns, y = aid.unresolved
                 if aid.measurement is GpsPosition:
-                    offset += y
+                    offset, noise = offset + y, noise + S
                     continue
                 seen_ns = next((a.unresolved[0] for a in self.receivers if a is not aid and a.key == key and a.unresolved), seen_ns)
-                added[3:6, 3:6] += covering(y)
-                offset += y * lasting_s(stamp_ns - seen_ns)
-            added[0:3, 0:3] += covering(offset)
+                added[3:6, 3:6] += covering(y) + S
+                lasting = lasting_s(stamp_ns - seen_ns)
+                offset, noise = offset + y * lasting, noise + S * lasting**2
+            added[0:3, 0:3] += covering(offset) + noise  # what they are apart is known no better than it was measured
         return added
 
     # the witness -------------------------------------------------------------------------------------------------------------
@@ -268,7 +271,7 @@ class Trust:
             self._largest = max(self._largest, size)
             since_ns = now_ns if self.led_away is None else self.led_away.since_ns
             self.led_away = Contradiction(LED_AWAY, (self._gps(), host.inertial or host.name), size, self._unit, since_ns)
-            self._added = alone(covering(apart) + other.P)
+            self._added = alone(other.P, apart)
         if self._is_back(now_ns, other):
             host.return_to(witness.core)
             for aid, check in self.receivers.items():
@@ -323,15 +326,15 @@ def lasting_s(age_ns: int) -> float:
 
 
 def covering(offset: np.ndarray) -> np.ndarray:
-    """What an offset (m,) that may be an error adds to a covariance (m, m)."""
-    return COVERED**2 * np.outer(offset, offset)
+    """What an offset (m,) that may be an error adds to a covariance (m, m): across it half as much, for both may be wrong."""
+    return COVERED**2 * (np.outer(offset, offset) + ACROSS**2 * float(offset @ offset) * np.eye(len(offset)))
 
 
-def alone(P: np.ndarray) -> np.ndarray:
-    """Position, velocity and attitude of a covariance (9, 9) without their correlations."""
+def alone(P: np.ndarray, apart: np.ndarray) -> np.ndarray:
+    """Position, velocity and attitude of a covariance (9, 9) without their correlations, and what covers an offset (9,) of each."""
     out = np.zeros((9, 9))
     for rows in (slice(0, 3), slice(3, 6), slice(6, 9)):
-        out[rows, rows] = P[rows, rows]
+        out[rows, rows] = P[rows, rows] + covering(apart[rows])
     return out
 
 

@@ -5,7 +5,6 @@ apart, are compared: a jump shows at once, a ramp of the position alone as soon 
 ``memory_s`` afterwards; a receiver that has agreed with itself for so long is believed, wherever it is.
 """
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -14,6 +13,7 @@ from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, Measurement
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
+from lowcostnav_ros.estimation.cross_checks.scatter import ScatterCheck
 from lowcostnav_ros.physics.earth import difference_n
 
 REPEATS, REPEATS_NS = 3, 1_500_000_000
@@ -38,11 +38,7 @@ SETTLED_NS = 5_000_000_000
 """After so long the suspect stays: what is excluded no longer moves the navigator's state."""
 MOVING_MPS = 1.5
 Trusted = Mapping[type, bool]
-SCATTER_S, SCATTER = 10.0, 2.5
-"""Scatter of the fixes beyond so many stated sigmas, over such a time, is a contradiction."""
-LARGEST = 30.0
-"""Most that one fix counts for at first: a jump is no scatter."""
-DISAGREE, FROZEN, UNDERSTATED = "position and velocity disagree", "values never change", "scatter exceeds the stated sigma"
+DISAGREE, FROZEN = "position and velocity disagree", "values never change"
 
 
 class Repetition:
@@ -163,7 +159,7 @@ class ReceiverCheck:
         self.disagreement = Latch(DISAGREE, (self.fix, self.velocity), "m", begin_s=1.0)
         parties = ((GpsPosition, self.fix), (GpsVelocity, self.velocity))
         self.frozen: dict[type, Latch] = {kind: frozen_latch(name, "motion") for kind, name in parties}
-        self.scatter = Latch(UNDERSTATED, (self.fix, "its stated sigma"), "sigma", begin_s=5.0, end_s=30.0)
+        self.scatter = ScatterCheck(self.fix)
         self.clear()
 
     def clear(self) -> None:
@@ -174,7 +170,7 @@ class ReceiverCheck:
         self._newest_ns = 0
         self._last_velocity: GpsVelocity | None = None
         self.speed_mps = 0.0  # over ground, as it states
-        self._scatter2, self._agreed_s = 1.0, 0.0
+        self._agreed_s = 0.0
         self.forget()
 
     def forget(self) -> None:
@@ -224,11 +220,6 @@ class ReceiverCheck:
         """Whether the velocity contradicts the fixes, and has from the beginning."""
         held = self.disagreement.held
         return held is not None and held.suspect == self.velocity and self._agreed_s < AGREED_S
-
-    @property
-    def noise_factor(self) -> float:
-        """By what the stated variance of a fix is to be multiplied."""
-        return self.scatter.held.size ** 2 if self.scatter.held is not None else 1.0
 
     def held(self) -> list[Contradiction]:
         """Contradictions that last."""
@@ -282,7 +273,7 @@ class ReceiverCheck:
         self._residual = self._residual + step
         variance, of_velocity = np.maximum(fix.cov_n.diagonal(), SMALLEST_M**2), max(velocity.cov_n.diagonal().tolist())
         self._watch_scatter(fix, last, step, variance, of_velocity)
-        now_s, stated = 1e-9 * (fix.stamp_ns - self._zero_ns), self.noise_factor * variance
+        now_s, stated = 1e-9 * (fix.stamp_ns - self._zero_ns), self.scatter.noise_factor * variance
         self._rows = continued(self._rows, now_s - self.memory_s - PART_S, now_s, self._residual, stated, self._bend)
         size, ratio = largest_change(self._rows, self.spans_s, of_velocity)
         if self._agreed_s < AGREED_S and size < FRAME * float(np.linalg.norm(velocity.vel_n)) * self.spans_s[0]:
@@ -307,10 +298,4 @@ class ReceiverCheck:
         if self.disagreement.held is not None and self.disagreement.held.suspect == self.velocity:
             return
         span = 1e-9 * (fix.stamp_ns - last.stamp_ns)
-        weight = min(1.0, span / SCATTER_S)
-        largest = max(LARGEST, 4.0 * self._scatter2)
-        self._scatter2 += weight * (min(scattered(step, variance, velocity_variance, span, self._bend), largest) - self._scatter2)
-        size = math.sqrt(self._scatter2)
-        advice = f"set gps.sigma_scale to {size:.1f} or more"
-        limit = SCATTER if self.scatter.held is None else 0.7 * SCATTER
-        self.scatter.judge(fix.stamp_ns, size > limit, size, self.fix, advice)
+        self.scatter.take(fix.stamp_ns, span, scattered(step, variance, velocity_variance, span, self._bend))
