@@ -21,7 +21,7 @@ from lowcostnav_ros.estimation.error_state import Kind, Layout
 
 FACTORS: Mapping[str, tuple[float, ...]] = {
     "wind": (0.25, 0.5, 1.0, 2.0),
-    "gust": (0.25, 0.7, 2.0),
+    "gust": (0.5, 1.0, 2.0),
     "heading_bias": (0.5, 1.0, 2.0, 4.0, 8.0),
 }
 """Factors on the sigmas of these blocks that are tried."""
