@@ -14,15 +14,16 @@ from lowcostnav_ros.graph.wiring import flown_settings, shared_parameters
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.bag import BagReader, BagWriter
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected, decode
+from lowcostnav_ros.messages.frames import TO_FRD, FrameTree
 from lowcostnav_ros.messages.inputs import Inputs, parse_inputs
 from lowcostnav_ros.messages.parts import TYPES, header
-from lowcostnav_ros.messages.store import to_cdr
+from lowcostnav_ros.messages.store import STORE, to_cdr
 from lowcostnav_ros.navigators.ahrs.navigator import Ahrs
 from lowcostnav_ros.navigators.inertial import at_base
 from lowcostnav_ros.navigators.ins_gps import InsGps
 from lowcostnav_ros.physics.earth import EARTH_RATE, STANDARD_GRAVITY, difference_n, displace
 from lowcostnav_ros.physics.mounting import mounted, mounting_dcm
-from lowcostnav_ros.physics.rotation import euler_to_dcm, euler_to_quat, quat_apply_phi_n, quat_to_euler
+from lowcostnav_ros.physics.rotation import dcm_to_quat, euler_to_dcm, euler_to_quat, quat_apply_phi_n, quat_to_euler
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
 
 PLACE = (0.6578, -2.1262, 500.0)
@@ -131,6 +132,54 @@ def test_a_turned_unit_gives_the_attitude_of_the_aircraft(kind):
             solutions += navigator.feed(MagneticField(stamp, "imu/mag", field, 1e-14 * np.eye(3)))
     roll, pitch, heading = np.degrees(quat_to_euler(solutions[-1].q_nb))
     assert abs(roll) < 1.0 and abs(pitch) < 1.0 and abs((heading + 180.0) % 360.0 - 180.0) < 5.0
+
+
+def transform(parent, child, C_frd, shift_flu):
+    """A transform of ``/tf_static``: rotation (3, 3) from the child's to the parent's axes, forward right down; place of the child."""
+    w, x, y, z = dcm_to_quat(TO_FRD @ C_frd @ TO_FRD).tolist()
+    types = STORE.types
+    turn = types["geometry_msgs/msg/Quaternion"](x, y, z, w)
+    moved = types["geometry_msgs/msg/Transform"](types["geometry_msgs/msg/Vector3"](*shift_flu), turn)
+    return types["geometry_msgs/msg/TransformStamped"](header(10**18, parent), child, moved)
+
+
+def test_frames_are_walked_either_way_and_end_where_they_end():
+    C, tree = mounting_dcm(TURN), FrameTree()
+    tree.add([transform("base_link", "plate", C, (1.0, 2.0, 3.0)), transform("imu", "plate", C, (0.0, 0.0, 0.5))])
+    stand = tree.stand("/imu")  # the plate is turned and the unit turned back on it
+    assert stand.mounting_deg == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(stand.lever_m, [1.0, -2.0, -2.5], atol=1e-9)
+    np.testing.assert_allclose(mounting_dcm(tree.stand("plate").mounting_deg), C, atol=1e-12)
+    assert tree.stand("nowhere") is None and tree.stand("base_link").lever_m == (0.0, 0.0, 0.0)
+    tree.add([transform("base_link", "bent", 2.0 * np.eye(3), (0.0, 0.0, 0.0)), transform("base_link", "lost", C, (np.nan, 0.0, 0.0))])
+    assert tree.stand("lost") is None
+
+
+def test_a_recording_s_tf_static_says_how_its_sensors_stand(tmp_path):
+    tf = STORE.types["tf2_msgs/msg/TFMessage"]([transform("base_link", "imu", mounting_dcm(TURN), (0.5, 0.0, -0.2))])
+    with BagWriter(tmp_path / "flight") as bag:
+        bag.write("/tf_static", "tf2_msgs/msg/TFMessage", 10**18, to_cdr(tf))
+        bag.write("/tf_static", "tf2_msgs/msg/TFMessage", 10**18, b"not a message")
+        for k in range(1, 500):
+            force, rate, place = level_flight(k)
+            stamp = 10**18 + STEP_NS * k
+            bag.write("/imu/data_raw", topics.IMU, stamp, to_cdr(encode.imu_raw(stamp, force, rate, "imu")))
+            for item in (GpsPosition(stamp, "gps/fix", *place, 4.0 * np.eye(3)), GpsVelocity(stamp, "gps/vel", VELOCITY, 0.01 * np.eye(3))):
+                for at, source, msgtype, raw in encode.encode_cdr(item) if k % 20 == 0 else ():
+                    bag.write(source, msgtype, at, raw)
+    result = replay_bag(tmp_path / "flight", ReplayOptions(navigators=("ins_gps",), out=tmp_path / "out"))
+    notes = result.recording.assumed
+    assert f"'imu.mounting_deg' is {list(TURN)} by /tf_static (frame 'imu')" in notes and "a message of /tf_static cannot be read" in notes
+    assert "'imu.lever_arm_m' is [0.5, 0.0, 0.2] by /tf_static (frame 'imu')" in notes
+    assert result.recording.inputs["imu/data_raw"].rejected == {}
+    rows = (tmp_path / "out" / "ins_gps.csv").read_text().splitlines()
+    last = dict(zip(rows[0].split(","), rows[-1].split(","), strict=True))
+    assert abs(float(last["roll_deg"])) < 1.0 and abs(float(last["pitch_deg"])) < 1.0
+    config = tmp_path / "config"
+    config.mkdir()
+    (config / "ins_gps.yaml").write_text("ins_gps: {ros__parameters: {imu: {mounting_deg: [0.0, 0.0, 90.0]}}}\n")
+    notes = replay_bag(tmp_path / "flight", ReplayOptions(navigators=("ins_gps",), config=config)).recording.assumed
+    assert f"'imu.mounting_deg' [0.0, 0.0, 90.0] counts, not {list(TURN)} of /tf_static" in notes
 
 
 def test_an_offset_unit_states_place_and_velocity_of_the_aircraft_with_their_covariance():

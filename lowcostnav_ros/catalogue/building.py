@@ -16,7 +16,9 @@ S = TypeVar("S")
 _NODE_GROUPS = ("output.", "qos.", "input.")
 
 
-def build_navigators(names: Iterable[str], registry: Registry, config: Path | None, flown: Path | None = None) -> dict[str, Navigator]:
+def build_navigators(
+    names: Iterable[str], registry: Registry, config: Path | None, flown: Path | None = None, told: Callable[[Any], Any] = lambda s: s
+) -> dict[str, Navigator]:
     """Make fresh navigators.
 
     Parameters
@@ -29,6 +31,8 @@ def build_navigators(names: Iterable[str], registry: Registry, config: Path | No
         defaults where there is no file.
     flown : Path, optional
         Directory of settings that a recording carries, any or none of the files.
+    told : callable
+        Settings to those with what a recording itself tells of its sensors.
 
     Raises
     ------
@@ -39,19 +43,19 @@ def build_navigators(names: Iterable[str], registry: Registry, config: Path | No
         raise SettingsError(f"Configuration directory {config} does not exist; give one that holds <navigator>.yaml files.")
     if config is not None and not any((config / f"{name}.yaml").is_file() for name in registry):
         raise SettingsError(f"{config} holds no <navigator>.yaml file; those known are {', '.join(sorted(registry))}.")
-    return {name: _build(name, registry[name], config, flown) for name in names}
+    return {name: make_navigator(told(_settings(name, registry[name], config, flown)), registry[name]) for name in names}
 
 
-def _build(name: str, navigator_class: type[Navigator], config: Path | None, flown: Path | None) -> Navigator:
+def _settings(name: str, navigator_class: type[Navigator], config: Path | None, flown: Path | None) -> Any:
     path = (config or config_files.config_dir()) / f"{name}.yaml"
     if config is None and flown is not None and (flown / f"{name}.yaml").is_file():
         path = flown / f"{name}.yaml"
     if not path.is_file():
         path = config_files.config_dir() / f"{name}.yaml"
     if not path.exists():
-        return make_navigator(navigator_class.Settings(), navigator_class)
+        return navigator_class.Settings()
     values = {key: value for key, value in config_files.read_parameters(path, name).items() if not is_of_node(key)}
-    return make_navigator(complete_settings(navigator_class.Settings, values, str(path)), navigator_class)
+    return complete_settings(navigator_class.Settings, values, str(path))
 
 
 def is_of_node(parameter: str) -> bool:

@@ -15,7 +15,16 @@ from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores import air_corrections_model as model
-from lowcostnav_ros.cores.reckoning import AirspeedSettings, HeadingSettings, HeldInputs, ReckoningCore, WindSettings
+from lowcostnav_ros.cores.noise_levels import NoiseLevels
+from lowcostnav_ros.cores.reckoning import (
+    AirspeedSettings,
+    HeadingSettings,
+    HeldInputs,
+    ReckoningCore,
+    ReckoningSettings,
+    WindSettings,
+    core_blocks,
+)
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout, along_way, gauss_markov, random_walk
 from lowcostnav_ros.physics.rotation import quat_to_euler
@@ -61,7 +70,9 @@ class AirCorrectionsSettings:
     """What the core is made of."""
 
     model: ClassVar[str] = "full"
-    learn_s: ClassVar[float] = 0.0
+    learn_s: float = setting(
+        200.0, "Memory of the sigmas of wind, turbulence and heading error learned from GPS velocity; 0: as set.", unit="s", minimum=0.0
+    )
     ground_walk_mps: float = setting(5.0, "Unknown motion below minimum airspeed, sigma at 1 Hz.", unit="m/s", minimum=0.0, maximum=50.0)
     reference_mps: float = setting(50.0, "Airspeed about which scale and bias are estimated.", unit="m/s", minimum=0.0, maximum=300.0)
     noise_mps: float = setting(0.1, "White noise of the velocity of one sample.", unit="m/s", minimum=0.0, maximum=10.0)
@@ -144,10 +155,20 @@ class AirCorrectionsCore(ReckoningCore):
     def __init__(self, settings: Any, layout: Layout) -> None:
         super().__init__(settings, layout)
         self.held = HeldAir()
+        self._plain = Layout(core_blocks(ReckoningSettings(heading=settings.heading, airspeed=settings.airspeed, wind=settings.wind)))
+        self.levels = NoiseLevels(self._plain, settings.learn_s)
         self._sums = np.zeros((4, model.COUNT))
         self._all = columns_of(layout)
         self.ranging[3] = 1.0  # no vertical velocity is there
         self.column = self._all
+
+    def learn(self, vel_n: np.ndarray, noise: np.ndarray) -> None:
+        """As dead reckoning, by its plainer model of the same wind and heading; a vertical wind is none of it."""
+        self._plain.pace(self.held.speed)
+        super().learn(vel_n, noise)
+        wind, gust, heading = (self.levels.factors.get(name, 1.0) for name in ("wind", "gust", "heading_bias"))
+        factors = {"wind": [wind, wind, 1.0], "gust": [gust] * 2, "misalignment": [1.0, 1.0, heading]}
+        self.layout.set_levels({name: np.array(each) for name, each in factors.items() if name in self.layout})
 
     def _used(self) -> np.ndarray:
         """Columns of the states; an angle that a vane measures has no state."""

@@ -187,8 +187,8 @@ class Layout:
             self.rate[rows] = max(speed_mps, SLOWEST_MPS) / block.distance_m + self._rate[rows]
             self.psd[rows] = 2.0 * (np.array(block.sigma0) * self.level[rows]) ** 2 * self.rate[rows]
 
-    def set_levels(self, factors: Mapping[str, float]) -> None:
-        """Let the states of some blocks vary by ``factors`` times their declared sigma."""
+    def set_levels(self, factors: Mapping[str, float | np.ndarray]) -> None:
+        """Let the states of some blocks vary by ``factors`` times their declared sigma, one a block or one for each of its states."""
         self.level = np.ones(self.size)
         for name, factor in factors.items():
             self.level[self._slices[name]] = factor

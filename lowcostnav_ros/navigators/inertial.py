@@ -22,6 +22,7 @@ from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
+from lowcostnav_ros.estimation.vibration import Vibration
 from lowcostnav_ros.navigators.against_air import AgainstAir
 from lowcostnav_ros.navigators.attitude_watch import AttitudeWatch
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
@@ -112,6 +113,7 @@ class InertialNavigator(Navigator):
         """Begin to remember recoveries and corrections of an IMU with these settings."""
         self.recovery = Recovery(imu, layout)
         self.attitude_watch = AttitudeWatch(self)
+        self.vibration = Vibration(np.sqrt(np.array(layout.blocks[0].psd[3:])))
 
     def own_inputs(self) -> list[str]:
         """The IMU, and the master of a transfer alignment."""
@@ -244,6 +246,7 @@ class InertialNavigator(Navigator):
     def _run(self, block: ImuBlock) -> None:
         first = 0
         self.trust.witness.take(block)
+        self.vibration.take(block)
         in_hole = self._aligned and not self._levelling_until_ns and block.stamps_ns[0] - self._sampled_ns > GAP_NS
         if in_hole and self._coast(int(block.stamps_ns[0])):
             first = 1  # the sample says nothing about all of the hole before it
@@ -312,6 +315,8 @@ class InertialNavigator(Navigator):
     def _put_out(self) -> None:
         """Give out the solution of an output period."""
         self._emitted = self.core.t_ns // self.output_period_ns
+        if self.vibration.look(self.core.t_ns):
+            self.layout.set_levels({"core": self.vibration.level()})
         if self.headings.cores:
             self._show_headings()
         for channel in self.clocked:
@@ -487,6 +492,11 @@ class InertialNavigator(Navigator):
             self.headings.disturb(jolt)
 
     # outputs -----------------------------------------------------------------------------------------------------------------
+
+    def _details(self) -> dict[str, str]:
+        """As every navigator; and how the IMU is shaken."""
+        words = self.vibration.words()
+        return {**super()._details(), **({"vibration": words} if words else {})}
 
     def _predict(self) -> NavSolution | None:
         if not self._aligned:

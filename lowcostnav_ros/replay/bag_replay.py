@@ -30,6 +30,7 @@ from lowcostnav_ros.replay.columns import NavColumns, columns_of_messages
 from lowcostnav_ros.replay.digest import records_of_messages
 from lowcostnav_ros.replay.evaluation import Truth
 from lowcostnav_ros.replay.links import Chain, output_topic
+from lowcostnav_ros.replay.mountings import Mountings, mountings_of
 from lowcostnav_ros.replay.result import Bag, Recording, ReplayResult, SourceCounts
 from lowcostnav_ros.replay.result_files import results_in
 from lowcostnav_ros.replay.selection import Selection, SelectionError, check_names, select, spared
@@ -135,7 +136,9 @@ class Cast:
 
     def __init__(self, reader: BagReader, reference: BagReader, options: ReplayOptions) -> None:
         self.reader, self.reference, self.options = reader, reference, options
-        self.navigators, self.selection = _navigators(reader, options)
+        self.mountings = mountings_of(reader)
+        reader.decoder.rules.allow(self.mountings.frames)
+        self.navigators, self.selection = _navigators(reader, options, self.mountings)
         self.air_data = _air_data(reader, options) if any(AIR in navigator.inputs for navigator in self.navigators.values()) else None
         self.truth = _truth_topic(reader, options.truth)
         wind = [TRUE_WIND] if self.truth == DEFAULT_TRUTH and reader.types.get(TRUE_WIND) == topics.TWIST else []
@@ -285,6 +288,7 @@ class _Replay(Cast):
         remarks = {f"{name}: {aid.remark}": 1 for name, one in self.navigators.items() for aid in one.aids if aid.remark}
         remarks |= {f"{name}: {deprived}": 1 for name, one in self.navigators.items() if (deprived := ", ".join(one.deprived()))}
         remarks |= {f"{name}: IMU {one.imu_words}": 1 for name, one in self.navigators.items() if one.imu_words}
+        remarks |= self.mountings.remarks
         decoder = self.reader.decoder
         unused = {source for source, _ in decoder.rejected if not decoder.accepted[source]}
         remarks |= {} if self.air_data is None else self.air_data.remarks()
@@ -331,11 +335,11 @@ def thinned(stamps_ns: np.ndarray, step_ns: int, last_ns: int) -> np.ndarray:
     return np.array(rows, dtype=np.int64)
 
 
-def _navigators(reader: BagReader, options: ReplayOptions) -> tuple[dict[str, Navigator], Selection]:
+def _navigators(reader: BagReader, options: ReplayOptions, mountings: Mountings) -> tuple[dict[str, Navigator], Selection]:
     registry = NAVIGATORS if options.registry is None else options.registry
     check_names(options.navigators or (), list(registry))
     wanted = dict.fromkeys(options.navigators or registry)
-    navigators = build_navigators(wanted, registry, options.config, reader.settings_folder)
+    navigators = build_navigators(wanted, registry, options.config, reader.settings_folder, mountings.told)
     for navigator in navigators.values():
         reader.decoder.rules.accept(navigator)
     inputs = {name: navigator.inputs for name, navigator in navigators.items()}

@@ -207,6 +207,9 @@ class AirDataGps(ReckoningNavigator):
             self._bump(item)
         was_good = self.gps_good(item.stamp_ns)
         used = self.use(item)
+        for aid in used:
+            if self._is_joint and isinstance(aid, VelocityAid) and isinstance(item, GpsVelocity):
+                self.core.learn(item.vel_n - aid.swing_n, aid.noise(item))
         if self.high is not None and isinstance(item, GpsPosition | GpsVelocity) and not any(aid.rejecting_since_ns for aid in self._fixes):
             self.high.see(item)
         if any(isinstance(aid, VelocityAid) for aid in used):
