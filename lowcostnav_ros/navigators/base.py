@@ -174,8 +174,8 @@ class Navigator(ABC):
         listed = [getattr(settings, key) for key in getattr(settings, "aids", ())]
         latency_s += max((getattr(own, "latency_s", 0.0) for own in listed), default=0.0)
         lag_ns, jump_ns = round(1e9 * (settings.horizon.lag_s + latency_s)), round(1e9 * settings.horizon.jump_s)
-        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns, next(iter(self.inputs), None))
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
+        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns, next(iter(self.inputs), None), self.output_period_ns)
         self.spikes = InertialSpikes()
         self.origin: LocalFrame | None = None
         self.map_origins: Mapping[str, LocalFrame] = {}
@@ -363,6 +363,15 @@ class Navigator(ABC):
         """Whether an aid is to be used now; a measurement that no aid uses does not begin a period."""
         return True
 
+    def moves(self, measurement: Measurement) -> bool:
+        """Whether anything may come of a measurement; where not, no run of inertial samples is cut for it (see :meth:`FusionHorizon.take`)."""
+        return True
+
+    def is_wanted(self, measurement: Measurement) -> bool:
+        """Whether a channel of its source is due; of a GPS receiver every measurement counts."""
+        source, stamp_ns = measurement.source, measurement.stamp_ns
+        return source in self.trust.of_receivers or any(channel.is_due(stamp_ns) for channel in self.channels.get(source, ()))
+
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """Give a measurement to the aids of a channel, if it is due; return those that used it."""
         if not channel.is_due(measurement.stamp_ns):
@@ -409,13 +418,13 @@ class Navigator(ABC):
             measurement = self._in_body_axes(measurement)
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
-        for item in self.horizon.take():
+        for item in self.horizon.take(self.moves):
             refusal = self.refusal(item) or self.trust.take(item)
             if refusal:
                 self.input_status[item.source].reject(refusal)
             elif isinstance(item, ImuBlock):
                 self._screened(item)
-            else:
+            elif not self.horizon.is_idle:
                 self._fuse(item)
         out, self._out = self._out, []
         if not all(map(is_sound, out)):

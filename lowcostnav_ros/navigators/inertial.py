@@ -173,6 +173,10 @@ class InertialNavigator(Navigator):
         self.slope.clear()
         self.start.clear()
 
+    def moves(self, measurement: Measurement) -> bool:
+        """As every navigator: all of them do while it aligns or levels."""
+        return not self._aligned or measurement.stamp_ns <= self._levelling_until_ns or self.is_wanted(measurement)
+
     def _fuse(self, item: Measurement) -> None:
         if isinstance(item, ImuBlock):
             self._run(item)
