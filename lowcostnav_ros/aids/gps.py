@@ -42,7 +42,7 @@ WATCHED_S, RARE = (5.0, 10.0), 1e-3
 """Times over which innovations are watched, s, and how rarely a sound one is suspected."""
 USUAL, USUALLY_S, LARGEST = 0.17, 60.0, 2.0
 """Their size, over what one in a thousand exceeds, that is usual; over which time what is usual is learnt; the most that counts for it."""
-AXES, LEAST = np.eye(3), 1e-12
+LEAST = 1e-12
 STEPPED = "velocity stepped without a motion"
 
 
@@ -111,7 +111,7 @@ class ReceiverAid(Aid):
         if self.decision is Decision.RECOVER:
             self._watch.clear()
         elif used and status.innovation is not None and status.innovation_variance is not None:
-            self._watch.observe(status.stamp_ns, status.innovation, AXES, np.diag(np.maximum(status.innovation_variance, LEAST)))
+            self._watch.observe_axes(status.stamp_ns, status.innovation, status.innovation_variance, LEAST)
             share = min(1e-9 * (status.stamp_ns - before_ns) / USUALLY_S, 1.0) if before_ns else 0.0
             self._usual += share * (min(self._watch.ratio, LARGEST) - self._usual)
             self._watched_ns = status.stamp_ns

@@ -333,10 +333,10 @@ class InertialNavigator(Navigator):
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """As every navigator; while it tries several headings, each takes the measurement."""
         if not self.headings.cores:
-            before = self.attitude_watch.before(aid) if self.watches_attitude else None
+            is_watched = self.watches_attitude and self.attitude_watch.before(aid)
             used = super().use_aid(aid, measurement)
-            if before is not None:
-                self.attitude_watch.after(aid, measurement, before, used=used)
+            if is_watched:
+                self.attitude_watch.after(aid, measurement, used=used)
             return used
         used = super().use_aid(aid, measurement)
         if used:
