@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import Health, ImuBlock, Integrity, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Health, ImuBlock, Integrity, MagneticField, Measurement, NavSolution, States
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.tally import Tally
@@ -627,12 +627,10 @@ class Navigator(ABC):
             **further,
         )
 
-    def _states(self, P: np.ndarray, first: int, end: int | None = None) -> dict[str, tuple[float, float]]:
+    def _states(self, P: np.ndarray, first: int, end: int | None = None) -> States:
         """Estimates of the states ``first`` to before ``end`` (None: the last) with their sigmas, by label."""
         part = slice(first, end)
-        values, variances = self.core.estimate[part].tolist(), P.diagonal()[part].tolist()
-        sigmas = [math.sqrt(v) if v > 0.0 else 0.0 for v in variances]
-        return dict(zip(self.layout.labels[part], zip(values, sigmas, strict=True), strict=True))
+        return States(self.layout.labels[part], self.core.estimate[part].copy(), P.diagonal()[part].copy())
 
     @abstractmethod
     def _fuse(self, item: Measurement) -> None:
