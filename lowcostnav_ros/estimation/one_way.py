@@ -36,7 +36,7 @@ NOTHING = np.zeros((0, 0)), np.zeros(0)
 
 @kernel
 def look(P, V, errors, rows, out):
-    """Variances of the states ``rows`` (m,), and what offsets of stamps, of sigma ``errors`` (k,), may have done to them, into ``out`` (2, m)."""
+    """Into ``out`` (2, m) the variances of the states ``rows`` (m,), and what offsets of stamps, sigma ``errors`` (k,), may do to them."""
     for i in range(rows.shape[0]):
         out[0, i], out[1, i] = P[rows[i], rows[i]], 0.0
         for j in range(errors.shape[0]):
@@ -47,8 +47,8 @@ def look(P, V, errors, rows, out):
 def add(dt, times, correction, rows, before, after, tilt, sums, sigmas):
     """Add a correction (n,) to all windows, in place; return the largest of what it makes in sigmas.
 
-    ``before``, ``after`` (2, m): of :func:`look`; ``tilt`` (w, m): tilt by each; ``sums`` (3, w, m): of the corrections, their variances and
-    of what late stamps may have done; ``sigmas`` (w, m): size of the sums.
+    ``before``, ``after`` (2, m): of :func:`look`; ``tilt`` (w, m): tilt by each; ``sums`` (3, w, m): of the corrections, of their variances
+    and of what late stamps may have done; ``sigmas`` (w, m): size of the sums.
     """
     largest = 0.0
     for k in range(times.shape[0]):

@@ -99,7 +99,7 @@ class TimeOffset:
 
 @kernel
 def passed(times, values, t_s, out):
-    """Value at a time into ``out`` (3,), of points of ``times`` (n,) and ``values`` (n, 3), beyond either end with the slope that is there."""
+    """Into ``out`` (3,) the value at a time, of points ``times`` (n,), ``values`` (n, 3); beyond either end with the slope there."""
     k = times.shape[0] - 2
     if k < 0:
         out[:] = values[0]

@@ -364,7 +364,7 @@ class Navigator(ABC):
         return True
 
     def moves(self, measurement: Measurement) -> bool:
-        """Whether anything may come of a measurement; where not, no run of inertial samples is cut for it (see :meth:`FusionHorizon.take`)."""
+        """Whether anything may come of a measurement; where not, no inertial run is cut for it (see :meth:`.FusionHorizon.take`)."""
         return True
 
     def is_wanted(self, measurement: Measurement) -> bool:
