@@ -139,10 +139,9 @@ class FusionHorizon:
 
     def _inertial_before(self, stamp: int, item: Measurement, moves: Callable[[Measurement], bool] | None) -> Iterator[ImuBlock]:
         """Inertial samples to be run before a measurement: none where it moves nothing, and no hole lies before it."""
-        self.is_idle = False
-        if moves is not None and not moves(item):
-            if self._has_hole(stamp):
-                yield from self._inertial_until(stamp, split=False)  # all up to the hole, or beyond it
+        self.is_idle = moves is not None and not moves(item)
+        if moves is not None and self.is_idle and self._has_hole(stamp):
+            yield from self._inertial_until(stamp, split=False)  # all up to the hole, or beyond it
             self.is_idle = not self._has_hole(stamp) and not moves(item)
         if not self.is_idle:
             yield from self._inertial_until(stamp, split=True)
