@@ -168,15 +168,15 @@ def test_what_is_cut_does_not_depend_on_how_much_arrives_at_once(hole, idle, wan
 
     def flown(together):
         horizon, out = FusionHorizon(50 * MS, "imu/data_raw", output_ns=100 * MS), []
-        for k, item in enumerate([*items, imu([2010 + 10 * j for j in range(20)])]):
-            assert horizon.push(item) == ""
+        for k, pushed in enumerate([*items, imu([2010 + 10 * j for j in range(20)])]):
+            assert horizon.push(pushed) == ""
             if k % together and k < len(items):
                 continue
-            for given in horizon.take(lambda item: item.source != "idle"):
-                if isinstance(given, ImuBlock):
-                    out += [(int(t), float(f)) for t, f in zip(given.stamps_ns, given.specific_force_b[:, 0], strict=True)]
+            for item in horizon.take(lambda m: m.source != "idle"):
+                if isinstance(item, ImuBlock):
+                    out += [(int(t), float(f)) for t, f in zip(item.stamps_ns, item.specific_force_b[:, 0], strict=True)]
                 elif not horizon.is_idle:
-                    out.append(given.source)
+                    out.append(item.source)
         return out
 
     alone = flown(1)

@@ -314,7 +314,8 @@ class SatelliteAid(Aid):
         settings, found = self.settings, np.empty(len(epoch), dtype=np.int64)
         wanted = np.array([system in settings.systems for system in epoch.system.tolist()], dtype=bool)
         least = math.sin(settings.mask_deg * DEGREE), settings.minimum_cn0
-        if failed(valid, observed, wanted, sin_elevation, epoch.cn0, *least, found):
+        seen, cn0 = (np.ascontiguousarray(column, dtype=float) for column in (observed, epoch.cn0))
+        if failed(np.ascontiguousarray(valid, dtype=bool), seen, wanted, sin_elevation, cn0, *least, found):
             return np.arange(len(epoch)), []
         others = [(row, UNUSABLE[found[row]]) for row in np.argsort(found, kind="stable").tolist() if found[row] >= 0]
         return np.flatnonzero(found < 0), others

@@ -19,6 +19,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from lowcostnav_ros.base import chi_square
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.small_matrices import at_least
@@ -482,10 +483,23 @@ def reset_to(host: Host, rows: slice, y: np.ndarray, covariance: np.ndarray) -> 
 
 def floored(cov: np.ndarray, scale: float, floor: float) -> np.ndarray:
     """Covariance (m, m) scaled by the sigma factor ``scale``, no variance below ``floor`` squared, in oblique directions neither."""
-    out = cov * (scale * scale)
-    for i in range(len(out)):
-        out[i, i] = max(out[i, i], floor * floor)
-    return at_least(out, floor)
+    out = np.empty(cov.shape)
+    is_done = _floored(np.ascontiguousarray(cov, dtype=float), scale * scale, floor * floor, out)
+    return out if is_done else at_least(out, floor)
+
+
+@kernel
+def _floored(cov, factor, least, out):
+    """Fill ``out`` (m, m) with ``factor`` times a covariance, no variance below ``least``; return whether it has no oblique directions."""
+    is_diagonal = True
+    for i in range(cov.shape[0]):
+        for j in range(cov.shape[0]):
+            out[i, j] = cov[i, j] * factor
+            is_diagonal = is_diagonal and (i == j or out[i, j] == 0.0)
+        if out[i, i] < least:
+            out[i, i] = least
+        is_diagonal = is_diagonal and out[i, i] == out[i, i]  # a number
+    return is_diagonal
 
 
 Maker = Callable[[Any, str, Any], list[Aid]]

@@ -11,7 +11,7 @@ base; one that steps alone does not, however many messages it sends, and a messa
 input that carries the state is believed.  What only lies behind is late, not wrong about the time, unless by more than any transport takes.
 """
 
-from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
@@ -150,14 +150,13 @@ class Clocks:
         self._released: list[Measurement] = []
         self._serial = 0
 
-    def pieces(self, measurement: Measurement) -> Iterator[Measurement]:
-        """A measurement as it is judged: a block is cut where its stamps do not go on as usual, so that no cut of blocks matters."""
-        if isinstance(measurement, ImuBlock) and len(measurement) > 1 and not goes_on(measurement.stamps_ns, self._near_ns):
-            steps = np.diff(measurement.stamps_ns)
-            cuts = [0, *(np.flatnonzero((steps <= 0) | (steps > self._near_ns)) + 1).tolist(), len(measurement)]
-            yield from (measurement[a:b] for a, b in zip(cuts, cuts[1:], strict=False))
-            return
-        yield measurement
+    def pieces(self, block: ImuBlock) -> list[ImuBlock]:
+        """A block as it is judged: cut where its stamps do not go on as usual, so that no other cut of blocks matters."""
+        if len(block) < 2 or goes_on(block.stamps_ns, self._near_ns):
+            return [block]
+        steps = np.diff(block.stamps_ns)
+        cuts = [0, *(np.flatnonzero((steps <= 0) | (steps > self._near_ns)) + 1).tolist(), len(block)]
+        return [block[a:b] for a, b in pairwise(cuts)]
 
     def judge(self, measurement: Measurement, passed_ns: int | None) -> str:
         """Whether a message agrees with the base; ``passed_ns`` is where fusion is.
@@ -196,6 +195,8 @@ class Clocks:
 
     def released(self) -> list[Measurement]:
         """Messages that were held and turn out to be right, in the order of arrival; once."""
+        if not self._released:
+            return self._released
         out, self._released = self._released, []
         return out
 

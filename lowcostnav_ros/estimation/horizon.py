@@ -149,8 +149,10 @@ class FusionHorizon:
     def _has_hole(self, stamp: int) -> bool:
         """Whether the samples held may leave a hole between the last one handed over and the first at ``stamp`` or later."""
         held, carried = self._imu, self._carried_ns
+        if carried == stamp:
+            return False
         if held is None or carried is None or held.stamp_ns < stamp:
-            return carried != stamp
+            return True
         return int(held.stamps_ns[held.stamps_ns.searchsorted(stamp)]) - carried > HOLE_NS
 
     def _is_due(self, limit: int) -> bool:

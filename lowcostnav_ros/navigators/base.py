@@ -411,13 +411,15 @@ class Navigator(ABC):
         record = self.input_status.get(measurement.source)
         if record is None:
             return []
-        record.received += len(measurement) if isinstance(measurement, ImuBlock) else 1
-        if self._magnetometer is not None and isinstance(measurement, MagneticField):
-            measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
         if isinstance(measurement, ImuBlock):
-            measurement = self._in_body_axes(measurement)
-        for piece in self.horizon.clocks.pieces(measurement):
-            self._push(piece, record)
+            record.received += len(measurement)
+            for piece in self.horizon.clocks.pieces(self._in_body_axes(measurement)):
+                self._push(piece, record)
+        else:
+            record.received += 1
+            if self._magnetometer is not None and isinstance(measurement, MagneticField):
+                measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
+            self._push(measurement, record)
         for item in self.horizon.take(self.moves):
             refusal = self.refusal(item) or self.trust.take(item)
             if refusal:
@@ -427,10 +429,10 @@ class Navigator(ABC):
             elif not self.horizon.is_idle:
                 self._fuse(item)
         out, self._out = self._out, []
-        if not all(map(is_sound, out)):
-            out = self._lost(out)
         if out:
-            self._out_ns = out[-1].stamp_ns
+            if not all(map(is_sound, out)):
+                out = self._lost(out)
+            self._out_ns = out[-1].stamp_ns if out else self._out_ns
         return out
 
     def _in_body_axes(self, block: ImuBlock) -> ImuBlock:
@@ -446,9 +448,10 @@ class Navigator(ABC):
         if refusal == TIME_JUMPED:
             self.reset("time base jumped")
             refusal = self.horizon.push(measurement)
-        for source, reason in self.horizon.clocks.refused:
-            self.input_status[source].reject(reason)
-        self.horizon.clocks.refused.clear()
+        if self.horizon.clocks.refused:
+            for source, reason in self.horizon.clocks.refused:
+                self.input_status[source].reject(reason)
+            self.horizon.clocks.refused.clear()
         if refusal and refusal != HELD:
             record.reject(refusal)
             self._refused_in_row += 1

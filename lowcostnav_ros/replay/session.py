@@ -187,7 +187,7 @@ class Session:
     def _tell_time(self, measurement: Measurement) -> bool:
         """Follow the time that the inputs agree upon; return whether a message agrees with it, so that a wild stamp is no time at all."""
         plausible = True
-        for piece in self._clocks.pieces(measurement):
+        for piece in self._clocks.pieces(measurement) if isinstance(measurement, ImuBlock) else (measurement,):
             verdict = self._clocks.judge(piece, None)
             if verdict == TIME_JUMPED:
                 self._clocks.clear()
