@@ -130,6 +130,8 @@ class Navigator(ABC):
         0 for states that no measurement may move at present; None: all may.
     smooths : bool
         Whether it can keep a history for the smoother: its core reports to one, and its solutions go out by :meth:`publish`.
+    on_grid : bool
+        Whether it puts out only at the first sample beyond a multiple of its output period: inertial samples may wait for that.
     not_observable : str
         Why there is no ``core.dynamics()`` to study its observability with; empty where there is.
     settings, inputs, aids, layout, core
@@ -151,6 +153,7 @@ class Navigator(ABC):
     required: ClassVar[tuple[str, ...]] = ()
     not_observable: ClassVar[str] = ""
     smooths: ClassVar[bool] = False
+    on_grid: ClassVar[bool] = False
     inertial_is_suspect: bool = False
     movable: np.ndarray | None = None
     inertial: str | None = None
@@ -175,7 +178,7 @@ class Navigator(ABC):
         latency_s += max((getattr(own, "latency_s", 0.0) for own in listed), default=0.0)
         lag_ns, jump_ns = round(1e9 * (settings.horizon.lag_s + latency_s)), round(1e9 * settings.horizon.jump_s)
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
-        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns, next(iter(self.inputs), None), self.output_period_ns)
+        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns, next(iter(self.inputs), None), self.output_period_ns if self.on_grid else 1)
         self.spikes = InertialSpikes()
         self.origin: LocalFrame | None = None
         self.map_origins: Mapping[str, LocalFrame] = {}

@@ -85,6 +85,7 @@ class InertialNavigator(Navigator):
 
     inertial = IMU
     smooths = True
+    on_grid = True
     tries_headings = True
     watches_attitude = True
     fix_word = "GPS fix"

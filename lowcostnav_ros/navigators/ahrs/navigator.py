@@ -77,6 +77,7 @@ class Ahrs(Navigator):
     outputs = ("imu/data", "imu/data_fused")
     not_observable = "it takes position, velocity and acceleration from outside its filter; study ins_gps, which estimates them"
     inertial = IMU
+    on_grid = True
     OwnSettings = AhrsOwnSettings
     sensors = (
         GPS_VELOCITY.but(latency_s=0.0),
