@@ -178,7 +178,8 @@ class Navigator(ABC):
         latency_s += max((getattr(own, "latency_s", 0.0) for own in listed), default=0.0)
         lag_ns, jump_ns = round(1e9 * (settings.horizon.lag_s + latency_s)), round(1e9 * settings.horizon.jump_s)
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
-        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns, next(iter(self.inputs), None), self.output_period_ns if self.on_grid else 1)
+        output_ns = self.output_period_ns if self.on_grid else 1
+        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns, next(iter(self.inputs), None), output_ns)
         self.spikes = InertialSpikes()
         self.origin: LocalFrame | None = None
         self.map_origins: Mapping[str, LocalFrame] = {}
