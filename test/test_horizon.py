@@ -130,3 +130,55 @@ def test_what_comes_out_does_not_depend_on_order_of_arrival_or_cut_of_blocks(dat
     n = min(len(got), len(expected))
     assert got[:n] == expected[:n]
     assert n > 20
+
+
+def test_a_measurement_that_moves_nothing_cuts_no_run_of_samples():
+    horizon = FusionHorizon(0, "imu/data_raw")
+    horizon.push(imu([10]))
+    assert len(drained(horizon)) == 1
+    horizon.push(imu(range(20, 60, 10)))
+    horizon.push(velocity(24, "idle"))
+    horizon.push(velocity(33))
+    seen = [(item.source, horizon.is_idle) for item in horizon.take(lambda item: item.source != "idle")]
+    assert [source for source, _ in seen] == ["idle", "imu/data_raw", "gps/vel", "imu/data_raw"]
+    assert seen[0] == ("idle", True) and seen[2] == ("gps/vel", False)
+
+
+def test_samples_wait_until_one_is_beyond_an_output():
+    horizon = FusionHorizon(0, "imu/data_raw", output_ns=100 * MS)
+    horizon.push(imu([10]))
+    assert len(drained(horizon)) == 1
+    horizon.push(imu([20, 50, 90]))
+    assert not drained(horizon)
+    horizon.push(imu([103]))
+    assert [t // MS for _, t, _ in drained(horizon)] == [20, 50, 90, 103]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    hole=st.tuples(st.integers(10, 60), st.integers(0, 90)),
+    idle=st.lists(st.integers(101, 1990), max_size=30, unique=True),
+    wanted=st.lists(st.integers(101, 1990), max_size=8, unique=True),
+)
+def test_what_is_cut_does_not_depend_on_how_much_arrives_at_once(hole, idle, wanted):
+    stamps = [10 * k for k in range(1, 201) if not hole[0] < k <= hole[0] + hole[1]]
+    idle = sorted({*idle, *range(50, 2000, 50)})  # so that the time goes on in a hole
+    items = [*(imu([t]) for t in stamps), *(velocity(t, "idle") for t in idle), *(velocity(t) for t in wanted), velocity(2000)]
+    items.sort(key=lambda item: (item.stamp_ns, item.source != "imu/data_raw", item.source))
+
+    def flown(together):
+        horizon, out = FusionHorizon(50 * MS, "imu/data_raw", output_ns=100 * MS), []
+        for k, pushed in enumerate([*items, imu([2010 + 10 * j for j in range(20)])]):
+            assert horizon.push(pushed) == ""
+            if k % together and k < len(items):
+                continue
+            for item in horizon.take(lambda m: m.source != "idle"):
+                if isinstance(item, ImuBlock):
+                    out += [(int(t), float(f)) for t, f in zip(item.stamps_ns, item.specific_force_b[:, 0], strict=True)]
+                elif not horizon.is_idle:
+                    out.append(item.source)
+        return out
+
+    alone = flown(1)
+    assert alone == flown(7) == flown(len(items) + 1)
+    assert alone.count("gps/vel") == len(wanted) + 1

@@ -9,6 +9,7 @@ from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.estimation.cross_checks.heading import OwnHeadingCheck
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.estimation.one_way import OneWay
+from lowcostnav_ros.estimation.time_offsets import TimeOffsets
 from lowcostnav_ros.navigators.supervisor.candidate import Candidate
 from lowcostnav_ros.physics.earth import displace
 
@@ -20,11 +21,17 @@ SIGMA = 0.05 * DEGREE
 def fed(duration_s, drift=0.0, seed=1, late=0.0):
     """When corrections of 2 Hz with sigma SIGMA, as their covariance says, and a drift, rad/s, of north call for larger sigmas."""
     rng, check, out = np.random.default_rng(seed), OneWay(LAYOUT, "imu", "gps"), []
+    P, nothing = np.diag(np.r_[np.zeros(6), np.full(3, SIGMA**2), np.zeros(LAYOUT.size - 9)]), np.zeros((LAYOUT.size, LAYOUT.size))
+    before, after = TimeOffsets(LAYOUT.size, None), TimeOffsets(LAYOUT.size, None)
+    for offsets, error in ((before, late), (after, 0.0)):
+        offsets.declare("gps/fix", 0.0)
+        offsets.V[6:] = error / offsets.known["gps"].sigma_s
     for k in range(round(2 * duration_s)):
         correction = np.zeros(LAYOUT.size)
         correction[6:9] = rng.normal(size=3) * SIGMA
         correction[6] += 0.5 * drift
-        least = check.take(k * SECOND // 2 + SECOND, correction, np.r_[np.full(3, SIGMA**2), np.zeros(6)], np.full(9, late))
+        check.before(P, before)
+        least = check.take(k * SECOND // 2 + SECOND, correction, nothing, after)
         out.append((0.5 * k, least, check.held))
     return out
 

@@ -187,7 +187,7 @@ class AirDataAid(Aid):
         self._seen_ns = stamp_ns
         self._moved *= np.exp(-dt / MOVED_S)
         self._moved += host.core.dynamics() @ self._moved * dt
-        return bool((watch(y, np.eye(1), S, dt, np.array(WATCHED_S), np.array([CALM_MPS]), *self._sums) > CHANCE).any())
+        return watch(y, np.eye(1), S, dt, np.array(WATCHED_S), np.array([CALM_MPS]), *self._sums)[1] > CHANCE
 
     def recover(self, measurement: AirVelocity, innovation: Innovation, host: Host) -> None:
         """Lose the air mass, not the velocity: the wind has changed or the airspeed fails, and from now on only its changes count."""

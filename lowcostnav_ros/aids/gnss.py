@@ -32,8 +32,10 @@ from lowcostnav_ros.estimation.satellite_integrity import (
     slots_of,
 )
 from lowcostnav_ros.estimation.satellite_model import (
+    UNUSABLE,
     Observations,
     common_part,
+    failed,
     mean_innovation,
     noise_covariance,
     satellite_model,
@@ -250,7 +252,7 @@ class SatelliteAid(Aid):
         y, H, R = obs.y[good], obs.H[good], obs.covariance(good)
         late = None if obs.late is None else np.diag(obs.late[good])
         self.applied = Innovation(y, H, R, np.array([float(len(y))]), late=late)
-        self.epoch_nis = kalman.normalised_innovation_squared(y, kalman.innovation_covariance(host.P, H, R))
+        _, _, self.epoch_nis, _ = kalman.tested(host.P, y, H, R)
         self.epoch_dof = len(y)
         self.fuse(self.applied, host)
 
@@ -309,21 +311,14 @@ class SatelliteAid(Aid):
 
         The other rows come second, each with its reason.
         """
-        settings = self.settings
-        tests = (
-            ("not valid", valid),
-            ("not finite", np.isfinite(observed) & np.isfinite(sin_elevation)),
-            ("system not used", np.array([system in settings.systems for system in epoch.system.tolist()], dtype=bool)),
-            ("below the mask", sin_elevation >= math.sin(settings.mask_deg * DEGREE)),
-            ("signal too weak", (epoch.cn0 == 0.0) | (epoch.cn0 >= settings.minimum_cn0)),
-        )
-        keep = np.ones(len(epoch), dtype=bool)
-        others: list[tuple[int, str]] = []
-        for reason, passed in tests:
-            if not passed.all():
-                others += [(int(row), reason) for row in np.flatnonzero(keep & ~passed)]
-                keep &= passed
-        return np.flatnonzero(keep), others
+        settings, found = self.settings, np.empty(len(epoch), dtype=np.int64)
+        wanted = np.array([system in settings.systems for system in epoch.system.tolist()], dtype=bool)
+        least = math.sin(settings.mask_deg * DEGREE), settings.minimum_cn0
+        seen, cn0 = (np.ascontiguousarray(column, dtype=float) for column in (observed, epoch.cn0))
+        if failed(np.ascontiguousarray(valid, dtype=bool), seen, wanted, sin_elevation, cn0, *least, found):
+            return np.arange(len(epoch)), []
+        others = [(row, UNUSABLE[found[row]]) for row in np.argsort(found, kind="stable").tolist() if found[row] >= 0]
+        return np.flatnonzero(found < 0), others
 
     def count(self, epoch: GnssEpoch, excluded: list[tuple[int, str]]) -> None:
         """Count satellites that are not used under their reasons."""

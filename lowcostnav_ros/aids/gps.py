@@ -47,7 +47,7 @@ BEND_NS = 3_000_000_000
 """Innovations farther apart are not compared."""
 PASSING_S, FEW = 2.0, 0.3
 """Of velocities that scatter fewer than this share pass the gate as stated, over such a time; of those that come twice half of them."""
-AXES, LEAST = np.eye(3), 1e-12
+LEAST = 1e-12
 STEPPED = "velocity stepped without a motion"
 
 
@@ -116,7 +116,7 @@ class ReceiverAid(Aid):
         if self.decision is Decision.RECOVER:
             self._watch.clear()
         elif used and status.innovation is not None and status.innovation_variance is not None:
-            self._watch.observe(status.stamp_ns, status.innovation, AXES, np.diag(np.maximum(status.innovation_variance, LEAST)))
+            self._watch.observe_axes(status.stamp_ns, status.innovation, status.innovation_variance, LEAST)
             share = min(1e-9 * (status.stamp_ns - before_ns) / USUALLY_S, 1.0) if before_ns else 0.0
             self._usual += share * (min(self._watch.ratio, LARGEST) - self._usual)
             self._watched_ns = status.stamp_ns

@@ -6,7 +6,7 @@ recording are the same thing to everything downstream.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import cast
@@ -335,6 +335,27 @@ class Health(Measurement):
     contradictions: int
 
 
+class States(Mapping[str, tuple[float, float]]):
+    """Named scalars with their sigmas; kept as ``values`` (n,) and ``variances`` (n,), since few of them are ever looked at."""
+
+    __slots__ = ("_labels", "_values", "_variances")
+
+    def __init__(self, labels: tuple[str, ...], values: np.ndarray, variances: np.ndarray) -> None:
+        self._labels, self._values, self._variances = labels, values, variances
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._labels)
+
+    def __len__(self) -> int:
+        return len(self._labels)
+
+    def __getitem__(self, label: str) -> tuple[float, float]:
+        if label not in self._labels:
+            raise KeyError(label)
+        k = self._labels.index(label)
+        return float(self._values[k]), math.sqrt(max(float(self._variances[k]), 0.0))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class NavSolution(Measurement):
     """The state a navigator reports; ``source`` is the navigator's name.
@@ -357,7 +378,7 @@ class NavSolution(Measurement):
     cov_wind : ndarray (2, 2) or None
     mode : str
         One lower-case word, the navigator's mode.
-    states : dict of str to (float, float)
+    states : mapping of str to (float, float)
         Further named scalars with their sigma, units in the names (``gyro_bias_x_radps``).
     integrity : Integrity or None
         Of a navigator that tests its satellites.
@@ -378,7 +399,7 @@ class NavSolution(Measurement):
     wind_n: np.ndarray | None = None
     cov_wind: np.ndarray | None = None
     mode: str = ""
-    states: dict | None = None
+    states: Mapping[str, tuple[float, float]] | None = None
     integrity: Integrity | None = None
     health: Health | None = None
 

@@ -267,8 +267,14 @@ def turn_covariance(P, heading):
 
 
 @kernel
-def inject(nav, estimate, P, dx, floor, ceiling):
-    """Move the state by a correction (n,), in place, and turn and guard its covariance; return how often the guard had to act."""
+def inject(nav, estimate, P, track, dx, floor, ceiling):
+    """Move the state by a correction (n,), in place, and turn and guard its covariance; return how often the guard had to act.
+
+    ``track``: see :func:`.kalman.lead`; the correction turns it as it turns the covariance.
+    """
+    for j in range(track.shape[1]):
+        north, east = track[6, j], track[7, j]
+        track[6, j], track[7, j] = np.cos(dx[8]) * north - np.sin(dx[8]) * east, np.sin(dx[8]) * north + np.cos(dx[8]) * east
     nav[0], nav[1], nav[2] = displace(nav[0], nav[1], nav[2], dx[0:3])
     nav[3:6] += dx[3:6]
     nav[6:10] = quat_apply_phi_n(nav[6:10], dx[6:9])
@@ -452,9 +458,8 @@ class InertialCore:
         """Inject a correction (n,): the estimate moves, the error state is zero again."""
         if self.history is not None:
             self.history.correct(dx)
-            track, c, s = self.history.begin(self.P), np.cos(dx[8]), np.sin(dx[8])
-            track[6:8] = c * track[6] - s * track[7], s * track[6] + c * track[7]
-        self.guard_actions += inject(self.nav, self.estimate, self.P, dx, self._floor, self._ceiling)
+        track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
+        self.guard_actions += inject(self.nav, self.estimate, self.P, track, dx, self._floor, self._ceiling)
         if self.history is not None:
             self.history.end(self.P)
 

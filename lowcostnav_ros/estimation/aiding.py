@@ -19,6 +19,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from lowcostnav_ros.base import chi_square
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.small_matrices import at_least
@@ -485,13 +486,28 @@ def floored(cov: np.ndarray, scale: float, floor: float) -> np.ndarray:
 
     Correlations of one are no measurement's: where there are any the diagonal alone counts.
     """
-    out = cov * (scale * scale)
-    spread = np.sqrt(out.diagonal())
-    if (np.abs(np.triu(out, 1)) > SINGULAR * np.outer(spread, spread)).any():
+    out = np.empty(cov.shape)
+    is_done = _floored(np.ascontiguousarray(cov, dtype=float), scale * scale, floor * floor, out)
+    if is_done:
+        return out
+    spread = np.sqrt(cov.diagonal())
+    if (np.abs(np.triu(cov, 1)) > SINGULAR * np.outer(spread, spread)).any():
         out = np.diag(out.diagonal())
-    for i in range(len(out)):
-        out[i, i] = max(out[i, i], floor * floor)
     return at_least(out, floor)
+
+
+@kernel
+def _floored(cov, factor, least, out):
+    """Fill ``out`` (m, m) with ``factor`` times a covariance, no variance below ``least``; return whether it has no oblique directions."""
+    is_diagonal = True
+    for i in range(cov.shape[0]):
+        for j in range(cov.shape[0]):
+            out[i, j] = cov[i, j] * factor
+            is_diagonal = is_diagonal and (i == j or out[i, j] == 0.0)
+        if out[i, i] < least:
+            out[i, i] = least
+        is_diagonal = is_diagonal and out[i, i] == out[i, i]  # a number
+    return is_diagonal
 
 
 SINGULAR = 0.9999

@@ -14,8 +14,8 @@ An input that is off by whole seconds for good (a wrong second, leap seconds, a 
 that is off by anything else is not used: read off the order of arrival, an offset is uncertain by the delay.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -167,20 +167,19 @@ class Clocks:
         self._released: list[Measurement] = []
         self._serial = 0
 
-    def pieces(self, measurement: Measurement) -> Iterator[Measurement]:
+    def pieces(self, measurement: Measurement) -> list[Measurement]:
         """A measurement as it is judged: at the time that its stamp is taken for.
 
-        A block is cut where its stamps do not go on as usual, so that no cut of blocks matters.
+        A block is cut where its stamps do not go on as usual, so that no other cut of blocks matters.
         """
         clock = self._clocks.get(measurement.source)
         if clock is not None and clock.shift_ns:
             measurement = replace(measurement, stamp_ns=measurement.stamp_ns - clock.shift_ns)
-        if isinstance(measurement, ImuBlock) and len(measurement) > 1 and not goes_on(measurement.stamps_ns, self._near_ns):
-            steps = np.diff(measurement.stamps_ns)
-            cuts = [0, *(np.flatnonzero((steps <= 0) | (steps > self._near_ns)) + 1).tolist(), len(measurement)]
-            yield from (measurement[a:b] for a, b in zip(cuts, cuts[1:], strict=False))
-            return
-        yield measurement
+        if not isinstance(measurement, ImuBlock) or len(measurement) < 2 or goes_on(measurement.stamps_ns, self._near_ns):
+            return [measurement]
+        steps = np.diff(measurement.stamps_ns)
+        cuts = [0, *(np.flatnonzero((steps <= 0) | (steps > self._near_ns)) + 1).tolist(), len(measurement)]
+        return [measurement[a:b] for a, b in pairwise(cuts)]
 
     def judge(self, measurement: Measurement, passed_ns: int | None) -> str:
         """Whether a message agrees with the base; ``passed_ns`` is where fusion is.
@@ -222,6 +221,8 @@ class Clocks:
 
     def released(self) -> list[Measurement]:
         """Messages that were held and turn out to be right, in the order of arrival; once."""
+        if not self._released:
+            return self._released
         out, self._released = self._released, []
         return out
 

@@ -179,6 +179,10 @@ class Layout:
         twin.rate, twin.psd = self.rate.copy(), self.psd.copy()
         return twin
 
+    def __deepcopy__(self, memo: dict) -> "Layout":
+        """Return a branch: nothing else of it changes in place."""
+        return self.branch()
+
     def pace(self, speed_mps: float) -> None:
         """Give states that vary along the way flown the rate and the driving noise of a speed."""
         self._speed_mps = speed_mps

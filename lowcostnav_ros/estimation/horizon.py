@@ -3,10 +3,13 @@
 The fused solution thereby depends on the set of measurements alone.  Inertial samples may arrive one by one or in blocks of any
 cut; an aid that falls inside a sample's interval gets that sample split at its stamp, so it is fused at its own time.  An aid in a
 hole of the inertial data gets nothing: the navigator sees that its state has not reached the aid's stamp.
+
+No run of inertial samples is cut where nothing comes of it: a measurement that moves nothing (thinned out) is handed over before the
+samples up to its stamp, and samples are held until one falls due for an output.
 """
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -42,17 +45,23 @@ class FusionHorizon:
         A stamp this far from the time base is implausible; a base that moves so far is a fresh start.
     anchor : str or None
         Input that is believed about the time when it is one against one: the inertial one, or where there is none this.
+    output_ns : int
+        Inertial samples that no measurement asks for are handed over once one of them passes a multiple of this.
 
     Attributes
     ----------
     clocks : Clocks
         The time base and the clocks of all inputs.
     passed_ns : int or None
-        Up to where measurements were handed over.
+        Up to where measurements were handed over; only inertial samples of before may still be held.
+    is_idle : bool
+        Whether the measurement handed over last moves nothing, so that the state need not have come to its stamp.
     """
 
-    def __init__(self, lag_ns: int, inertial: str | None = None, jump_ns: int = TIME_JUMP_NS, anchor: str | None = None) -> None:
-        self.lag_ns, self.jump_ns = int(lag_ns), int(jump_ns)
+    def __init__(
+        self, lag_ns: int, inertial: str | None = None, jump_ns: int = TIME_JUMP_NS, anchor: str | None = None, output_ns: int = 1
+    ) -> None:
+        self.lag_ns, self.jump_ns, self.output_ns = int(lag_ns), int(jump_ns), int(output_ns)
         self.inertial = inertial
         self.clocks = Clocks(self.lag_ns, self.jump_ns, inertial or anchor)
         self.clear()
@@ -67,6 +76,7 @@ class FusionHorizon:
         self._imu: ImuBlock | None = None
         self._imu_newest_ns: int | None = None
         self._carried_ns: int | None = None  # up to where inertial samples were handed over
+        self.is_idle = False
 
     @property
     def newest_ns(self) -> int | None:
@@ -109,20 +119,49 @@ class FusionHorizon:
             return "no inertial data"
         return ""
 
-    def take(self) -> Iterator[Measurement]:
-        """Yield what the horizon has passed since the last call, in order."""
+    def take(self, moves: Callable[[Measurement], bool] | None = None) -> Iterator[Measurement]:
+        """Yield what the horizon has passed since the last call, in order.
+
+        ``moves`` tells of a measurement whether anything may come of it.  So that the answer does not depend on how much has arrived, no
+        run of inertial samples that has no hole may change it from no to yes, or back.
+        """
         limit = self._limit_ns()
         if limit is None:
             return
         while self._waiting and self._waiting[0][0] <= limit:
-            stamp = self._waiting[0][0]
             if self.inertial is not None:
-                yield from self._inertial_until(stamp, split=True)
+                yield from self._inertial_before(self._waiting[0][0], self._waiting[0][-1], moves)
             yield self._pop()
-        if self.inertial is not None:
+        if self.inertial is not None and self._is_due(limit):
             yield from self._inertial_until(limit, split=False)
         if self.passed_ns is None or limit > self.passed_ns:
             self.passed_ns = limit
+
+    def _inertial_before(self, stamp: int, item: Measurement, moves: Callable[[Measurement], bool] | None) -> Iterator[ImuBlock]:
+        """Inertial samples to be run before a measurement: none where it moves nothing, and no hole lies before it."""
+        self.is_idle = moves is not None and not moves(item)
+        if moves is not None and self.is_idle and self._has_hole(stamp):
+            yield from self._inertial_until(stamp, split=False)  # all up to the hole, or beyond it
+            self.is_idle = not self._has_hole(stamp) and not moves(item)
+        if not self.is_idle:
+            yield from self._inertial_until(stamp, split=True)
+
+    def _has_hole(self, stamp: int) -> bool:
+        """Whether the samples held may leave a hole between the last one handed over and the first at ``stamp`` or later."""
+        held, carried = self._imu, self._carried_ns
+        if carried == stamp:
+            return False
+        if held is None or carried is None or held.stamp_ns < stamp:
+            return True
+        return int(held.stamps_ns[held.stamps_ns.searchsorted(stamp)]) - carried > HOLE_NS
+
+    def _is_due(self, limit: int) -> bool:
+        """Whether a sample held, up to ``limit``, is beyond a multiple of the output period that the ones before it were not."""
+        held, carried = self._imu, self._carried_ns
+        if held is None or carried is None or limit - carried > HOLE_NS:
+            return True
+        n = int(held.stamps_ns.searchsorted(limit, side="right"))
+        return n > 0 and int(held.stamps_ns[n - 1]) // self.output_ns != carried // self.output_ns
 
     def ahead(self) -> tuple[ImuBlock | None, list[Measurement]]:
         """What is held beyond the horizon: inertial samples and the other measurements in order, for the output predictor."""

@@ -58,14 +58,15 @@ def watch(y, G, S, dt, times, floor, zeta, first, second):
 
     Returns
     -------
-    ndarray, shape (w,)
-        Test statistics.
+    worst : int
+        Window with the largest test statistic.
+    statistic : float
     """
     m = G.shape[1]
     b, A = kalman.whiten(y, G, S)
     columns = A.T.copy()
     N, z = matmul_transposed(columns, columns), matvec(columns, b)
-    out = np.empty(times.shape[0])
+    worst, largest = 0, -1.0
     for i in range(times.shape[0]):
         keep = np.exp(-dt / times[i]) if times[i] > 0.0 else 0.0
         zeta[i] = keep * zeta[i] + z
@@ -76,8 +77,19 @@ def watch(y, G, S, dt, times, floor, zeta, first, second):
             loose[:, j] *= floor[j] * floor[j]
         spread = second[i] + matmul(loose, first[i])
         white = forward_solve(cholesky(spread + steadied(spread)), zeta[i])
-        out[i] = np.sum(white * white)
-    return out
+        statistic = np.sum(white * white)
+        if statistic > largest or np.isnan(statistic):
+            worst, largest = i, statistic
+    return worst, largest
+
+
+@kernel
+def watch_axes(y, variances, least, dt, times, floor, zeta, first, second):
+    """The same of components that each measure one axis, with noise of these ``variances`` (m,), none of them below ``least``."""
+    S = np.zeros((y.shape[0], y.shape[0]))
+    for i in range(y.shape[0]):
+        S[i, i] = max(variances[i], least)
+    return watch(y, np.eye(y.shape[0]), S, dt, times, floor, zeta, first, second)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,12 +132,20 @@ class InnovationWatch:
 
     def observe(self, stamp_ns: int, y: np.ndarray, G: np.ndarray, S: np.ndarray) -> Disagreement | None:
         """Add the innovations y (n,) of an epoch with the columns G (n, m) and their covariance S (n, n); return a disagreement."""
+        worst, statistic = watch(y, G, S, self._since_s(stamp_ns), self.times, self.floor, self.zeta, self.first, self.second)
+        self.ratio = statistic / self.limit
+        return self._disagreement(worst) if self.ratio > 1.0 else None
+
+    def observe_axes(self, stamp_ns: int, y: np.ndarray, variances: np.ndarray, least: float) -> None:
+        """Add innovations y (m,) of the components themselves, of ``variances`` (m,), none below ``least``; for their ratio alone."""
+        windows = self.times, self.floor, self.zeta, self.first, self.second
+        self.ratio = watch_axes(y, variances, least, self._since_s(stamp_ns), *windows)[1] / self.limit
+
+    def _since_s(self, stamp_ns: int) -> float:
+        """Since the epoch before, which this one takes the place of; 0 for the first, s."""
         dt = 0.0 if self._last_ns is None else 1e-9 * (stamp_ns - self._last_ns)
         self._last_ns = stamp_ns
-        statistics = watch(y, G, S, dt, self.times, self.floor, self.zeta, self.first, self.second)
-        worst = int(np.argmax(statistics))
-        self.ratio = float(statistics[worst]) / self.limit
-        return self._disagreement(worst) if self.ratio > 1.0 else None
+        return dt
 
     def _disagreement(self, window: int) -> Disagreement:
         information = self.first[window]  # in numpy: a kernel met first at the alarm would be compiled just then

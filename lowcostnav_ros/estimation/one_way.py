@@ -17,19 +17,50 @@ import math
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.estimation.error_state import Kind, Layout
 from lowcostnav_ros.estimation.time_offsets import TimeOffsets
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 
-WINDOWS_S = np.array([[5.0], [30.0]])
+WINDOWS_S = np.array([5.0, 30.0])
 SIGMAS, NAMED_SIGMAS, NAMED = 5.0, 8.0, 2.0 * DEGREE
 """Corrections beyond so many sigmas are no chance; beyond the second, and of a tilt larger than the third, rad, they are named."""
 HALF = 0.5
 ATTITUDE = slice(6, 9)
 FLOOR = (0.02 * DEGREE) ** 2
 """Variance of a tilt, rad^2, that says nothing of the sensors."""
+NOTHING = np.zeros((0, 0)), np.zeros(0)
+
+
+@kernel
+def look(P, V, errors, rows, out):
+    """Into ``out`` (2, m) the variances of the states ``rows`` (m,), and what offsets of stamps, sigma ``errors`` (k,), may do to them."""
+    for i in range(rows.shape[0]):
+        out[0, i], out[1, i] = P[rows[i], rows[i]], 0.0
+        for j in range(errors.shape[0]):
+            out[1, i] += V[rows[i], j] * errors[j]
+
+
+@kernel
+def add(dt, times, correction, rows, before, after, tilt, sums, sigmas):
+    """Add a correction (n,) to all windows, in place; return the largest of what it makes in sigmas.
+
+    ``before``, ``after`` (2, m): of :func:`look`; ``tilt`` (w, m): tilt by each; ``sums`` (3, w, m): of the corrections, of their variances
+    and of what late stamps may have done; ``sigmas`` (w, m): size of the sums.
+    """
+    largest = 0.0
+    for k in range(times.shape[0]):
+        keep = np.exp(-dt / times[k])
+        for i in range(rows.shape[0]):
+            sums[0, k, i] = keep * sums[0, k, i] + correction[rows[i]]
+            sums[1, k, i] = keep * keep * sums[1, k, i] + max(before[0, i] - after[0, i], 0.0)
+            sums[2, k, i] = keep * sums[2, k, i] + before[1, i] - after[1, i]
+            t = tilt[k, i]
+            sigmas[k, i] = t * abs(sums[0, k, i]) / np.sqrt(t * t * (sums[1, k, i] + sums[2, k, i] ** 2) + FLOOR)
+            largest = max(largest, sigmas[k, i])
+    return largest
 
 
 class OneWay:
@@ -49,13 +80,14 @@ class OneWay:
         self._size, self._accel, self._gyro = layout.size, accel, gyro
         self._rows = np.concatenate((attitude, accel, gyro))
         tilts = [np.ones(3), np.full(len(accel), 1.0 / STANDARD_GRAVITY), np.full(len(gyro), HALF)]
-        self._tilt = np.array([np.concatenate((*tilts[:2], tilts[2] * w)) for w in WINDOWS_S[:, 0]])
+        self._tilt = np.array([np.concatenate((*tilts[:2], tilts[2] * w)) for w in WINDOWS_S])
         self.clear()
 
     def clear(self) -> None:
         """Forget all."""
         self._latch.clear()
-        self._sums, self._variances, self._late = np.zeros((3, *self._tilt.shape))
+        self._sums, self._sigmas = np.zeros((3, *self._tilt.shape)), np.zeros(self._tilt.shape)
+        self._before, self._after = np.zeros((2, 2, len(self._rows)))
         self._last_ns = 0
 
     @property
@@ -63,36 +95,34 @@ class OneWay:
         """The contradiction, while it lasts."""
         return self._latch.held
 
-    def seen(self, P: np.ndarray) -> np.ndarray:
-        """Variances of what is watched, of a covariance (n, n)."""
-        return P.diagonal()[self._rows]
+    def before(self, P: np.ndarray, offsets: TimeOffsets | None) -> None:
+        """Look at a covariance (n, n) before a measurement is used."""
+        look(P, *errors_of(offsets), self._rows, self._before)
 
-    def by_stamps(self, offsets: TimeOffsets | None) -> np.ndarray:
-        """Error of what is watched by the offsets of stamps, as far as they are not known or not corrected yet."""
-        if offsets is None or not offsets.known:
-            return np.zeros(len(self._rows))
-        return np.asarray(offsets.V[self._rows] @ [math.hypot(offset.sigma_s, offset.rest_s) for offset in offsets.known.values()])
-
-    def take(self, stamp_ns: int, correction: np.ndarray, taken_off: np.ndarray, late: np.ndarray) -> np.ndarray | None:
-        """Take a correction (n,), what it took off the variances watched and of it what late stamps may have done.
+    def take(self, stamp_ns: int, correction: np.ndarray, P: np.ndarray, offsets: TimeOffsets | None) -> np.ndarray | None:
+        """Take the correction (n,) of a measurement, and the covariance that it leaves.
 
         Returns sigmas (n,) that there must be at least, or None.
         """
-        keep = np.exp(-1e-9 * (stamp_ns - self._last_ns) / WINDOWS_S)
-        self._last_ns = stamp_ns
-        self._sums = keep * self._sums + correction[self._rows]
-        self._variances = keep * keep * self._variances + np.maximum(taken_off, 0.0)
-        self._late = keep * self._late + late
-        tilts = self._tilt * np.abs(self._sums)
-        sigmas = tilts / np.sqrt(self._tilt**2 * (self._variances + self._late**2) + FLOOR)
-        if sigmas.max() <= SIGMAS and self._latch.held is None:
+        look(P, *errors_of(offsets), self._rows, self._after)
+        dt, self._last_ns, sigmas = 1e-9 * (stamp_ns - self._last_ns), stamp_ns, self._sigmas
+        largest = add(dt, WINDOWS_S, correction, self._rows, self._before, self._after, self._tilt, self._sums, sigmas)
+        if largest <= SIGMAS and self._latch.held is None:
             self._latch.judge(stamp_ns, False, 0.0)
             return None
+        tilts = self._tilt * np.abs(self._sums[0])
         named = (sigmas > NAMED_SIGMAS) & (tilts > NAMED)
         self._latch.judge(stamp_ns, bool(named.any()), float(tilts.max()) / DEGREE, self._latch.parties[0])
         tilt = HALF * float(np.where(sigmas > SIGMAS, tilts, 0.0).max())
         if tilt == 0.0:
             return None
         least = np.zeros(self._size)
-        least[ATTITUDE], least[self._accel], least[self._gyro] = tilt, STANDARD_GRAVITY * tilt, tilt / float(WINDOWS_S[-1, 0])
+        least[ATTITUDE], least[self._accel], least[self._gyro] = tilt, STANDARD_GRAVITY * tilt, tilt / float(WINDOWS_S[-1])
         return least
+
+
+def errors_of(offsets: TimeOffsets | None) -> tuple[np.ndarray, np.ndarray]:
+    """What offsets of stamps do to the state (n, k), and their sigmas (k,) as far as they are not known or not corrected yet, s."""
+    if offsets is None:
+        return NOTHING
+    return offsets.V, np.array([math.hypot(offset.sigma_s, offset.rest_s) for offset in offsets.known.values()])

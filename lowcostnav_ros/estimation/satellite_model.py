@@ -113,6 +113,30 @@ def mean_innovation(P, y, H, r, common, shown):
     return count, mean / count, scalar_variances(P, h / count, noise)[0]
 
 
+UNUSABLE = "not valid", "not finite", "system not used", "below the mask", "signal too weak"
+"""Why a satellite cannot be used, in the order of the tests."""
+
+
+@kernel
+def failed(valid, observed, wanted, sin_elevation, cn0, least_sine, least_cn0, out):
+    """Into ``out`` (n,) the number in :data:`UNUSABLE` of the first test that each satellite fails, else -1; return whether all pass."""
+    sound = True
+    for k in range(out.shape[0]):
+        out[k] = -1
+        if not valid[k]:
+            out[k] = 0
+        elif not (np.isfinite(observed[k]) and np.isfinite(sin_elevation[k])):
+            out[k] = 1
+        elif not wanted[k]:
+            out[k] = 2
+        elif not sin_elevation[k] >= least_sine:
+            out[k] = 3
+        elif not (cn0[k] == 0.0 or cn0[k] >= least_cn0):
+            out[k] = 4
+        sound = sound and out[k] < 0
+    return sound
+
+
 @dataclass(slots=True)
 class Observations:
     """Usable observations of one kind at one epoch: satellite rows, innovations (m,), Jacobian (m, n), variances (m,).

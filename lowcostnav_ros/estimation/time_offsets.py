@@ -14,12 +14,12 @@ Econometrica 48, 1980): errors of a receiver that last, jitter of the stamps and
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.estimation import kalman
 
@@ -46,6 +46,8 @@ SLOPE_S = 0.1
 """An acceleration is the change of velocity over this time on either side: the noise of a sample is no motion."""
 STEPS = 8
 """Parts of a way back that are summed."""
+ROOM = 64
+"""Points of a way that are kept at first."""
 
 
 @dataclass(slots=True)
@@ -95,47 +97,87 @@ class TimeOffset:
         return round(self.rest_s, 3) if abs(self.rest_s) > max(sure * self.sigma_s, smallest_s) else 0.0
 
 
+@kernel
+def passed(times, values, t_s, out):
+    """Into ``out`` (3,) the value at a time, of points ``times`` (n,), ``values`` (n, 3); beyond either end with the slope there."""
+    k = times.shape[0] - 2
+    if k < 0:
+        out[:] = values[0]
+        return
+    while k > 0 and times[k] > t_s:
+        k -= 1
+    share = (t_s - times[k]) / (times[k + 1] - times[k])
+    for a in range(3):
+        out[a] = values[k, a] + (values[k + 1, a] - values[k, a]) * share
+
+
+@kernel
+def slope_about(times, values, t_s, newest_s, out):
+    """Slope about a time, over :data:`SLOPE_S` on either side, into ``out`` (3,)."""
+    t1, t0, before = min(t_s + SLOPE_S, newest_s), t_s - SLOPE_S, np.empty(3)
+    passed(times, values, t1, out)
+    passed(times, values, t0, before)
+    for a in range(3):
+        out[a] = (out[a] - before[a]) / (t1 - t0)
+
+
+@kernel
+def slower_before(times, values, t_s, late_s, mean, last):
+    """By how much the value at a time is more than those since ``late_s`` before: on average, and then, into ``mean`` and ``last`` (3,)."""
+    now = np.empty(3)
+    passed(times, values, t_s, now)
+    mean[:] = 0.0
+    for k in range(STEPS + 1):
+        passed(times, values, t_s - late_s * k / STEPS, last)
+        for a in range(3):
+            last[a] = now[a] - last[a]
+            mean[a] += last[a]
+    for a in range(3):
+        mean[a] = (mean[a] - 0.5 * last[a]) / STEPS
+
+
 class Way:
     """Velocity of late, free of the corrections of the filter: by it a state is carried back a little."""
 
     def __init__(self) -> None:
-        self._points: deque[tuple[float, np.ndarray]] = deque()
+        self._times, self._values = np.empty(ROOM), np.empty((ROOM, 3))
+        self.clear()
 
     def clear(self) -> None:
         """Forget it."""
-        self._points.clear()
+        self._first = self._end = 0
+        self.newest_s = -math.inf
 
     def note(self, t_s: float, w: np.ndarray) -> None:
         """Take the velocity (3,) at a time in."""
-        self._points.append((t_s, w))
-        while self._points[0][0] < t_s - LONGEST_S - 3.0 * SLOPE_S:
-            self._points.popleft()
+        if self._end == len(self._times):
+            self._make_room()
+        self._times[self._end], self._values[self._end] = t_s, w
+        self._end, self.newest_s = self._end + 1, t_s
+        while self._times[self._first] < t_s - LONGEST_S - 3.0 * SLOPE_S:
+            self._first += 1
 
-    @property
-    def newest_s(self) -> float:
-        """Up to when it is known."""
-        return self._points[-1][0] if self._points else -math.inf
+    def _make_room(self) -> None:
+        """Move what is kept to the front, of arrays twice as long where it fills most of them."""
+        kept, more = self._points(), 2 if self._end - self._first > len(self._times) // 2 else 1
+        self._times, self._values = np.empty(more * len(self._times)), np.empty((more * len(self._times), 3))
+        self._first, self._end = 0, len(kept[0])
+        self._times[: self._end], self._values[: self._end] = kept
 
-    def at(self, t_s: float) -> np.ndarray:
-        """Velocity (3,) at a time, beyond either end with the acceleration that is there."""
-        points, k = self._points, len(self._points) - 2
-        if k < 0:
-            return points[-1][1]
-        while k > 0 and points[k][0] > t_s:
-            k -= 1
-        (t0, w0), (t1, w1) = points[k], points[k + 1]
-        return w0 + (w1 - w0) * ((t_s - t0) / (t1 - t0))
+    def _points(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._times[self._first : self._end], self._values[self._first : self._end]
 
     def back(self, t_s: float, v: np.ndarray, late_s: float) -> tuple[np.ndarray, np.ndarray]:
         """How far it has come since ``late_s`` before ``t_s``, where the velocity is ``v``, m and m/s (3,) each."""
-        now = self.at(t_s)
-        slower = np.array([now - self.at(t_s - late_s * k / STEPS) for k in range(STEPS + 1)])
-        return late_s * (v - (slower.sum(axis=0) - 0.5 * slower[-1]) / STEPS), slower[-1]
+        mean, last = np.empty((2, 3))
+        slower_before(*self._points(), t_s, late_s, mean, last)
+        return late_s * (v - mean), last
 
     def slope(self, t_s: float, newest_s: float) -> np.ndarray:
         """Acceleration (3,) about a time."""
-        t1, t0 = min(t_s + SLOPE_S, newest_s), t_s - SLOPE_S
-        return (self.at(t1) - self.at(t0)) / (t1 - t0)
+        out = np.empty(3)
+        slope_about(*self._points(), t_s, newest_s, out)
+        return out
 
 
 class TimeOffsets:
@@ -163,6 +205,7 @@ class TimeOffsets:
     def __init__(self, size: int, rows: slice | None) -> None:
         self.size, self.rows, self.known = size, rows, dict[str, TimeOffset]()
         self.history: Any = None
+        self._columns: dict[str, int] = {}  # by source
         self._likely: list[int] = []
         self._learned, self._scatter = np.zeros((0, 1)), np.zeros((0, 0))
         self.way = Way()
@@ -308,6 +351,9 @@ class TimeOffsets:
             self.V[rows, column] = motion[rows]
 
     def _column(self, source: str) -> int:
+        column = self._columns.get(source)
+        if column is not None:
+            return column
         device = source.partition("/")[0]
         if device not in self.known:
             k = len(self.known)
@@ -317,7 +363,8 @@ class TimeOffsets:
             self._scatter = np.pad(self._scatter, (0, 1))
         if source not in self.known[device].sources:
             self.known[device].sources.append(source)
-        return list(self.known).index(device)
+        self._columns[source] = list(self.known).index(device)
+        return self._columns[source]
 
     def _look(self) -> None:
         """Note the columns of the offsets that are likely; looked at when one may have changed, not at every output."""

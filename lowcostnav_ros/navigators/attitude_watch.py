@@ -56,20 +56,20 @@ class AttitudeWatch:
         """Note a correction (n,) that is injected."""
         self._moved += dx
 
-    def before(self, aid: Aid) -> tuple[np.ndarray, np.ndarray] | None:
-        """What is to be compared once an aid has been used; None for one that is not GPS."""
+    def before(self, aid: Aid) -> bool:
+        """Look at what an aid is about to change; return whether it is to be judged once it has been used: that of GPS is."""
         if not aid.is_fix and not isinstance(aid, VelocityAid):
-            return None
+            return False
         self._moved[:] = 0.0
-        return self._seen()
+        self.one_way.before(self.navigator.P, self.navigator.offsets)
+        return True
 
-    def after(self, aid: Aid, measurement: Measurement, before: tuple[np.ndarray, np.ndarray], *, used: bool) -> None:
+    def after(self, aid: Aid, measurement: Measurement, *, used: bool) -> None:
         """Judge what came of a measurement: attitude and sensors are less well known where GPS moves the attitude one way for long."""
         navigator = self.navigator
         if used and aid.decision is Decision.FUSE:
             named = self.one_way.held is not None
-            taken_off, late = (was - now for was, now in zip(before, self._seen(), strict=True))
-            least = self.one_way.take(measurement.stamp_ns, self._moved, taken_off, late)
+            least = self.one_way.take(measurement.stamp_ns, self._moved, navigator.P, navigator.offsets)
             if least is not None:
                 navigator.widen(least)
             if self.one_way.held is not None and not named:
@@ -78,10 +78,6 @@ class AttitudeWatch:
             return  # with any heading at the start the track says nothing of it
         if not navigator.excluded(aid) and (used or self._compass_agrees(measurement)):
             self._head_by_track(measurement)
-
-    def _seen(self) -> tuple[np.ndarray, np.ndarray]:
-        """Variances of attitude and sensor errors now, and what offsets of stamps may have done to them."""
-        return self.one_way.seen(self.navigator.P), self.one_way.by_stamps(self.navigator.offsets)
 
     def _compass_agrees(self, velocity: GpsVelocity) -> bool:
         """Whether the magnetic heading, too, is such that wind explains the track of a velocity that is refused."""

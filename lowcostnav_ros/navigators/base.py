@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
-from lowcostnav_ros.base.measurements import Health, ImuBlock, Integrity, MagneticField, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Health, ImuBlock, Integrity, MagneticField, Measurement, NavSolution, States
 from lowcostnav_ros.base.modes import Level, Mode, level_of, register_modes
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.tally import Tally
@@ -131,6 +131,8 @@ class Navigator(ABC):
         0 for states that no measurement may move at present; None: all may.
     smooths : bool
         Whether it can keep a history for the smoother: its core reports to one, and its solutions go out by :meth:`publish`.
+    on_grid : bool
+        Whether it puts out only at the first sample beyond a multiple of its output period: inertial samples may wait for that.
     not_observable : str
         Why there is no ``core.dynamics()`` to study its observability with; empty where there is.
     settings, inputs, aids, layout, core
@@ -152,6 +154,7 @@ class Navigator(ABC):
     required: ClassVar[tuple[str, ...]] = ()
     not_observable: ClassVar[str] = ""
     smooths: ClassVar[bool] = False
+    on_grid: ClassVar[bool] = False
     inertial_is_suspect: bool = False
     movable: np.ndarray | None = None
     inertial: str | None = None
@@ -175,8 +178,9 @@ class Navigator(ABC):
         listed = [getattr(settings, key) for key in getattr(settings, "aids", ())]
         latency_s += max((getattr(own, "latency_s", 0.0) for own in listed), default=0.0)
         lag_ns, jump_ns = round(1e9 * (settings.horizon.lag_s + latency_s)), round(1e9 * settings.horizon.jump_s)
-        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns, next(iter(self.inputs), None))
         self.output_period_ns = round(1e9 * settings.horizon.output_period_s)
+        output_ns = self.output_period_ns if self.on_grid else 1
+        self.horizon = FusionHorizon(lag_ns, self.inertial, jump_ns, next(iter(self.inputs), None), output_ns)
         self.spikes = InertialSpikes()
         self.origin: LocalFrame | None = None
         self.map_origins: Mapping[str, LocalFrame] = {}
@@ -364,6 +368,15 @@ class Navigator(ABC):
         """Whether an aid is to be used now; a measurement that no aid uses does not begin a period."""
         return True
 
+    def moves(self, measurement: Measurement) -> bool:
+        """Whether anything may come of a measurement; where not, no inertial run is cut for it (see :meth:`.FusionHorizon.take`)."""
+        return True
+
+    def is_wanted(self, measurement: Measurement) -> bool:
+        """Whether a channel of its source is due; of a GPS receiver every measurement counts."""
+        source, stamp_ns = measurement.source, measurement.stamp_ns
+        return source in self.trust.of_receivers or any(channel.is_due(stamp_ns) for channel in self.channels.get(source, ()))
+
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """Give a measurement to the aids of a channel, if it is due; return those that used it."""
         if not channel.is_due(measurement.stamp_ns):
@@ -404,25 +417,25 @@ class Navigator(ABC):
         if record is None:
             return []
         record.received += len(measurement) if isinstance(measurement, ImuBlock) else 1
-        if self._magnetometer is not None and isinstance(measurement, MagneticField):
-            measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
         if isinstance(measurement, ImuBlock):
             measurement = self._in_body_axes(measurement)
+        elif self._magnetometer is not None and isinstance(measurement, MagneticField):
+            measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
-        for item in self.horizon.take():
+        for item in self.horizon.take(self.moves):
             refusal = self.refusal(item) or self.trust.take(item)
             if refusal:
                 self.input_status[item.source].reject(refusal)
             elif isinstance(item, ImuBlock):
                 self._screened(item)
-            else:
+            elif not self.horizon.is_idle:
                 self._fuse(item)
         out, self._out = self._out, []
-        if not all(map(is_sound, out)):
-            out = self._lost(out)
         if out:
-            self._out_ns = out[-1].stamp_ns
+            if not all(map(is_sound, out)):
+                out = self._lost(out)
+            self._out_ns = out[-1].stamp_ns if out else self._out_ns
         return out
 
     def _in_body_axes(self, block: ImuBlock) -> ImuBlock:
@@ -438,9 +451,10 @@ class Navigator(ABC):
         if refusal == TIME_JUMPED:
             self.reset("time base jumped")
             refusal = self.horizon.push(measurement)
-        for source, reason in self.horizon.clocks.refused:
-            self.input_status[source].reject(reason)
-        self.horizon.clocks.refused.clear()
+        if self.horizon.clocks.refused:
+            for source, reason in self.horizon.clocks.refused:
+                self.input_status[source].reject(reason)
+            self.horizon.clocks.refused.clear()
         if refusal and refusal != HELD:
             record.reject(refusal)
             self._refused_in_row += 1
@@ -619,12 +633,10 @@ class Navigator(ABC):
             **further,
         )
 
-    def _states(self, P: np.ndarray, first: int, end: int | None = None) -> dict[str, tuple[float, float]]:
+    def _states(self, P: np.ndarray, first: int, end: int | None = None) -> States:
         """Estimates of the states ``first`` to before ``end`` (None: the last) with their sigmas, by label."""
         part = slice(first, end)
-        values, variances = self.core.estimate[part].tolist(), P.diagonal()[part].tolist()
-        sigmas = [math.sqrt(v) if v > 0.0 else 0.0 for v in variances]
-        return dict(zip(self.layout.labels[part], zip(values, sigmas, strict=True), strict=True))
+        return States(self.layout.labels[part], self.core.estimate[part].copy(), P.diagonal()[part].copy())
 
     @abstractmethod
     def _fuse(self, item: Measurement) -> None:

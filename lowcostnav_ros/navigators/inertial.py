@@ -88,6 +88,7 @@ class InertialNavigator(Navigator):
 
     inertial = IMU
     smooths = True
+    on_grid = True
     tries_headings = True
     watches_attitude = True
     fix_word = "GPS fix"
@@ -177,6 +178,10 @@ class InertialNavigator(Navigator):
         self.core.rest()
         self.slope.clear()
         self.start.clear()
+
+    def moves(self, measurement: Measurement) -> bool:
+        """As every navigator: all of them do while it aligns or levels."""
+        return not self._aligned or measurement.stamp_ns <= self._levelling_until_ns or self.is_wanted(measurement)
 
     def _fuse(self, item: Measurement) -> None:
         if isinstance(item, ImuBlock):
@@ -337,10 +342,10 @@ class InertialNavigator(Navigator):
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """As every navigator; while it tries several headings, each takes the measurement."""
         if not self.headings.cores:
-            before = self.attitude_watch.before(aid) if self.watches_attitude else None
+            is_watched = self.watches_attitude and self.attitude_watch.before(aid)
             used = super().use_aid(aid, measurement)
-            if before is not None:
-                self.attitude_watch.after(aid, measurement, before, used=used)
+            if is_watched:
+                self.attitude_watch.after(aid, measurement, used=used)
             if isinstance(aid, AirDataAid) and not self.gps_good(measurement.stamp_ns):
                 self.against_air.take(aid)
             return used

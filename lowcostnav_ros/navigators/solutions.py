@@ -16,11 +16,9 @@ def is_sound(solution: NavSolution) -> bool:
         return False
     covariances = solution.cov_pos, solution.cov_vel, solution.cov_att, solution.cov_wind
     vectors = solution.vel_n, solution.specific_force_b, solution.q_nb, solution.wind_n, solution.angular_rate_b
-    return bool(
-        kalman.are_sound(
-            *[NO_COVARIANCE if cov is None else np.ascontiguousarray(cov) for cov in covariances],
-            *[NO_VECTOR if vector is None else np.ascontiguousarray(vector) for vector in vectors],
-        )
+    return kalman.are_sound(
+        *[NO_COVARIANCE if cov is None else cov if cov.flags.c_contiguous else cov.copy() for cov in covariances],
+        *[NO_VECTOR if vector is None else vector if vector.flags.c_contiguous else vector.copy() for vector in vectors],
     )
 
 

@@ -64,6 +64,8 @@ class Trust:
         The check of each aid that a GPS receiver feeds.
     checks : SourceChecks
         Of its sources among each other.
+    of_receivers : frozenset of str
+        Sources that a check of a receiver takes.
     witness : Witness
     led_away : Contradiction or None
         Of the solution with the witness.
@@ -86,7 +88,7 @@ class Trust:
                 self.receivers |= {aid: check for aid in (velocity, fix) if aid is not None}
         topics = (topic if topic in host.inputs else "" for topic in (AIR, STATIC, EPOCHS))
         self.checks = SourceChecks(list(dict.fromkeys(self.receivers.values())), *topics)
-        self._of_receivers = frozenset(source for check in self.checks.receivers for source in check.sources)
+        self.of_receivers = frozenset(source for check in self.checks.receivers for source in check.sources)
         self.witness, self.told = Witness(host.output_period_ns), False
         self.forget_state()
 
@@ -111,7 +113,7 @@ class Trust:
 
         A velocity that contradicts the fixes and never agreed with them has spoilt what was begun with it.
         """
-        if item.source not in self._of_receivers:
+        if item.source not in self.of_receivers:
             return self.checks.take(item, self.agreement)
         before = [check.disagreement.held for check in self.checks.receivers]
         refusal = self.checks.take(item, self.agreement)

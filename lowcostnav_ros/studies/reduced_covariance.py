@@ -12,13 +12,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from filterpy.common import van_loan_discretization
-from filterpy.kalman import KalmanFilter
 
 from lowcostnav_ros.base.units import DEGREE, NAUTICAL_MILE
 from lowcostnav_ros.radionav.plan import Reply, Route
+
+if TYPE_CHECKING:
+    from filterpy.kalman import KalmanFilter
 
 KNOWN = 4
 HEADING, AIRSPEED, BIASES = 4, 5, 6
@@ -86,7 +88,9 @@ def aided_sigma(route: Route, replies: Sequence[Reply], model: ErrorModel | None
     return AidedSigma(route.time_s, estimated, expected)
 
 
-def _start(model: ErrorModel, stations: int) -> tuple[KalmanFilter, np.ndarray]:
+def _start(model: ErrorModel, stations: int) -> "tuple[KalmanFilter, np.ndarray]":
+    from filterpy.kalman import KalmanFilter  # not on import: it costs a command that shows its options a second
+
     known = [model.start_position_m] * 2 + [model.start_wind_mps] * 2
     full = [*known, model.heading, model.airspeed_mps] + [model.bias_m] * stations
     navigator = KalmanFilter(dim_x=KNOWN, dim_z=1)
@@ -97,6 +101,8 @@ def _start(model: ErrorModel, stations: int) -> tuple[KalmanFilter, np.ndarray]:
 @lru_cache(maxsize=4096)
 def _navigator_steps(model: ErrorModel, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Transition and process noise of the navigator's own four states."""
+    from filterpy.common import van_loan_discretization
+
     F = np.zeros((KNOWN, KNOWN))
     F[0, 2] = F[1, 3] = 1.0
     F[2, 2] = F[3, 3] = -1.0 / model.wind_tau_s
@@ -107,6 +113,8 @@ def _navigator_steps(model: ErrorModel, dt: float) -> tuple[np.ndarray, np.ndarr
 @lru_cache(maxsize=4096)
 def _full_steps(model: ErrorModel, speed: float, course: float, stations: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Transition and process noise of the full error model; white heading noise acts across the track (equations 5.20, 5.21)."""
+    from filterpy.common import van_loan_discretization
+
     rates = np.array(
         [1.0 / model.wind_tau_s] * 2
         + [1.0 / model.heading_tau_s, 1.0 / model.airspeed_tau_s]
@@ -122,7 +130,7 @@ def _full_steps(model: ErrorModel, speed: float, course: float, stations: int, d
     return van_loan_discretization(F, G, dt)
 
 
-def _fuse(navigator: KalmanFilter, full: np.ndarray, direction: np.ndarray, bias: int, model: ErrorModel) -> np.ndarray:
+def _fuse(navigator: "KalmanFilter", full: np.ndarray, direction: np.ndarray, bias: int, model: ErrorModel) -> np.ndarray:
     """Update the estimated covariance; return the expected one after the same gain."""
     navigator.update(np.zeros((1, 1)), H=np.array([[*direction, 0.0, 0.0]]))
     gain, row = np.zeros(len(full)), np.zeros(len(full))

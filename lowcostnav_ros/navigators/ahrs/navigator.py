@@ -77,6 +77,7 @@ class Ahrs(Navigator):
     outputs = ("imu/data", "imu/data_fused")
     not_observable = "it takes position, velocity and acceleration from outside its filter; study ins_gps, which estimates them"
     inertial = IMU
+    on_grid = True
     OwnSettings = AhrsOwnSettings
     sensors = (
         GPS_VELOCITY.but(latency_s=0.0),
@@ -163,6 +164,10 @@ class Ahrs(Navigator):
             return block
         rate_b = block.angular_rate_b
         return replace(block, specific_force_b=block.specific_force_b - np.cross(rate_b, np.cross(rate_b, np.array(arm_b, dtype=float))))
+
+    def moves(self, measurement: Measurement) -> bool:
+        """As every navigator: all of them do while it aligns, and a position at all times."""
+        return not self._aligned or isinstance(measurement, GpsPosition) or self.is_wanted(measurement)
 
     def _fuse(self, item: Measurement) -> None:
         if isinstance(item, ImuBlock):
@@ -254,6 +259,7 @@ class Ahrs(Navigator):
             self._attach(layout, InertialCore(layout))
         begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
         self._aligned, self._kept = True, None
+        self.restart_channels()
         if self.offsets is not None:
             self.offsets.restart()
         began_with = {"level": True, "gps": first.gps is not None, "airdata": first.air is not None, "magnetic": first.is_magnetic}
