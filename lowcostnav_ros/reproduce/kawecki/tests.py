@@ -207,7 +207,7 @@ def sigma(flights: list[Flown]) -> np.ndarray:
     return np.mean([s.mean(axis=0) for s in inside], axis=0)
 
 
-BY_CODE = (("pseudolite.reset.source", "code"), ("pseudolite.reset.again_sigma_cycles", 32.5), ("pseudolite.reset.first_sigma_cycles", 32.5))
+BY_CODE = tuple((f"pseudolite.reset.{k}", v) for k, v in (("source", "code"), ("first_sigma_cycles", 32.5), ("again_sigma_cycles", 32.5)))
 """Section 3.6 gives two recipes for an ambiguity that begins anew: from the filter's range, or from the code, of 4 m or 32.5 cycles."""
 
 
@@ -219,7 +219,7 @@ BY_CODE = (("pseudolite.reset.source", "code"), ("pseudolite.reset.again_sigma_c
     tolerance="the mean sigma of the centre pass smaller in test 4 than in test 3, on each axis",
 )
 def no_code(context: Context) -> Outcome:
-    """Leaving measurements out cannot make a filter surer; beginning ambiguities from another source can: test 4 has no code to do it with."""
+    """Leaving measurements out cannot make a filter surer; beginning ambiguities elsewhere can, and test 4 has no code to do it with."""
     four, readings = flown(context, Case(4)), []
     for name, changes in (("ambiguities begin from the filter's range in all tests", ()), ("from the code where there is one", BY_CODE)):
         given = {test: flown(context, Case(test, changes=changes)) for test in (3, 5)}
