@@ -20,7 +20,8 @@ from lowcostnav_ros.sensors.ranging import RangingSimulator, RangingSimulatorSet
 
 @dataclass(frozen=True)
 class OtherCase:
-    """``sensor``: ``ranging`` or ``gnss_carrier``; ``profile`` of the inertial unit; ``rate_hz`` of the ranges; first position known to ``start_m``."""
+    """``sensor``: ``ranging`` or ``gnss_carrier``; ``profile`` of the inertial unit; ``rate_hz`` of the ranges; the first position is
+    known to ``start_m``."""
 
     sensor: str = "ranging"
     seed: int = 1
