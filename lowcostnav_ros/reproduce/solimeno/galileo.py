@@ -69,9 +69,8 @@ def galileo_row(context: Context) -> Outcome:
         found.append(Reading(f"GPS alone with ranges of {sigma_m:g} m ({table})", text, within))
     epoch = single_epoch_sigma(Case(constellation="gps_galileo")) / single_epoch_sigma(Case())
     why = f"{ours[0]:.2f} m, {ours[1]:.3f} m/s, {ours[2]:.2f} deg with both; single epochs of these satellites, fixed without any filter, "
-    why += f"have a ratio of {epoch:.2f} at {TYPICAL_M:g} m, and averaging cannot gain more; with the position noise times "
-    why += ", ".join(f"{factor:g} {noisier_ratio(context, factor):.2f}" for factor in NOISE_FACTORS)
-    why += f", with consistent tuning {consistent_ratio(context):.2f}"
+    why += f"have a ratio of {epoch:.2f} at {TYPICAL_M:g} m, and averaging cannot gain more; with other noises: "
+    why += context.besides(lambda: other_ratios(context))
     return read(found, why, partial(draw_both, thesis_tight(context)[0], both[0]))
 
 
@@ -84,6 +83,12 @@ def single_epoch_sigma(case: Case) -> float:
         _, los = line_of_sight(geodetic_to_ecef(lat, lon, float(truth.height[row])), epoch.sat_pos_e)
         found.append(dops(to_ned(lat, lon, los), np.diag(epoch.sigma_m**2)).pdop)
     return root_mean_square(np.array(found))
+
+
+def other_ratios(context: Context) -> str:
+    """Position ratios under other tunings."""
+    noisier = ", ".join(f"{factor:g} {noisier_ratio(context, factor):.2f}" for factor in NOISE_FACTORS)
+    return f"position noise times {noisier}, consistent tuning {consistent_ratio(context):.2f}"
 
 
 def noisier_ratio(context: Context, factor: float) -> float:
