@@ -10,7 +10,7 @@ from lowcostnav_ros.base.measurements import CarrierEpoch
 from lowcostnav_ros.reproduce.kawecki import drawing
 from lowcostnav_ros.reproduce.kawecki.flights import Case, Flown, imu_of_case, navigator_of, simulator_of, started, truth_of
 from lowcostnav_ros.reproduce.kawecki.tests import flown
-from lowcostnav_ros.reproduce.registry import Context, Outcome, fitted, judged, result
+from lowcostnav_ros.reproduce.registry import Change, Context, Outcome, fitted, judged, result
 from lowcostnav_ros.reproduce.solimeno.flights import fed
 from lowcostnav_ros.sensors.pseudolite import WAVELENGTH_M
 
@@ -23,6 +23,7 @@ BANK_DEG = 18.0
     source="Figures 4.5 and 4.9",
     thesis="most slips at more than 18 deg of roll, a few in level flight",
     tolerance="more than 70 % at more than 18 deg",
+    changed=Change("2026-11-27", "reproduced", "what was put into the simulated receiver is no result"),
 )
 def banked(context: Context) -> Outcome:
     """Declared slips of test 3."""
