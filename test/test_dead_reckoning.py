@@ -196,6 +196,35 @@ def test_poor_geometry_is_named(stations, word):
     assert word in nav.status().reason
 
 
+def on_either_side(north_m):
+    """Two stations 5 km south of the start, which is believed to lie ``north_m`` north; what a navigator makes of it, and the flight."""
+    flight, stations = straight(200.0), table(station("AAA", -5_000.0, 30_000.0), station("BBB", -5_000.0, -30_000.0))
+    stream = in_order(flight.attitudes(), flight.airspeeds(), flight.ranges(stations, zeros(flight), 150))
+    nav = navigator(stations)
+    nav.start_at(START_NS, *ORIGIN.from_ned(np.array([north_m, 0.0, 0.0])), 5_000.0)
+    return nav, stream, flight
+
+
+def test_a_start_on_the_wrong_side_of_the_line_of_stations_is_found_out_by_history():
+    nav, stream, flight = on_either_side(-10_000.0)
+    out = nav.feed_all(stream)
+    error = error_at(flight, out[-1])
+    assert nav.mirror.moved_ns is not None and "taken to the mirror place" in nav.status().reason
+    assert math.hypot(*error[0:2]) < 300.0  # without a second place 30 km, sure to 600 m
+    assert abs(error[0]) < 3.0 * math.sqrt(out[-1].cov_pos[0, 0])
+    again, stream, _ = on_either_side(-10_000.0)
+    rng = np.random.default_rng(5)
+    other = again.feed_all(sorted(stream, key=lambda m: m.stamp_ns + rng.uniform(0.0, 0.24e9)))
+    assert [s.lat for s in out] == [s.lat for s in other]
+
+
+def test_a_start_on_the_right_side_stays_there():
+    nav, stream, flight = on_either_side(0.0)
+    out = nav.feed_all(stream)
+    assert nav.mirror.moved_ns is None and nav.mirror.core is None and nav.mirror.log_odds > 9.0
+    assert np.abs(error_at(flight, out[-1])[0:2]).max() < 300.0
+
+
 def test_unknown_stations_and_missing_tables_are_refused_by_name():
     flight = straight(100.0)
     parts = (list(flight.attitudes()), list(flight.airspeeds()), gps_until(flight, 30.0))

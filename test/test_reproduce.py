@@ -190,3 +190,15 @@ def test_command_lists_and_refuses(capsys, tmp_path):
     assert cli.main(["reproduce", "GR21", "--json", str(tmp_path / "none" / "x.json")]) == 2
     assert "create it first" in capsys.readouterr().err
     assert cli.main(["reproduce", "GR21", "--workers", "0"]) == 2
+
+
+def test_a_quick_run_shares_out_modules_and_keeps_the_order_of_the_results():
+    shared = []
+
+    def some(function, groups):
+        shared.extend([entry.id for entry in group] for group in groups)
+        return [function(group) for group in groups]
+
+    records = run.run_results(registry.selected(["GR12", "GR21", "SR9", "GR22"]), Context(quick=True, run=some))
+    assert [record.entry.id for record in records] == ["GR12", "GR21", "GR22", "SR9"]
+    assert sorted(shared) == [["GR12"], ["GR21", "GR22"], ["SR9"]]

@@ -63,9 +63,9 @@ class DmeAid(StationAid):
         """White range noise, m."""
         return self.settings.noise_nm * NAUTICAL_MILE
 
-    def curvature(self, P: np.ndarray, direction: np.ndarray, range_m: float) -> float:
+    def curvature(self, measurement: SlantRange, host: Host, direction: np.ndarray, range_m: float) -> float:
         """Variance, m^2, of what is not linear in the range."""
-        return _curvature(P, direction, range_m)
+        return _curvature(host.P, direction, range_m)
 
     def answers(self, station: Station) -> bool:
         """Whether a station answers this receiver."""
@@ -102,7 +102,7 @@ class DmeAid(StationAid):
         H = np.zeros((1, host.layout.size))
         H[0, 0:3] = direction
         slow = self.bias_sigma**2
-        R = max(measurement.variance - slow, self.noise_m**2) + self.curvature(host.P, direction, predicted)
+        R = max(measurement.variance - slow, self.noise_m**2) + self.curvature(measurement, host, direction, predicted)
         bias = self.slots.index(measurement.station)
         if bias is None:
             R += slow if self._rows is not None else slow * self._repetition(measurement, host.core.speed_mps)

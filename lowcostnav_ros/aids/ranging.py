@@ -12,6 +12,8 @@ from lowcostnav_ros.aids.dme import DmeAid
 from lowcostnav_ros.base.measurements import SlantRange
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.estimation.aiding import GateSettings, Host, Sensor, SensorSettings, each
+from lowcostnav_ros.estimation.error_state import SLOWEST_MPS
+from lowcostnav_ros.physics.stochastic import correlation_factor
 from lowcostnav_ros.radionav.stations import Station
 from lowcostnav_ros.radionav.transmitters import BEACON
 from lowcostnav_ros.radionav.troposphere import MODELS, air_of, path_delays
@@ -57,10 +59,15 @@ class RangingAid(DmeAid):
         """White noise, m."""
         return float(self.settings.noise_m)
 
-    def curvature(self, P: np.ndarray, direction: np.ndarray, range_m: float) -> float:
-        """As a DME's, height included: without a barometer few beacons leave it open."""
-        across = float(P[0:3, 0:3].trace() - direction @ P[0:3, 0:3] @ direction)
-        return 0.75 * (across / range_m) ** 2
+    def curvature(self, measurement: SlantRange, host: Host, direction: np.ndarray, range_m: float) -> float:
+        """As a DME's, height included: without a barometer few beacons leave it open.
+
+        The error lasts until the line of sight has turned; ranges in quick succession repeat it.  Taken for white, they would teach
+        the filter the very direction that they leave open.
+        """
+        across = float(host.P[0:3, 0:3].trace() - direction @ host.P[0:3, 0:3] @ direction)
+        turned_s = range_m / max(host.core.speed_mps, SLOWEST_MPS)
+        return 0.75 * (across / range_m) ** 2 * correlation_factor(self.since_station_s(measurement), turned_s)
 
     def answers(self, station: Station) -> bool:
         """Whether it is a beacon."""

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
     parser.add_argument("results", nargs="*", metavar="STUDY|ID", help="a study such as gebre, or ids such as GR16 (default: all)")
     parser.add_argument("--list", action="store_true", help="list the results and run nothing")
-    parser.add_argument("--quick", action="store_true", help="fewer runs, all results in under two minutes")
+    parser.add_argument("--quick", action="store_true", help="one seed each, all results in about five minutes on two cores")
     parser.add_argument("--seed", type=int, default=1, help="seed of everything random (default: 1)")
     parser.add_argument("--json", metavar="FILE", help="write the results as JSON")
     parser.add_argument("--out", metavar="DIR", help="write a page per study and its figures there")

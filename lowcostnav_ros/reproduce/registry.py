@@ -214,6 +214,10 @@ class Context:
         self.flown = max(self.flown, count)
         return [int(s) for s in self.rng(name).integers(0, 2**62, count)]
 
+    def besides(self, compute: Callable[[], str]) -> str:
+        """What stands beside a result and is not judged, in words; a quick run leaves it out."""
+        return "not flown in a quick run" if self.quick else compute()
+
     def once(self, name: str, compute: Callable[[], Any]) -> Any:
         """Compute something that several results share, once in a run."""
         if name not in self._kept:

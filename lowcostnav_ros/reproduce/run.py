@@ -3,7 +3,8 @@
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,7 @@ class Record:
 def run_results(
     entries: Sequence[Entry], context: Context, out: Path | None = None, report: Callable[[Record], None] | None = None
 ) -> list[Record]:
-    """Compute results in order.
+    """Compute results in order; in a quick run, whose results have no seeds to share out, module by module side by side.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def run_results(
     out : Path, optional
         Directory that receives ``figures/<id>.png``; without it nothing is drawn.
     report : callable, optional
-        Called with each record as it is finished.
+        Called with each record as it is finished; of a quick run, when all are.
 
     Returns
     -------
@@ -69,12 +70,29 @@ def run_results(
         A function that raises gives the verdict ``crashed``, and the others still run.
     """
     records = []
-    for entry in entries:
-        record = _run_one(entry, context, out)
+    for record in _side_by_side(entries, context, out) if context.quick else (_run_one(entry, context, out) for entry in entries):
         records.append(record)
         if report is not None:
             report(record)
     return records
+
+
+def _side_by_side(entries: Sequence[Entry], context: Context, out: Path | None) -> list[Record]:
+    """Records of results that share flights (those of a module) computed by one worker, in the order of the entries."""
+    modules: dict[str, list[Entry]] = {}
+    for entry in entries:
+        modules.setdefault(entry.function.__module__, []).append(entry)
+    longest_first = sorted(modules.values(), key=len, reverse=True)
+    found = context.run(partial(_run_module, seed=context.seed, out=out), longest_first)
+    records = {record.entry.id: record for some in found for record in some}
+    return [replace(records[entry.id], entry=entry) for entry in entries]
+
+
+def _run_module(entries: Sequence[Entry], seed: int, out: Path | None) -> list[Record]:
+    """Records of a quick run without their drawings, which stay in the process that drew them."""
+    context = Context(True, seed)
+    records = (_run_one(entry, context, out) for entry in entries)
+    return [replace(record, outcome=replace(record.outcome, figure=None)) for record in records]
 
 
 def _run_one(entry: Entry, context: Context, out: Path | None) -> Record:

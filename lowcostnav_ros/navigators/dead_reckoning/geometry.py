@@ -20,6 +20,7 @@ class ReceivedStations:
     def __init__(self, stations: StationTable | None, window_s: float) -> None:
         self.stations, self.window_ns = stations, round(1e9 * window_s)
         self._received: dict[str, int] = {}
+        self.mirror_n: np.ndarray | None = None  # the other place that two ranges fit, m north and east, where it is near
 
     def received(self, ident: str, stamp_ns: int) -> None:
         """Note an accepted range."""
@@ -41,7 +42,7 @@ class ReceivedStations:
         sigma_towards : callable
             Estimated position sigma, m, along a horizontal unit vector (2,), north east.
         """
-        idents = self.idents(now_ns)
+        self.mirror_n, idents = None, self.idents(now_ns)
         if not idents or self.stations is None:
             return ""
         if len(idents) == 1:
@@ -52,14 +53,9 @@ class ReceivedStations:
             return COLLINEAR
         if len(idents) > 2:
             return ""
-        places = [-distance * direction[0:2] for distance, direction in lines]
-        return MIRROR if _mirror_is_near(places[0], places[1], sigma_towards) else ""
-
-
-def _mirror_is_near(station_a: np.ndarray, station_b: np.ndarray, sigma_towards: Callable[[np.ndarray], float]) -> bool:
-    """Whether the mirror point of the aircraft (at the origin) about the baseline is within the estimated error."""
-    mirror = mirror_point(np.zeros(2), station_a, station_b)
-    distance = math.hypot(*mirror)
-    if distance == 0.0:
-        return True
-    return distance < 2.0 * SIGMAS * sigma_towards(mirror / distance)
+        mirror = mirror_point(np.zeros(2), *(-distance * direction[0:2] for distance, direction in lines))
+        distance = math.hypot(*mirror)
+        if distance > 0.0 and distance >= 2.0 * SIGMAS * sigma_towards(mirror / distance):
+            return ""
+        self.mirror_n = mirror
+        return MIRROR

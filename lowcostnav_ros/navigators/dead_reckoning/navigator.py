@@ -20,9 +20,10 @@ from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsPosition,
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.cores.reckoning import ReckoningCore, core_blocks
 from lowcostnav_ros.cores.reckoning_model import POS
-from lowcostnav_ros.estimation.aiding import unique
+from lowcostnav_ros.estimation.aiding import Aid, unique
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.navigators.dead_reckoning.geometry import ReceivedStations
+from lowcostnav_ros.navigators.dead_reckoning.mirror import AGAIN_NS, Mirror
 from lowcostnav_ros.navigators.dead_reckoning.settings import DeadReckoningOwnSettings, baro_walk
 from lowcostnav_ros.navigators.reckoning import AIR, ReckoningNavigator
 from lowcostnav_ros.navigators.registry import navigator
@@ -90,6 +91,7 @@ class DeadReckoning(ReckoningNavigator):
     def _restart(self) -> None:
         self._start_over(ReckoningCore(self.settings, self.layout))
         self.geometry = ""
+        self.mirror = Mirror()
         self._looked_s: int | None = None
         self._received = ReceivedStations(self.stations, RECEIVED_S)
 
@@ -98,9 +100,11 @@ class DeadReckoning(ReckoningNavigator):
             self._align(item)
             return
         self._advance(item.stamp_ns)
+        self.mirror.carry(item.stamp_ns)
         if isinstance(item, Health):
             self.trust.told = item.mode == Mode.SUSPECT
         elif self._hold(item, self.core):
+            self.mirror.hold(item)
             self.trust.witness.take(item)
             if isinstance(item, AirVelocity):
                 self._confirm_air(item.stamp_ns)
@@ -141,6 +145,24 @@ class DeadReckoning(ReckoningNavigator):
         if used and isinstance(item, SlantRange):
             self._received.received(item.station, item.stamp_ns)
 
+    def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
+        """As every navigator; while two places are possible, the other takes the measurement, too."""
+        if self.mirror.core is None:
+            return super().use_aid(aid, measurement)
+        before = self.mirror.foresee(aid, measurement, self)
+        used = super().use_aid(aid, measurement)
+        self.mirror.take(aid, measurement, self, before)
+        return used
+
+    def doubt(self, stamp_ns: int) -> np.ndarray:
+        """As every navigator; of two places the other one is in doubt."""
+        doubt = super().doubt(stamp_ns)
+        if self.mirror.core is None:
+            return doubt
+        doubt = doubt.copy()
+        doubt[POS, POS] += self.mirror.doubt(self.core)
+        return doubt
+
     def _before_output(self, due_ns: int) -> None:
         self.trust.look(due_ns)
 
@@ -154,6 +176,7 @@ class DeadReckoning(ReckoningNavigator):
             self.mode, self.reason = Mode.FAILED, f"{outdated}: last value held, error unbounded"
         elif self.gps_good(core.t_ns):
             self.geometry = ""
+            self.mirror.close()
             self.mode = Mode.CALIBRATING
             failed = "airspeed failed" if core.held.fastest > 0.0 else "on the ground"
             self.reason = "GPS good" if core.held.airborne else f"GPS good, {failed}: wind is not observable"
@@ -183,7 +206,9 @@ class DeadReckoning(ReckoningNavigator):
         self._look_at_geometry(now_ns)
         if radials:
             self.geometry = ""  # a radial observes what ranges of one station, or along the track, do not
-        parts = (gps, f"DME {', '.join(self._received.idents(now_ns))}", f"VOR {radials}" if radials else "", self.geometry)
+        moved_ns = self.mirror.moved_ns
+        moved = "taken to the mirror place" if moved_ns is not None and now_ns - moved_ns < AGAIN_NS else ""
+        parts = (gps, f"DME {', '.join(self._received.idents(now_ns))}", f"VOR {radials}" if radials else "", self.geometry, moved)
         self.mode, self.reason = Mode.DME_AIDED, "; ".join(part for part in parts if part)
 
     def _look_at_geometry(self, now_ns: int) -> None:
@@ -196,6 +221,8 @@ class DeadReckoning(ReckoningNavigator):
         velocity = core.velocity()[0]
         course = math.atan2(velocity[1], velocity[0])
         self.geometry = self._received.judge(now_ns, core.nav, course, lambda u: math.sqrt(u @ core.P[0:2, 0:2] @ u))
+        if self._received.mirror_n is not None:
+            self.mirror.begin(core, self._received.mirror_n)
 
     # outputs -----------------------------------------------------------------------------------------------------------------
 

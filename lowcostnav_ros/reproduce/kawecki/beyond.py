@@ -20,13 +20,15 @@ from lowcostnav_ros.sensors.ranging import RangingSimulator, RangingSimulatorSet
 
 @dataclass(frozen=True)
 class OtherCase:
-    """``sensor``: ``ranging`` or ``gnss_carrier``; ``profile`` of the inertial unit; ``rate_hz`` of the ranges."""
+    """``sensor``: ``ranging`` or ``gnss_carrier``; ``profile`` of the inertial unit; ``rate_hz`` of the ranges; the first position is
+    known to ``start_m``."""
 
     sensor: str = "ranging"
     seed: int = 1
     profile: str = "automotive"
     rate_hz: float = 2.0
     beacons: int = 4
+    start_m: float = 3.0
     duration_s: float = 820.0
 
 
@@ -38,7 +40,7 @@ def start_of(truth: TruthBlock, seed: int, sigma: np.ndarray) -> tuple[np.ndarra
 
 
 def fly_other(case: OtherCase) -> Flight:
-    """Fly a case: no GPS fix at any time, the first state known to 3 m, 0.3 m/s, 0.5 deg and, in heading, 2 deg."""
+    """Fly a case: no GPS fix at any time, the first velocity and attitude known to 0.3 m/s, 0.5 deg and, in heading, 2 deg."""
     truth, profile, table = truth_of(case.duration_s), load_imu_profile(case.profile), load_stations("beacons_range.csv")
     values: dict[str, Any] = {"horizon.lag_s": 0.0, "gps.latency_s": 0.0, "pseudolite.enabled": False}
     values["aids"] = ["gps", "pseudolite", case.sensor]
@@ -49,6 +51,6 @@ def fly_other(case: OtherCase) -> Flight:
     else:
         measured = GnssCarrierSimulator(GnssCarrierSimulatorSettings(seed=case.seed)).simulate(truth)
     navigator = PseudoliteIns(settings, table)
-    sigma = np.array([3.0] * 3 + [0.3] * 3 + np.radians([0.5, 0.5, 2.0]).tolist())
+    sigma = np.array([case.start_m] * 3 + [0.3] * 3 + np.radians([0.5, 0.5, 2.0]).tolist())
     navigator.begin(int(truth.stamps_ns[0]), *start_of(truth, case.seed, sigma))
     return flight_of(truth, fed(navigator, imu_of(profile, truth, case.seed), measured))

@@ -52,8 +52,12 @@ def consistency(flights: Sequence[Flight]) -> str:
 
 def consistent_row(context: Context, grade: str) -> str:
     """3D RMS and NEES of both couplings with consistent tuning."""
-    found = {coupling: drawn(context, coupling, grade) for coupling in ("tight", "loose")}
-    return "; ".join(f"consistent tuning, {name}: {norm(mean_rms(f)):.2f} m, {consistency(f)}" for name, f in found.items())
+
+    def compute() -> str:
+        found = {coupling: drawn(context, coupling, grade) for coupling in ("tight", "loose")}
+        return "; ".join(f"consistent tuning, {name}: {norm(mean_rms(f)):.2f} m, {consistency(f)}" for name, f in found.items())
+
+    return context.besides(compute)
 
 
 @result(
@@ -68,9 +72,13 @@ def loose_and_tight(context: Context) -> Outcome:
     tight, loose = drawn(context, "tight"), drawn(context, "loose")
     ratio = norm(mean_rms(loose)) / norm(mean_rms(tight))
     each = each_3d(loose) / each_3d(tight)
-    plain = norm(mean_rms(runs(context, Case("loose", tuning="thesis", driving_psd=FOLLOWING), OTHERS)))
+
+    def plain() -> str:
+        loosely = runs(context, Case("loose", tuning="thesis", driving_psd=FOLLOWING), OTHERS)
+        return f"{norm(mean_rms(thesis_tight(context))):.2f} m and {norm(mean_rms(loosely)):.2f} m"
+
     text = f"ratio {ratio:.2f} ({each.min():.2f} to {each.max():.2f} over {len(each)} seeds); {consistent_row(context, 'crista')}; "
-    text += f"thesis's tuning {norm(mean_rms(thesis_tight(context))):.2f} m and {plain:.2f} m"
+    text += f"thesis's tuning {context.besides(plain)}"
     why = "the PVA filter's errors last and are weighed as such"
     return judged(text, 0.8 < ratio < 1.25, why, partial(draw_coupling, tight[0], loose[0]))
 
@@ -139,12 +147,14 @@ def tight_fog(context: Context) -> Outcome:
     """Low dynamics, thesis's tuning."""
     best, within, text = _grade(context, "fog", 2.86)
     worse = _grade(context, "crista", 2.98)[0] / best - 1.0
-    untuned = norm(mean_rms(drawn(context, "tight"))) / norm(mean_rms(drawn(context, "tight", "fog"))) - 1.0
     text = f"{text}; low-cost over FOG {100.0 * worse:+.1f} %"
-    shown = f"low-cost over FOG {100.0 * untuned:+.0f} %; {consistent_row(context, 'fog')}"
-    return fitted(
-        text, within and abs(worse) <= 0.05, f"{FITTED_BY}, beside which no IMU matters", shown, figure=partial(draw_grades, context)
-    )
+
+    def untuned() -> str:
+        ratio = norm(mean_rms(drawn(context, "tight"))) / norm(mean_rms(drawn(context, "tight", "fog"))) - 1.0
+        return f"low-cost over FOG {100.0 * ratio:+.0f} %; {consistent_row(context, 'fog')}"
+
+    setting, draw = f"{FITTED_BY}, beside which no IMU matters", partial(draw_grades, context)
+    return fitted(text, within and abs(worse) <= 0.05, setting, context.besides(untuned), figure=draw)
 
 
 @result(

@@ -1,6 +1,6 @@
 """Estimated sensor errors and receiver clock in the INS/GPS thesis (SR44 to SR47)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,6 +11,7 @@ from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.gnss.accuracy import relative_error
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS, simulate
+from lowcostnav_ros.reproduce.figures import LABEL, SMALL, axes, legend
 from lowcostnav_ros.reproduce.registry import Change, Context, Outcome, Reading, judged, read, result
 from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight, epochs_of, fed, imu_of, navigator_of, started, truth_of
 from lowcostnav_ros.reproduce.solimeno.gps_only import root_mean_square, runs
@@ -25,6 +26,7 @@ PARTS = {
     "scale": ("scale_factor_ppm", "scale_factor_ppm"),
 }
 """Fields of a profile's gyros and accelerometers by kind of error, named as the filter's states are."""
+UNITS = {"accel": ("accelerometers", "m/s^2"), "gyro": ("gyros", "rad/s")}
 EXCITED = 0.75
 """Share of its first sigma to which a scale factor's must fall for its axis to count as excited."""
 
@@ -57,6 +59,12 @@ def true_clock(case: Case) -> np.ndarray:
 def cases(context: Context, case: Case, flights: Sequence[Flight]) -> list[Case]:
     """The cases that :func:`runs` flew, with their seeds."""
     return [replace(case, seed=seed % 2**31) for seed in context.seeds("solimeno.flights", len(flights))]
+
+
+def one_of(context: Context, *datasets: str) -> dict[str, tuple[Case, Flight]]:
+    """The first flight of some datasets with its case, to be drawn."""
+    chosen = {name: replace(HD, dataset=name) for name in datasets}
+    return {name: (cases(context, case, runs(context, case))[0], runs(context, case)[0]) for name, case in chosen.items()}
 
 
 def errors_over_size(context: Context, dataset: str, parts: Sequence[str], size_of: Sequence[str]) -> dict[str, np.ndarray]:
@@ -108,11 +116,11 @@ def turn_on(context: Context) -> Outcome:
         true = np.concatenate([e[-1] for e in true_errors(case, "bias")])
         estimate = np.concatenate([flight.state(f"{sensor}_bias")[-1] for sensor in ("accel", "gyro")])
         errors.append([100.0 * relative_error(a, b) for a, b in zip(estimate, true, strict=True)])
-    axes = np.median(errors, axis=0)
-    text = f"median {np.median(errors):.0f} %; by axis " + ", ".join(f"{a:.0f}" for a in axes) + " % (accelerometers, gyros; x y z), "
+    by_sensor = np.median(errors, axis=0)
+    text = f"median {np.median(errors):.0f} %; by axis " + ", ".join(f"{a:.0f}" for a in by_sensor) + " % (accelerometers, gyros; x y z), "
     text += f"quarters of all {np.quantile(errors, 0.25):.0f} and {np.quantile(errors, 0.75):.0f} % ({len(flights)} seeds)"
-    within = float(np.median(errors)) <= 30.0 and float(axes.max()) <= 60.0
-    return judged(text, within, figure=partial(draw_turn_on, flights[0], cases(context, HD, flights)[0]))
+    within = float(np.median(errors)) <= 30.0 and float(by_sensor.max()) <= 60.0
+    return judged(text, within, figure=partial(draw_estimates, one_of(context, "HD"), ("bias",), "Turn-on biases"))
 
 
 @result(
@@ -145,7 +153,7 @@ def drift(context: Context) -> Outcome:
         )
         readings.append(Reading(name, shown, all(gyros < min(accels, 0.75) for gyros, accels in rms.values())))
     why = "a drift cannot be told from the turn-on bias beside it; over the size of the drift the two sensors' data sheets decide"
-    return read(readings, why)
+    return read(readings, why, partial(draw_estimates, one_of(context, "LD", "HD"), both, "Turn-on biases and drifts together"))
 
 
 @result(
@@ -169,11 +177,12 @@ def scale(context: Context) -> Outcome:
         for sensor, name in (("gyro", "gyros"), ("accel", "accelerometers")):
             excited = sigma[sensor] <= EXCITED
             found[dataset, sensor] = root_mean_square(error[sensor][excited]) if excited.any() else np.inf
-            axes = " ".join(np.array(list("xyz"))[excited])
-            parts.append(f"{dataset} {name} {found[dataset, sensor]:.3f} on {axes or 'no axis'} (x y z {by_axis(error[sensor])})")
+            named = " ".join(np.array(list("xyz"))[excited])
+            parts.append(f"{dataset} {name} {found[dataset, sensor]:.3f} on {named or 'no axis'} (x y z {by_axis(error[sensor])})")
     gyros, accels = found["LD", "gyro"], found["LD", "accel"]
     why = "our flights turn seldom or steadily: a gyro's scale factor shows in the few changes of rate, against a bias drift of 0.05 deg/s"
-    return judged("; ".join(parts), max(gyros, accels) < 0.75 and 0.5 < gyros / accels < 2.0, why)
+    draw = partial(draw_estimates, one_of(context, "LD", "HD"), ("scale",), "Scale factors")
+    return judged("; ".join(parts), max(gyros, accels) < 0.75 and 0.5 < gyros / accels < 2.0, why, draw)
 
 
 @result(
@@ -194,17 +203,37 @@ def clock(context: Context) -> Outcome:
         largest = max(largest, float(np.abs(true[:, 0]).max()))
     bias, drift_mps = np.sqrt(np.mean(missed, axis=0))
     text = f"bias RMS {bias:.2f} m, drift RMS {drift_mps:.3f} m/s; true bias up to {largest / 1e3:.0f} km"
-    return judged(text, bias < 5.0 and drift_mps < 0.3)
+    return judged(text, bias < 5.0 and drift_mps < 0.3, figure=partial(draw_clock, *one_of(context, "HD")["HD"]))
 
 
-def draw_turn_on(flight: Flight, case: Case, figure: Any) -> None:
-    """Figure 7.28: estimated turn-on biases over time and their true values."""
-    true = true_errors(case, "bias")
-    for axes, sensor, values, unit in zip(figure.subplots(2, 1, sharex=True), ("accel", "gyro"), true, ("m/s^2", "rad/s"), strict=True):
-        lines = axes.plot(flight.t_s, flight.state(f"{sensor}_bias"))
-        for line, value in zip(lines, values[-1], strict=True):
-            axes.axhline(value, color=line.get_color(), linestyle=":")
-        axes.set(ylabel=f"{sensor} [{unit}]")
-        axes.grid(alpha=0.3)
-    axes.set(xlabel="time [s]")
-    figure.suptitle("Turn-on biases, estimated and true (dotted)")
+def draw_estimates(flown: Mapping[str, tuple[Case, Flight]], parts: Sequence[str], title: str, figure: Any) -> None:
+    """Figures 7.28 to 7.30: the sum of some estimated errors over time and its true values (dotted), a column for each flight."""
+    figure.set_size_inches(9.0, 5.0)
+    for column, (name, (case, flight)) in enumerate(flown.items()):
+        true = [true_errors(case, part) for part in parts]
+        rows = np.round(100.0 * flight.t_s).astype(int)
+        for row, (sensor, (words, unit)) in enumerate(UNITS.items()):
+            place = (2, len(flown), row * len(flown) + column + 1)
+            label = words if parts == ("scale",) else f"{words} [{unit}]"
+            made = axes(figure, place, x="time [s]" if row else "", y=label, title=name * (row == 0))
+            lines = made.plot(flight.t_s, sum(flight.state(f"{sensor}_{part}") for part in parts), lw=0.9)
+            for axis, line in enumerate(lines):
+                made.plot(flight.t_s, sum(e[row][rows, axis] for e in true), ":", color=line.get_color(), lw=1.2)
+            if row == column == 0:
+                made.legend(lines, "xyz", fontsize=SMALL, ncols=3)
+    figure.suptitle(f"{title}, estimated and true (dotted)", fontsize=LABEL)
+
+
+def draw_clock(case: Case, flight: Flight, figure: Any) -> None:
+    """Figure 7.31: estimated and true clock, and the error of the estimate."""
+    figure.set_size_inches(9.0, 4.6)
+    true = true_clock(case)[np.round(10.0 * flight.t_s).astype(int)]
+    for k, (name, unit, scale) in enumerate((("bias", "km", 1e-3), ("drift", "m/s", 1.0))):
+        made = axes(figure, (2, 2, k + 1), x="", y=f"{name} [{unit}]")
+        made.plot(flight.t_s, scale * flight.state("clock")[:, k], label="estimated")
+        made.plot(flight.t_s, scale * true[:, k], "k:", label="true")
+        legend(made)
+        made = axes(figure, (2, 2, k + 3), x="time [s]", y=f"error of the {name} [{('m', 'm/s')[k]}]")
+        made.plot(flight.t_s, flight.state("clock")[:, k] - true[:, k], lw=0.7)
+        after = np.abs((flight.state("clock")[:, k] - true[:, k])[flight.t_s > SETTLED_S]).max()
+        made.set_ylim(-1.3 * after, 1.3 * after)

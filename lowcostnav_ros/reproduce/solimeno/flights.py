@@ -58,7 +58,7 @@ class Case:
     ``start``: at the ``known`` true state, as the thesis's flights do, or at one ``drawn`` from :data:`START_SIGMA`, which a judgement
     of the filter's own sigmas needs; the filter is given :data:`START_SIGMA` either way.  ``heading_error_deg`` is added at the start,
     and to the filter's sigma.  ``clock`` is the receiver's oscillator, which the filter knows.  ``position_noise`` multiplies the
-    position random walk of the thesis's tuning.
+    position random walk of the thesis's tuning.  ``gps_sigma_m`` of a range to a GPS satellite.
     """
 
     navigator: str = "tight"
@@ -73,6 +73,7 @@ class Case:
     driving_psd: float | None = None
     position_noise: float = 1.0
     heading_error_deg: float = 0.0
+    gps_sigma_m: float = 5.5
     duration_s: float = 600.0
 
 
@@ -134,6 +135,7 @@ def epochs_of(case: Case, truth: TruthBlock) -> list[GnssEpoch]:
         seed=case.seed,
         constellation=case.constellation,
         clock=case.clock,
+        gps_sigma_m=case.gps_sigma_m,
         schedule=schedule,
         max_satellites=0 if both else 9,
         select_every_s=30.0,

@@ -102,8 +102,7 @@ def largest_position(context: Context) -> Outcome:
     horizontal, vertical = largest(flights, 0)
     within = abs(horizontal / 4.67 - 1.0) < 0.4 and abs(vertical / 10.53 - 1.0) < 0.4
     text = f"horizontal {horizontal:.2f} m, vertical {vertical:.2f} m (mean of {len(flights)} seeds)"
-    h, v = largest(runs(context, Case("pv", "LD"), OTHERS), 0)
-    untuned = f"horizontal {h:.2f} m, vertical {v:.2f} m"
+    untuned = context.besides(lambda: "horizontal {:.2f} m, vertical {:.2f} m".format(*largest(runs(context, Case("pv", "LD"), OTHERS), 0)))
     return fitted(text, within, FITTED_BY, untuned, figure=partial(draw_errors, flight=flights[0], first=0))
 
 
@@ -209,10 +208,14 @@ def pva_high(context: Context) -> Outcome:
 
 def consistent(context: Context, model: str, dataset: str) -> str:
     """Errors and NEES of the filter as it is tuned for use: process noise for the dynamics, none for the position."""
-    flights = runs(context, Case(model, dataset), OTHERS)
-    text = f"{norm(mean_rms(flights)):.2f} m, {norm(mean_rms(flights, VELOCITY)):.2f} m/s, "
-    scores = np.mean([f.nees[f.t_s > SETTLED_S, :2].mean(axis=0) for f in flights], axis=0)
-    return f"{text}NEES position {scores[0]:.1f}, velocity {scores[1]:.1f} of 3"
+
+    def compute() -> str:
+        flights = runs(context, Case(model, dataset), OTHERS)
+        text = f"{norm(mean_rms(flights)):.2f} m, {norm(mean_rms(flights, VELOCITY)):.2f} m/s, "
+        scores = np.mean([f.nees[f.t_s > SETTLED_S, :2].mean(axis=0) for f in flights], axis=0)
+        return f"{text}NEES position {scores[0]:.1f}, velocity {scores[1]:.1f} of 3"
+
+    return context.besides(compute)
 
 
 def draw_errors(figure: Any, flight: Flight, first: int) -> None:
