@@ -41,6 +41,10 @@ class Standstill:
         self.origin = self.origin or LocalFrame(self.lat, 0.1, 100.0)
         return [self.output()] if self.count % 10 == 0 else []
 
+    @property
+    def newest_ns(self):
+        return self.stamp_ns
+
     def output(self):
         eye, q = np.eye(3), np.array([1.0, 0.0, 0.0, 0.0])
         place = {"lat": self.lat, "lon": 0.1, "height": 103.0, "vel_n": np.array([1.0, 2.0, 3.0]), "q_nb": q, "mode": self.mode}

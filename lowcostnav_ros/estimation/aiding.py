@@ -531,8 +531,8 @@ class Sensor:
     defaults : mapping
         Values in place of the settings' own defaults.
     quiet : bool
-        Subscribed to only when enabled; the topics of others are subscribed to even when disabled, so that ``enabled`` does not change
-        where inertial samples are cut.
+        Subscribed to only when enabled; the topics of others are subscribed to even when disabled, and their measurements compared with
+        the other sources.
     """
 
     name: str

@@ -82,9 +82,10 @@ class Vibration:
         self._at, self._total, self._means, self._power = np.zeros(3, np.int64), np.zeros(7), np.zeros((5, 6)), np.zeros(6)
         self._looked, self.accel, self.gyro = 0, 1.0, 1.0
 
-    def take(self, block: ImuBlock) -> None:
-        """Take in samples."""
-        shake(block.stamps_ns, block.specific_force_b, block.angular_rate_b, self._at, self._total, self._means, self._power)
+    def take(self, block: ImuBlock, first: int = 0, end: int | None = None) -> None:
+        """Take in samples ``first`` up to ``end``."""
+        stamps, force, rate = (column[first:end] for column in (block.stamps_ns, block.specific_force_b, block.angular_rate_b))
+        shake(stamps, force, rate, self._at, self._total, self._means, self._power)
 
     def look(self, t_ns: int) -> bool:
         """Find the factors anew, once a second; return whether they have changed."""

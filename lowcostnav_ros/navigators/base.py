@@ -515,6 +515,11 @@ class Navigator(ABC):
         """Feed many; return all fused solutions."""
         return [solution for m in measurements for solution in self.feed(m)]
 
+    @property
+    def newest_ns(self) -> int | None:
+        """The newest stamp, to which :meth:`output` carries the solution; None before the first."""
+        return self.horizon.newest_ns
+
     def output(self) -> NavSolution | None:
         """The solution carried to the newest stamp by mean propagation alone (low latency), None before alignment."""
         solution = self._predict()

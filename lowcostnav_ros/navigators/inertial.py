@@ -251,7 +251,6 @@ class InertialNavigator(Navigator):
     def _run(self, block: ImuBlock) -> None:
         first = 0
         self.trust.witness.take(block)
-        self.vibration.take(block)
         in_hole = self._aligned and not self._levelling_until_ns and block.stamps_ns[0] - self._sampled_ns > GAP_NS
         if in_hole and self._coast(int(block.stamps_ns[0])):
             first = 1  # the sample says nothing about all of the hole before it
@@ -261,10 +260,12 @@ class InertialNavigator(Navigator):
         if self._aligned and self._levelling_until_ns:
             first = self._coast_levelling(block)
         if not self._aligned:
+            self.vibration.take(block)
             return
         while first < len(block):
             self.headings.advance(block, first, self.output_period_ns)
-            first = self.core.advance(block, first, self.output_period_ns)
+            begun, first = first, self.core.advance(block, first, self.output_period_ns)
+            self.vibration.take(block, begun, first)
             self._sampled_ns = self.core.t_ns
             if self.core.t_ns // self.output_period_ns != self._emitted:
                 self.core.note(block, first - 1)

@@ -179,7 +179,7 @@ class NavigatorNode(NodeBase):
 
     def _publish_output(self, measurement: Measurement) -> None:
         """Publish the low-latency solution when it is time: by the inertial stamps, or by its own where nothing inertial drives it."""
-        inertial, newest_ns = self.navigator.inertial, self.navigator.horizon.newest_ns
+        inertial, newest_ns = self.navigator.inertial, self.navigator.newest_ns
         if inertial is not None:
             newest_ns = measurement.stamp_ns if measurement.source == inertial else None
         if newest_ns is None or not self._is_due(newest_ns):
