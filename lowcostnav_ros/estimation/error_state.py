@@ -130,6 +130,8 @@ class Layout:
         Driving noise.
     level : ndarray, shape (n,)
         Factor on each state's steady sigma, as learned in flight (:meth:`set_levels`).
+    least : ndarray, shape (n,)
+        What that factor is at least, where something is at fault (:meth:`widen`).
     labels : tuple of str
     """
 
@@ -149,7 +151,7 @@ class Layout:
         self._rate = np.array([1.0 / tau for b in self.blocks for tau in np.broadcast_to(b.tau_s, b.size)])
         self.rate = self._rate.copy()
         self._psd = np.array([q for b in self.blocks for q in (b.psd or (0.0,) * b.size)])
-        self.psd, self.level = self._psd.copy(), np.ones(start)
+        self.psd, self.level, self.least = self._psd.copy(), np.ones(start), np.zeros(start)
         self.sigma0 = np.array([s for b in self.blocks for s in b.sigma0])
         self._speed_mps: float | None = None
         self._along_way = [block for block in self.blocks if np.isfinite(block.distance_m)]
@@ -196,13 +198,21 @@ class Layout:
         self.level = np.ones(self.size)
         for name, factor in factors.items():
             self.level[self._slices[name]] = factor
-        self.psd[:] = self._psd * self.level**2
+        self._drive()
+
+    def widen(self, least: np.ndarray) -> None:
+        """Let the states vary by at least ``least`` (n,) times their declared sigma, whatever their level."""
+        self.least = least
+        self._drive()
+
+    def _drive(self) -> None:
+        self.psd[:] = self._psd * np.maximum(self.level, self.least) ** 2
         if self._speed_mps is not None:
             self.pace(self._speed_mps)
 
     def forget(self) -> None:
         """Be as declared: no speed, no levels."""
-        self._speed_mps = None
+        self._speed_mps, self.least = None, np.zeros(self.size)
         self.rate[:] = self._rate
         self.set_levels({})
 

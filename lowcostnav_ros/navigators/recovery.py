@@ -89,7 +89,7 @@ class Recovery:
     """
 
     def __init__(self, imu: ImuSettings, layout: Layout) -> None:
-        self._layout, self._psd = layout, layout.psd.copy()
+        self._layout = layout
         self._steps, self._factor, self._worst, self._is_fault = 0, 1.0, 0.0, False
         self._tested_ns: int | None = None
         self._since_ns, self._is_far = NEVER_NS, False
@@ -233,12 +233,10 @@ class Recovery:
     def _widen(self, factor: float) -> None:
         """Take the sensors' noise for so much larger than set; a bias far beyond its setting is no steadier than that shows."""
         self._factor, self._tested_ns = factor, None
-        rows = self._sensors.copy()
-        rows[VEL], rows[ATT] = True, True
-        self._layout.psd[rows] = self._psd[rows] * factor**2
-        worst = min(self._worst, WIDENINGS[-1])
-        if self._steps and worst > factor**2:
-            self._layout.psd[self._sensors] = self._psd[self._sensors] * worst
+        worst, least = min(self._worst, WIDENINGS[-1]), np.zeros(self._layout.size)
+        least[VEL], least[ATT] = factor, factor
+        least[self._sensors] = math.sqrt(worst) if self._steps and worst > factor**2 else factor
+        self._layout.widen(least)
 
     def distrust_compass(self, stamp_ns: int) -> None:
         """Let the magnetometer wait: the heading comes from the track."""
