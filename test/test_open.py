@@ -94,7 +94,7 @@ def test_a_recording_of_ours_is_opened_as_it_is(kept, tmp_path):
         (b"\xaa\x44\x12\x1c" + bytes(200), "NovAtel"),
         (b"# a capture\n\xd3\x00\x13" + bytes(200), "RTCM 3"),
         (b"\x10\x72" + bytes(20) + b"\x10\x03\x10\x33" + bytes(50), "Trimble TSIP"),
-        (gzip.compress(b"SQLite format 3\0" + bytes(200)), "packed database of ROS 2"),
+        (gzip.compress(b"SQLite format 3\0" + bytes(200), mtime=0), "packed database of ROS 2"),
         (bytes(range(256)) * 4, "no known format"),
         (b"", "is empty"),
         (b"     3.04           N: GNSS NAV DATA    M                   RINEX VERSION / TYPE\n", "observation file"),

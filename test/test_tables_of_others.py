@@ -33,7 +33,7 @@ DRESSES = {
     "euroc.csv": table(["#timestamp [ns]", "w_x [rad s^-1]", "w_y [rad s^-1]", "w_z [rad s^-1]"], STAMPED).encode(),
     "temperature.csv": table([*NAMES, "temperature_C"], [[*row, "25.0"] for row in ROWS]).encode(),
     "remarks.csv": b"# made by a logger\n# on a bench\n" + table(NAMES).encode(),
-    "plain.csv.gz": gzip.compress(table(NAMES).encode()),
+    "plain.csv.gz": gzip.compress(table(NAMES).encode(), mtime=0),
 }
 
 
