@@ -273,13 +273,9 @@ class CarrierAid(Aid):
         return found
 
     def _move_clock(self, step_m: float, sigma_m: float, host: Host) -> None:
-        k, history = self._clock, host.core.history
+        k = self._clock
         host.core.estimate[k] += step_m
-        if history is not None:
-            history.begin(host.P)
-        host.P[k, k] += sigma_m**2
-        if history is not None:
-            history.end(host.P)
+        kalman.add_variance(host.P, slice(k, k + 1), sigma_m**2, host.core.history)
 
     def _drop_absent(self, now_ns: int, host: Host) -> None:
         if now_ns - self._looked_ns < LOOK_NS:

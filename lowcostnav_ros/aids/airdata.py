@@ -16,6 +16,7 @@ from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.inertial import ATT, POS, VEL
 from lowcostnav_ros.cores.views import Attitude, Velocity
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings, each
@@ -172,13 +173,8 @@ class AirDataAid(Aid):
 
     def _doubt_moved(self, host: Host) -> None:
         """Add what it has moved of late to the covariance, position, velocity and attitude alone: one must not vouch for the others."""
-        history = host.core.history
-        if history is not None:
-            history.begin(host.P)
-        for rows in (slice(0, 3), slice(3, 6), slice(6, 9)):
-            host.P[rows, rows] += np.outer(self._moved[rows], self._moved[rows])
-        if history is not None:
-            history.end(host.P)
+        for rows in (POS, VEL, ATT):
+            kalman.add_variance(host.P, rows, np.outer(self._moved[rows], self._moved[rows]), host.core.history)
         self._begin_watch()
 
     def _creeps(self, stamp_ns: int, y: np.ndarray, S: np.ndarray, host: Host) -> bool:

@@ -421,12 +421,8 @@ class InertialCore:
         C = self.C_nb()
         self.nav[3:6] += C @ kick_b[:3]
         self.nav[6:10] = quat_apply_phi_n(self.nav[6:10], C @ kick_b[3:])
-        if self.history is not None:
-            self.history.begin(self.P)
         for rows, variance in ((VEL, variance_b[:3]), (ATT, variance_b[3:])):
-            self.P[rows, rows] += turned(C, np.diag(variance))
-        if self.history is not None:
-            self.history.end(self.P)
+            kalman.add_variance(self.P, rows, turned(C, np.diag(variance)), self.history)
 
     def widen(self, least: np.ndarray) -> None:
         """Raise the sigmas of the error state to those of ``least`` (n,); no smoother carries anything over this."""

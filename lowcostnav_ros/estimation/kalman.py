@@ -344,11 +344,14 @@ def raise_sigmas(P: np.ndarray, least: np.ndarray) -> None:
     np.fill_diagonal(P, np.maximum(P.diagonal(), least**2))
 
 
-def add_variance(P: np.ndarray, rows: slice, variance: float, history: Any = None) -> None:
-    """Add a variance to each state of one block, in place, its correlations left; ``history`` is that of the core, for the smoother."""
+def add_variance(P: np.ndarray, rows: slice, variance: float | np.ndarray, history: Any = None) -> None:
+    """Add a variance to each state of one block, or a covariance (m, m) to the block, in place; its correlations with others are left.
+
+    ``history`` is that of the core, for the smoother.
+    """
     if history is not None:
         history.begin(P)
-    P[rows, rows] += variance * np.eye(rows.stop - rows.start)
+    P[rows, rows] += variance if isinstance(variance, np.ndarray) else variance * np.eye(rows.stop - rows.start)
     if history is not None:
         history.end(P)
 
