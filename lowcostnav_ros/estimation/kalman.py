@@ -344,6 +344,13 @@ def raise_sigmas(P: np.ndarray, least: np.ndarray) -> None:
     np.fill_diagonal(P, np.maximum(P.diagonal(), least**2))
 
 
+def log_likelihood(P: np.ndarray, y: np.ndarray, H: np.ndarray, R: np.ndarray) -> tuple[float, float]:
+    """Log likelihood of an innovation y (m,), up to a constant, and its normalised square: what weighs hypotheses against each other."""
+    S = innovation_covariance(P, H, R)
+    squared = normalised_innovation_squared(y, S)
+    return -0.5 * (squared + float(np.linalg.slogdet(S)[1])), squared
+
+
 def add_variance(P: np.ndarray, rows: slice, variance: float | np.ndarray, history: Any = None) -> None:
     """Add a variance to each state of one block, or a covariance (m, m) to the block, in place; its correlations with others are left.
 

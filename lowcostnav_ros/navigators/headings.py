@@ -134,8 +134,7 @@ class Headings:
         if aid.decision is Decision.LIMIT:
             innovation.y = innovation.y / math.sqrt(aid.status.test_ratio)
         R = aid.applied.R if aid.applied.late is None else aid.applied.R + aid.applied.late
-        S = kalman.innovation_covariance(core.P, innovation.H, R)
-        score = -0.5 * (kalman.normalised_innovation_squared(innovation.y, S) + float(np.linalg.slogdet(S)[1]))
+        score, _ = kalman.log_likelihood(core.P, innovation.y, innovation.H, R)
         free = np.ones(len(core.P)) if aid.applied.free is None else aid.applied.free
         host.correct(kalman.update(core.P, innovation.y, innovation.H, R, free))
         return score if aid.decision is Decision.FUSE else math.nan

@@ -127,9 +127,7 @@ class Mirror:
 
 
 def _score(core: ReckoningCore, innovation: Innovation) -> tuple[float, float]:
-    S = kalman.innovation_covariance(core.P, innovation.H, innovation.R)
-    squared = kalman.normalised_innovation_squared(innovation.y, S)
-    return -0.5 * (squared + float(np.linalg.slogdet(S)[1])), squared
+    return kalman.log_likelihood(core.P, innovation.y, innovation.H, innovation.R)
 
 
 def _slot(aid: Aid, measurement: Any) -> int | None:
