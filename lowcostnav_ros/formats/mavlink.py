@@ -30,6 +30,7 @@ from lowcostnav_ros.formats.framing import MORE, Protocol
 from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, own_solution
 from lowcostnav_ros.formats.mavlink_messages import CHECK_BYTES, LAYOUTS
 from lowcostnav_ros.formats.parser import BOOT, Parser
+from lowcostnav_ros.formats.vehicle import remark_type
 from lowcostnav_ros.messages.kinds.imu import unaccelerated
 from lowcostnav_ros.physics.rotation import euler_to_quat
 
@@ -79,7 +80,6 @@ class MavlinkParser(Parser):
 
     def __init__(self) -> None:
         super().__init__()
-        self.vehicle_type: int | None = None
         self._system: int | None = None
         self._is_ardupilot = self._has_pitot = False
         self._boot_ns = 0
@@ -122,7 +122,8 @@ class MavlinkParser(Parser):
         self.utc_offset_ns = None
 
     def _heartbeat(self, message: Message) -> Iterator[Measurement]:
-        self._is_ardupilot, self.vehicle_type = message["autopilot"] == _ARDUPILOT, int(message["type"])
+        self._is_ardupilot = message["autopilot"] == _ARDUPILOT
+        remark_type(self.account, int(message["type"]))
         yield from ()
 
     def _status(self, message: Message) -> Iterator[Measurement]:
