@@ -115,7 +115,10 @@ def test_mavlink_uses_the_best_inertial_message_and_one_autopilot():
     found = by_source(parsed(parser, b"".join(mavlink_frames()) + other))
     assert [one.stamp_ns for one in found["imu/data_raw"]] == [10_000_000_000, 10_100_000_000]
     np.testing.assert_allclose(found["imu/data_raw"][-1].specific_force_b[0], [0.1, 0.2, -9.8], rtol=1e-6)
-    assert parser.utc_offset_ns == 1_754_049_600 * 10**9 and parser.account.left_out == {"SCALED_IMU": 2, "RAW_IMU": 1, "another system": 1}
+    left_out = {"SCALED_IMU": 2, "RAW_IMU": 1, "SCALED_IMU3": 2, "VFR_HUD beside AIRSPEED": 1, "another system": 1}
+    assert parser.utc_offset_ns == 1_754_049_600 * 10**9 and parser.account.left_out == left_out
+    parsed(parser, mavlink_frame(295, struct.pack("<ffhBB", 90.0, 12.0, 2000, 0, 3)))
+    assert parser.account.refused == {"AIRSPEED of a sensor that says it is unhealthy": 1}
     np.testing.assert_allclose(np.diag(found["gps/fix"][0].cov_n), [0.72, 0.72, 3.61])
     assert found["gps/fix"][0].height == 472.0 and found["air/velocity"][0].vel_b[0] > 50.0
 

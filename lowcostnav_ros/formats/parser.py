@@ -42,6 +42,7 @@ class Account:
         if sentence not in self.remarks and len(self.remarks) < 100:
             self.remarks.append(sentence)
 
+
 class Parser:
     """Base of the parsers of streams.
 
