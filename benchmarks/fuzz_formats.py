@@ -90,6 +90,7 @@ def mavlink_frames() -> list[bytes]:
             (30, struct.pack("<I6f", boot, 0.1, 0.05, 1.2, 0.01, 0.0, 0.02)),
             (33, struct.pack("<IiiiihhhH", boot, 376_933_000, -1_218_200_000, 500_000, 500_000, 100, 4900, 10, 27_340)),
             (74, struct.pack("<ffffhH", 50.0, 49.0, 500.0, 0.1, 273, 60)),
+            (295, struct.pack("<ffhBB", 50.0, 12.0, 2000, 0, 2)), (129, struct.pack("<I9h", boot + 60, 10, 20, -1000, 10, 0, 20, 0, 0, 0)),
             (24, gps), (105, high), (26, struct.pack("<I9h", boot + 50, 10, 20, -1000, 10, 0, 20, 220, 50, 420)),
         ]  # fmt: skip
         frames += [mavlink_frame(number, payload, k, 1 if number < 100 and number != 24 and k else 2) for number, payload in messages]

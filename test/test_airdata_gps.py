@@ -191,6 +191,31 @@ def test_a_stuck_vane_is_named_and_not_used(flight):
     assert np.sqrt(np.mean((p / sigma) ** 2)) < 2.0
 
 
+def test_air_data_at_another_rate_than_the_25_hz_it_is_made_for(flight):
+    """Once a second."""
+    skipped = lambda m: m.stamp_ns > START_NS + 60 * NS or (isinstance(m, AirVelocity) and m.stamp_ns % NS)  # noqa: E731
+    _, solutions = fly(flight, lambda m: () if skipped(m) else (m,))
+    p, _ = errors(flight, late(solutions))
+    sigma = np.sqrt([np.diag(s.cov_pos) for s in late(solutions)])
+    assert len(solutions) > 500 and np.sqrt(np.mean(p**2)) < 3.0 and np.sqrt(np.mean((p / sigma) ** 2)) < 1.6
+
+
+def test_a_line_that_begins_to_leak_is_owned_up_to_and_learned(flight):
+    """A fifth of the impact pressure is gone at once, a tenth of the airspeed: GPS is doubted, with a sigma to match, then believed."""
+
+    def leaking(m):
+        leaks = isinstance(m, AirVelocity) and m.stamp_ns - START_NS >= 30 * NS
+        if m.stamp_ns < START_NS + 60 * NS:
+            yield replace(m, vel_b=m.vel_b * math.sqrt(0.8)) if leaks else m
+
+    nav, solutions = fly(flight, leaking)
+    p, _ = errors(flight, late(solutions))
+    sigma = np.sqrt([np.diag(s.cov_pos) for s in late(solutions)])
+    assert np.sqrt(np.mean((p / sigma) ** 2)) < 2.0 and {"suspect"} <= {s.mode for s in solutions}
+    p, _ = errors(flight, late(solutions, 45.0))
+    assert np.sqrt(np.mean(p**2)) < 1.0 and nav.aid("gps_position").status.rejected and nav.core.totals()[3] < -0.1
+
+
 DATED_NS = 1_780_000_000 * NS - START_NS
 
 

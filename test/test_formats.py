@@ -9,9 +9,12 @@ from fuzz_formats import PARSERS, fuzz, mavlink_frame, mavlink_frames, nmea_fram
 
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE
 from lowcostnav_ros.catalogue.geoid import undulation
+from lowcostnav_ros.convert.any_log import convert_any
 from lowcostnav_ros.formats import mavlink, nmea, ubx
 from lowcostnav_ros.formats.mavlink_messages import LAYOUTS
+from lowcostnav_ros.formats.parser import Account
 from lowcostnav_ros.formats.records import CheckedRecords
+from lowcostnav_ros.formats.vehicle import remark_firmware
 
 
 def parsed(parser, data, piece=7):
@@ -112,7 +115,10 @@ def test_mavlink_uses_the_best_inertial_message_and_one_autopilot():
     found = by_source(parsed(parser, b"".join(mavlink_frames()) + other))
     assert [one.stamp_ns for one in found["imu/data_raw"]] == [10_000_000_000, 10_100_000_000]
     np.testing.assert_allclose(found["imu/data_raw"][-1].specific_force_b[0], [0.1, 0.2, -9.8], rtol=1e-6)
-    assert parser.utc_offset_ns == 1_754_049_600 * 10**9 and parser.account.left_out == {"SCALED_IMU": 2, "RAW_IMU": 1, "another system": 1}
+    left_out = {"SCALED_IMU": 2, "RAW_IMU": 1, "SCALED_IMU3": 2, "VFR_HUD beside AIRSPEED": 1, "another system": 1}
+    assert parser.utc_offset_ns == 1_754_049_600 * 10**9 and parser.account.left_out == left_out
+    parsed(parser, mavlink_frame(295, struct.pack("<ffhBB", 90.0, 12.0, 2000, 0, 3)))
+    assert parser.account.refused == {"AIRSPEED of a sensor that says it is unhealthy": 1}
     np.testing.assert_allclose(np.diag(found["gps/fix"][0].cov_n), [0.72, 0.72, 3.61])
     assert found["gps/fix"][0].height == 472.0 and found["air/velocity"][0].vel_b[0] > 50.0
 
@@ -123,6 +129,49 @@ def test_an_autopilot_that_was_started_anew_is_followed():
     early = mavlink_frame(105, struct.pack("<Q13fH", 1_000_000, 0.1, 0.2, -9.8, *[0.0] * 10, 0x1FFF))
     found = by_source(parsed(parser, early))
     assert found["imu/data_raw"][0].stamp_ns == 10**9 and "stepped back" in parser.account.remarks[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"), [(1, ""), (2, "multicopter"), (4, "helicopter"), (10, "ground vehicle"), (11, "boat"), (12, "submarine"), (20, "")]
+)
+def test_a_log_of_another_vehicle_is_said_to_be_one(kind, said):
+    parser = mavlink.MavlinkParser()
+    parsed(parser, 3 * mavlink_frame(0, struct.pack("<IBBBBB", 0, kind, 3, 81, 4, 3)))
+    assert len(parser.account.remarks) == bool(said) and said in "".join(parser.account.remarks)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "said"),
+    [(b"ArduPlane V4.3", ""), (b"ArduCopter V4.3", "multicopter"), (b"APM:Rover", "ground vehicle"), (b"ArduSub V4", "submarine")]
+    + [(b"ATC_RAT_RLL_P", "multicopter"), (b"ArduPlane V4.3 Q_A_RAT_RLL_P", "")],
+)
+def test_the_firmware_names_the_vehicle(firmware, said):
+    account = Account()
+    remark_firmware(account, bytes(20) + firmware + bytes(20))
+    assert len(account.remarks) == bool(said) and said in "".join(account.remarks)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [("235959.00,060419", "000000.00,220899", "week number rolled over"), ("120020.00,010825", "120003.00,010825", "leap seconds"),
+     ("120520.00,010825", "120003.00,010825", "317.0 s; what")],
+)  # fmt: skip
+def test_a_clock_that_steps_back_is_said_with_what_it_may_be(before, after, said):
+    parser = nmea.NmeaParser()
+    for written in (before, after):
+        time, date = written.split(",")
+        parsed(parser, sentence(f"GPRMC,{time},A,3741.6000,N,12149.2000,W,95.0,273.4,{date},,,A"))
+    assert said in parser.account.remarks[0]
+
+
+@pytest.mark.parametrize(("frames", "said"), [(mavlink_frames()[:1], ""), (nmea_frames(), "No inertial samples and no attitude")])
+def test_what_a_log_lacks_is_said(tmp_path, frames, said):
+    from drivers import inertial
+
+    frames = frames if said else [*frames, *(inertial(1_000_000 + 20_000 * k) for k in range(100))]
+    said = said or "No GPS: nothing tells a navigator where it begins"
+    (tmp_path / "log").write_bytes(b"".join(frames))
+    assert said in str(convert_any(tmp_path / "log", tmp_path / "bag"))
 
 
 @pytest.mark.parametrize("name", PARSERS)

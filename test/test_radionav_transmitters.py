@@ -14,6 +14,7 @@ from lowcostnav_ros.radionav.network import NoFix, best_next, dilution, fix_from
 from lowcostnav_ros.radionav.stations import StationError, stations_from_text
 from lowcostnav_ros.radionav.troposphere import BOUSKA_RAQUET, HOPFIELD, INDEX, NONE, air_of, path_delays, quartic_mean, raquet_delay
 from lowcostnav_ros.radionav.weather import Weather, standard_weather
+from lowcostnav_ros.sensors.airframe import AirframeSettings, shadow_db, slips_per_s, turns_per_s
 
 DAY = Weather(87500.0, kelvin(10.0), 0.3)
 HEADER = "ident,name,lat_deg,lon_deg,height_m,kind,pressure_hpa,temperature_c,humidity_pct,nearest_m,farthest_m\n"
@@ -135,3 +136,19 @@ def test_the_plan_on_the_terminal_and_in_a_folder(tmp_path, capsys):
     assert main(["pseudolite", "plan", "--height-m", "5550", "--pdop", "2"]) == 1
     assert main(["pseudolite", "plan", "--stations", "dme_stations_bay_area.csv", "--height-m", "5550"]) == 2
     assert "holds no station of kind PSEUDOLITE" in capsys.readouterr().err
+
+
+def test_an_airframe_shadows_and_in_the_shadow_carriers_are_turned_round():
+    sight_b = np.array([[0.0, np.cos(a), np.sin(a)] for a in np.radians([-9.0, 0.0, 30.0])])
+    assert shadow_db(np.array([-0.8, 0.0, 1.0]), 0.5, 1.0) == pytest.approx([0.0, 6.03, 13.93], abs=0.01)  # ITU-R P.526, v = 0 and 1
+    belly, roof = (slips_per_s(AirframeSettings(antenna), sight_b, 0.123) for antenna in ("belly", "roof"))
+    assert belly[0] > 1.0 and belly[1] > 1e-4 and belly[2] < 1e-6 and roof[2] > belly[0]
+    assert slips_per_s(AirframeSettings(), sight_b, 0.123) is None
+    # The rate of Rice: a carrier in noise of a flat spectrum, its crossings of the negative axis counted.
+    seconds, rate, band, rng = 400, 1000, 18.0, np.random.default_rng(3)
+    f = np.fft.fftfreq(seconds * rate, 1.0 / rate)
+    noise = np.fft.ifft(np.where(np.abs(f) < band, rng.standard_normal((2, f.size)).T @ np.array([1.0, 1j]), 0.0))
+    for ratio in (0.5, 1.0, 2.0):
+        phase = np.angle(np.sqrt(ratio) + noise / np.sqrt(np.mean(np.abs(noise) ** 2)))
+        crossed = np.count_nonzero(np.abs(np.diff(phase)) > np.pi) / seconds
+        assert crossed == pytest.approx(turns_per_s(np.array([ratio]), band)[0], rel=0.1)

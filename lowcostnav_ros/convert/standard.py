@@ -50,6 +50,13 @@ class Found:
         return (self.messages - 1) / max(1e-9 * (self.last_ns - self.first_ns), 1e-9) if self.messages > 1 else 0.0
 
 
+LACKING = {
+    "No inertial samples and no attitude: gnss_only alone can fly, on raw satellites.": ("imu/data_raw", "imu/data", "imu/data_fused"),
+    "No GPS: nothing tells a navigator where it begins, and no outage can be studied.": ("gps/fix", "gnss/raw"),
+}
+"""What is said of a recording that has none of these topics."""
+
+
 @dataclass(slots=True)
 class Summary:
     """What a conversion found and did, printed line by line."""
@@ -90,6 +97,7 @@ class Summary:
             names = sorted(self.account.left_out.items(), key=lambda item: -item[1])
             shown = ", ".join(f"{name} ({count})" for name, count in names[:12])
             lines.append(f"left out, no topic is made of it: {shown}{f' and {len(names) - 12} more' if len(names) > 12 else ''}")
+        lines += [sentence for sentence, topics in LACKING.items() if not any(topic in self.found for topic in topics)]
         return [*lines, *self.account.remarks]
 
     def __str__(self) -> str:

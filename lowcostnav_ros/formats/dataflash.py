@@ -9,6 +9,7 @@ from lowcostnav_ros.base.units import GAUSS
 from lowcostnav_ros.catalogue.geoid import undulation
 from lowcostnav_ros.formats.air import RATIO_SIGMA, true_airspeed
 from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, FormatError, Log, attitude_rates, date_log, level_force, read_bytes
+from lowcostnav_ros.formats.vehicle import remark_firmware
 from lowcostnav_ros.gnss.gps_time import WEEK_NS, unix_ns
 from lowcostnav_ros.physics.rotation import euler_to_quat
 
@@ -33,6 +34,7 @@ def read(path: Path) -> Log:
     data = {name: _first_instance(name, columns, log) for name, columns in data.items()}
     if not data:
         raise FormatError(f"{path} holds no sensor's message; check that logging was on (LOG_BITMASK) when it was recorded.")
+    remark_firmware(log.account, raw)
     _inertial(log, data)
     _air(log, data)
     times = _gps(log, data)

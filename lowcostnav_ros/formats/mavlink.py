@@ -1,8 +1,9 @@
 """MAVLink 1 and 2: a PX4 or ArduPilot autopilot as the sensor box, live or from a telemetry log (.tlog).
 
 The first autopilot that is heard is the source; others in the stream are left out.  Of several inertial messages the best is used:
-HIGHRES_IMU, SCALED_IMU, then RAW_IMU, which ArduPilot sends in the same units, then SCALED_IMU2.  Stamps count from the autopilot's start;
-SYSTEM_TIME gives UTC.  The eight bytes of time before each frame of a telemetry log are skipped: they are the ground station's clock.
+HIGHRES_IMU, SCALED_IMU, then RAW_IMU, which ArduPilot sends in the same units, then SCALED_IMU2 and 3.  Stamps count from the autopilot's
+start; SYSTEM_TIME gives UTC.  AIRSPEED, of the sensor, goes before VFR_HUD.  The eight bytes of time before each frame of a telemetry log
+are skipped: they are the ground station's clock.
 """
 
 import math
@@ -30,11 +31,12 @@ from lowcostnav_ros.formats.framing import MORE, Protocol
 from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, own_solution
 from lowcostnav_ros.formats.mavlink_messages import CHECK_BYTES, LAYOUTS
 from lowcostnav_ros.formats.parser import BOOT, Parser
+from lowcostnav_ros.formats.vehicle import remark_type
 from lowcostnav_ros.messages.kinds.imu import unaccelerated
 from lowcostnav_ros.physics.rotation import euler_to_quat
 
-_ARDUPILOT, _NO_AUTOPILOT, _PITOT = 3, 8, 16
-_RANK = {"HIGHRES_IMU": 4, "SCALED_IMU": 3, "RAW_IMU": 2, "SCALED_IMU2": 1}
+_ARDUPILOT, _NO_AUTOPILOT, _PITOT, _UNHEALTHY = 3, 8, 16, 1
+_RANK = {"HIGHRES_IMU": 5, "SCALED_IMU": 4, "RAW_IMU": 3, "SCALED_IMU2": 2, "SCALED_IMU3": 1}
 _HELD_NS = 2 * 10**9
 _UNIX_US = 10**15
 _MAG_SIGMA_T = 5.0e-7
@@ -79,17 +81,17 @@ class MavlinkParser(Parser):
 
     def __init__(self) -> None:
         super().__init__()
-        self.vehicle_type: int | None = None
         self._system: int | None = None
         self._is_ardupilot = self._has_pitot = False
         self._boot_ns = 0
+        self._pitot_ns: int | None = None
         self._inertial: tuple[int, int] = (0, 0)
         self._static_pa: float | None = None
         self._slower: dict[str, tuple[float, ...]] = {}  # a slower sensor's value is repeated in the messages of a faster one
         self._attitude: np.ndarray | None = None
         self._handlers: dict[int, Callable[[Message], Iterator[Measurement]]] = {
             0: self._heartbeat, 1: self._status, 2: self._system_time, 24: self._gps, 29: self._pressure, 30: self._attitude_of,
-            33: self._position, 74: self._hud,
+            33: self._position, 74: self._hud, 295: self._airspeed,
         }  # fmt: skip
 
     def take(self, protocol: str, frame: bytes) -> Iterator[Measurement]:
@@ -122,7 +124,8 @@ class MavlinkParser(Parser):
         self.utc_offset_ns = None
 
     def _heartbeat(self, message: Message) -> Iterator[Measurement]:
-        self._is_ardupilot, self.vehicle_type = message["autopilot"] == _ARDUPILOT, int(message["type"])
+        self._is_ardupilot = message["autopilot"] == _ARDUPILOT
+        remark_type(self.account, int(message["type"]))
         yield from ()
 
     def _status(self, message: Message) -> Iterator[Measurement]:
@@ -225,11 +228,28 @@ class MavlinkParser(Parser):
             row = {"lat": lat, "lon": lon, "height": height, "velocity": vel_n, "quaternion": self._attitude}
             yield own_solution(stamp_ns, row)
 
+    def _airspeed(self, message: Message) -> Iterator[Measurement]:
+        if message["id"]:
+            self.account.left_out["AIRSPEED of a further sensor"] += 1
+        elif int(message["flags"]) & _UNHEALTHY:
+            self.account.refused["AIRSPEED of a sensor that says it is unhealthy"] += 1
+        else:
+            self._pitot_ns = self._boot_ns
+            yield from self._true("AIRSPEED", message["airspeed"])
+
     def _hud(self, message: Message) -> Iterator[Measurement]:
-        if not self._has_pitot or self._static_pa is None or not 0.0 <= message["airspeed"] < 300.0 or not self._boot_ns:
-            self.account.left_out["VFR_HUD airspeed without a pitot or a static pressure"] += 1
+        if self._pitot_ns is not None and self._boot_ns - self._pitot_ns < _HELD_NS:
+            self.account.left_out["VFR_HUD beside AIRSPEED"] += 1
+        elif self._has_pitot:
+            yield from self._true("VFR_HUD", message["airspeed"])
+        else:
+            self.account.left_out["VFR_HUD airspeed without a pitot"] += 1
+
+    def _true(self, name: str, cas: float) -> Iterator[Measurement]:
+        if self._static_pa is None or not 0.0 <= cas < 300.0 or not self._boot_ns:
+            self.account.left_out[f"{name} airspeed without a static pressure, or out of range"] += 1
         elif self.is_new("air/velocity", self._boot_ns):
-            tas = true_airspeed(message["airspeed"], self._static_pa)
-            self.account.origins["air/velocity"] = "VFR_HUD: calibrated airspeed in m/s, made true by pressure and standard temperature"
+            tas = true_airspeed(cas, self._static_pa)
+            self.account.origins["air/velocity"] = f"{name}: calibrated airspeed in m/s, made true by pressure and standard temperature"
             cov = np.diag([1.0 + (RATIO_SIGMA * tas) ** 2, UNKNOWN_VARIANCE, UNKNOWN_VARIANCE])
             yield AirVelocity(self._boot_ns, "air/velocity", np.array([tas, 0.0, 0.0]), cov)

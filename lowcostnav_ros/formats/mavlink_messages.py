@@ -60,4 +60,6 @@ LAYOUTS = {
     74: Layout("VFR_HUD", "f16x", "airspeed"),
     105: Layout("HIGHRES_IMU", "Q13fH", f"time_usec {_VECTORS} abs_pressure diff_pressure pressure_alt temperature updated"),
     116: Layout("SCALED_IMU2", "I9h", f"time_boot_ms {_VECTORS}"),
+    129: Layout("SCALED_IMU3", "I9h", f"time_boot_ms {_VECTORS}"),
+    295: Layout("AIRSPEED", "ffhBB", "airspeed raw_press temperature id flags"),
 }  # fmt: skip

@@ -13,6 +13,8 @@ UTC, BOOT, ARRIVAL = "UTC", "time since start of the device", "time of arrival"
 
 STEP_NS = 5 * 10**9
 """A stamp this far behind the newest is a clock that stepped, not a late message."""
+ROLLOVER_S, SHORTEST_LEAP_S, LONGEST_LEAP_S = 1024 * 604_800.0, 10.0, 18.5
+"""What a week number of ten bits loses at its end; the leap seconds (18 since 2017) less what passes until the step is seen."""
 
 
 @dataclass(slots=True)
@@ -69,7 +71,8 @@ class Parser:
         if newest - STEP_NS < stamp_ns <= newest:
             return False
         if stamp_ns < newest:
-            self.account.remark(f"The time of {source} stepped back by {1e-9 * (newest - stamp_ns):.1f} s; what follows counts from there.")
+            step_s = 1e-9 * (newest - stamp_ns)
+            self.account.remark(f"The time of {source} stepped back by {step_s:.1f} s{why_back(step_s)}; what follows counts from there.")
             self.stepped_back()
         self._newest[source] = stamp_ns
         return True
@@ -90,6 +93,13 @@ class Parser:
         """Yield what can be made of the rest, once no more bytes will come."""
         for protocol, frame in self.framer.feed(b"", is_last=True):
             yield from self.take(protocol, frame)
+
+
+def why_back(step_s: float) -> str:
+    """What a step back of a receiver's time, less what passed until it was seen, may be; empty where nothing is known to step so."""
+    if abs(step_s - ROLLOVER_S) < LONGEST_LEAP_S:
+        return ": 1024 weeks, its week number rolled over"
+    return ": what a receiver steps by that has come to know the leap seconds" if SHORTEST_LEAP_S < step_s < LONGEST_LEAP_S else ""
 
 
 def shifted(one: Measurement, offset_ns: int) -> Measurement:

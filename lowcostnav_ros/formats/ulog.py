@@ -9,6 +9,7 @@ import numpy as np
 from lowcostnav_ros.base.units import GAUSS
 from lowcostnav_ros.catalogue.geoid import undulation
 from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, FormatError, Log, attitude_rates, date_log, level_force, read_bytes
+from lowcostnav_ros.formats.vehicle import remark_type
 from lowcostnav_ros.physics import atmosphere
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -51,6 +52,7 @@ def read(path: Path) -> Log:
     if ulog.dropouts:
         lost = sum(one.duration for one in ulog.dropouts)
         log.account.remark(f"The autopilot lost data {len(ulog.dropouts)} times, {1e-3 * lost:.1f} s in all.")
+    remark_type(log.account, int(ulog.initial_parameters.get("MAV_TYPE", 0)))
     _inertial(log, data)
     _pressure(log, data)
     _airspeed(log, data)

@@ -72,13 +72,17 @@ class CarrierErrors:
         processes = [GaussMarkov(sigma, settings.multipath_tau_s) for sigma in sigmas]
         self._multipath = DriftBank(processes, self._dt_s, stream(seed, f"{name}.multipath"))
         self._noise, self._events = stream(seed, f"{name}.noise"), stream(seed, f"{name}.events")
+        self._turns = stream(seed, f"{name}.turns")
         self._cycles = np.round(1e5 * self._events.standard_normal(n))
         self._lost_s, self._heard = np.zeros(n), np.zeros(n, dtype=bool)
         self.slips = np.zeros(n, dtype=int)
         self.smallest_cycles = np.inf
 
-    def draw(self, heard: np.ndarray, banked: bool) -> Disturbed:
-        """Return the errors of the next epoch; only those ``heard`` (n,) can be locked."""
+    def draw(self, heard: np.ndarray, banked: bool, slips_per_s: np.ndarray | None = None) -> Disturbed:
+        """Return the errors of the next epoch; only those ``heard`` (n,) can be locked.
+
+        ``slips_per_s`` (n,) come on top, a cycle each, either way alike, several in an epoch where there are many.
+        """
         own, n = self.settings, self._n
         noise, uniform = self._noise.standard_normal((3, n)), self._events.random((6, n))
         sizes = self._events.geometric(1.0 - own.slip_ratio, n)
@@ -89,7 +93,12 @@ class CarrierErrors:
         locked = heard & (self._lost_s == 0.0)
         slips = locked & self._heard & (uniform[2] < (own.slip_banked if banked else own.slip))
         size = np.where(uniform[3] < 0.5, 1.0, -1.0) * (own.slip_least_cycles - 1 + sizes)
-        self._cycles = self._cycles + np.where(slips, size, 0.0)
+        size = np.where(slips, size, 0.0)
+        if slips_per_s is not None:
+            forth, back = self._turns.poisson(np.outer((0.5, 0.5), slips_per_s * self._dt_s))
+            size = size + np.where(locked & self._heard, forth - back, 0.0)
+            slips = size != 0.0
+        self._cycles = self._cycles + size
         fresh = locked & ~self._heard
         self._cycles = np.where(fresh, np.round(1e5 * (2.0 * uniform[3] - 1.0)), self._cycles)
         self.slips += slips

@@ -4,7 +4,8 @@
     Doppler = -(rate + drift)/wavelength
 
 The troposphere T is that of :mod:`lowcostnav_ros.radionav.air_column`, which no filter's model equals.  A transmitter is received within
-its reach; near one, all others are masked (near and far).
+its reach; near one, all others are masked (near and far).  Where the airframe shadows the antenna, carriers slip besides
+(:mod:`lowcostnav_ros.sensors.airframe`).
 """
 
 import math
@@ -26,6 +27,7 @@ from lowcostnav_ros.radionav.air_column import AirColumn
 from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.radionav.transmitters import PSEUDOLITE
 from lowcostnav_ros.radionav.weather import Weather
+from lowcostnav_ros.sensors.airframe import AirframeSettings, slips_per_s
 from lowcostnav_ros.sensors.carrier_errors import CarrierErrors, CarrierErrorSettings
 from lowcostnav_ros.sensors.reception import check_outages, outage_windows
 from lowcostnav_ros.sensors.registry import simulator
@@ -70,6 +72,7 @@ class PseudoliteSimulatorSettings:
     outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
     lost_sync: list = setting([], "Transmitters out of step: start (s), ident as a number, offset (m), rate (m/s), start, ...")
     errors: CarrierErrorSettings = group(CarrierErrorSettings)
+    airframe: AirframeSettings = group(AirframeSettings)
     air: AirSettings = group(AirSettings)
     weather_period_s: float = setting(60.0, "Time between reports of the weather; 0: none.", unit="s", minimum=0.0)
     weather_pressure_hpa: float = setting(0.5, "Error of a station's pressure, 1 sigma, constant.", unit="hPa", minimum=0.0)
@@ -169,12 +172,13 @@ class PseudoliteSimulator:
         swing_n = C_nb @ np.cross(truth.angular_rate_b[row], self._lever_b)
         position = geodetic_to_ecef(truth.lat[row], truth.lon[row], truth.height[row]) + C_en @ C_nb @ self._lever_b
         velocity = C_en @ (truth.vel_n[row] + swing_n)
-        ranges, rates, _ = range_and_rate(position, velocity, self._pos_e, np.zeros_like(self._pos_e))
+        ranges, rates, sight_e = range_and_rate(position, velocity, self._pos_e, np.zeros_like(self._pos_e))
         height = float(truth.height[row] - (C_nb @ self._lever_b)[2])
         middle = 0.5 * (self._east + self._frame.to_ned(truth.lat[row], truth.lon[row], truth.height[row])[1])
         self.delays_m = self._air.delays(self._heights, height, ranges, middle)
         banked = abs(math.atan2(C_nb[2, 1], C_nb[2, 2])) > math.radians(own.errors.bank_deg)
-        errors = self.errors.draw(self._heard(ranges, t_s), banked)
+        slips_hz = slips_per_s(own.airframe, sight_e @ C_en @ C_nb, own.wavelength_m)
+        errors = self.errors.draw(self._heard(ranges, t_s), banked, slips_hz)
         if not errors.locked.any():
             return None
         offset, rate = self._sync(t_s)

@@ -37,12 +37,11 @@ def availability(figure: Any, flown: Mapping[str, Flown]) -> None:
         made.set_yticks(range(len(f.idents)), f.idents, fontsize=SMALL - 2)
 
 
-def bank(figure: Any, f: Flown) -> None:
-    """Bank with the epochs of slips (Figures 4.5, 4.9)."""
+def bank(figure: Any, t_s: np.ndarray, roll: np.ndarray, slipped: np.ndarray) -> None:
+    """Bank, rad, with the epochs of slips, all (k,) (Figures 4.5, 4.9)."""
     made = axes(figure, x="time [s]", y="roll [deg]", title="bank, and epochs in which a carrier slipped")
-    made.plot(f.t_s, np.degrees(f.roll))
-    slipped = f.slipped.any(axis=1)
-    made.plot(f.t_s[slipped], np.degrees(f.roll[slipped]), "r.", markersize=2.5, label="slip")
+    made.plot(t_s, np.degrees(roll))
+    made.plot(t_s[slipped], np.degrees(roll[slipped]), "r.", markersize=2.5, label="slip")
     for level in (-18.0, 18.0):
         made.axhline(level, color="0.5", linestyle="--", linewidth=0.8)
     legend(made)
