@@ -58,7 +58,8 @@ class Case:
     ``start``: at the ``known`` true state, as the thesis's flights do, or at one ``drawn`` from :data:`START_SIGMA`, which a judgement
     of the filter's own sigmas needs; the filter is given :data:`START_SIGMA` either way.  ``heading_error_deg`` is added at the start,
     and to the filter's sigma.  ``clock`` is the receiver's oscillator, which the filter knows.  ``position_noise`` multiplies the
-    position random walk of the thesis's tuning.  ``gps_sigma_m`` of a range to a GPS satellite.
+    position random walk of the thesis's tuning.  ``gps_sigma_m`` and ``galileo_sigma_m`` of a range to a satellite.
+    ``constellation_time_s`` is the age of the constellation at the start.
     """
 
     navigator: str = "tight"
@@ -74,6 +75,8 @@ class Case:
     position_noise: float = 1.0
     heading_error_deg: float = 0.0
     gps_sigma_m: float = 5.5
+    galileo_sigma_m: float = 4.18
+    constellation_time_s: float = 10800.0
     duration_s: float = 600.0
 
 
@@ -135,7 +138,9 @@ def epochs_of(case: Case, truth: TruthBlock) -> list[GnssEpoch]:
         seed=case.seed,
         constellation=case.constellation,
         clock=case.clock,
+        constellation_time_s=case.constellation_time_s,
         gps_sigma_m=case.gps_sigma_m,
+        galileo_sigma_m=case.galileo_sigma_m,
         schedule=schedule,
         max_satellites=0 if both else 9,
         select_every_s=30.0,
