@@ -42,6 +42,16 @@ def test_covariance_equals_van_loan_over_a_second(model, size):
     np.testing.assert_allclose(core.P, Phi @ before @ Phi.T + Qd, rtol=1e-3, atol=1e-3)
 
 
+def test_the_thesis_s_tuning_lets_the_position_wander_by_six_and_ninety_square_metres_a_second():
+    grown = {}
+    for tuning in ("thesis", "consistent"):
+        core = MotionCore(Layout(motion_blocks(GnssOnlySettings(model="pv", tuning=tuning))))
+        core.start(0, (0.6, 0.1, 100.0), np.zeros(3))
+        core.advance(1_000_000_000)
+        grown[tuning] = np.diag(core.P)[:3]
+    np.testing.assert_allclose(grown["thesis"] - grown["consistent"], [6.0, 6.0, 90.0], rtol=1e-9)
+
+
 @settings(deadline=None, max_examples=25)
 @given(lat=st.floats(-1.4, 1.4), v=st.lists(st.floats(-150.0, 150.0), min_size=3, max_size=3))
 def test_a_steady_velocity_is_a_straight_line_in_space(lat, v):

@@ -23,6 +23,7 @@ from lowcostnav_ros.reproduce.registry import (
     better,
     by_definition,
     fitted,
+    fitted_by,
     judged,
     read,
 )
@@ -86,6 +87,8 @@ def test_of_several_readings_the_one_that_fits_is_named():
     assert read([other, one]).verdict == REPRODUCED
     assert read([other, one]).reason == "as the thesis must have read it: miles"
     assert read([one, one]).reason == "under every reading"
+    assert read([other, one], fitted_by("a noise", "2 m"), verdict=FITTED).verdict == FITTED
+    assert read([other, one], fitted_by("a noise", "2 m"), verdict=FITTED).reason.endswith("; fitted by a noise; untuned: 2 m")
     assert read([other, other]).verdict == DIFFERS
 
 

@@ -72,6 +72,13 @@ def test_what_is_not_sure_is_not_corrected():
     assert TimeOffset("gps", late_s=0.3, rest_s=0.03, sigma_s=0.01, spans=3.0).judge() == 0.03
 
 
+def test_what_may_be_chance_widens_nothing_and_what_is_not_does_so_bit_by_bit():
+    assert TimeOffset("gps", rest_s=0.1, sigma_s=0.05).doubt == pytest.approx(0.0)  # two sigmas
+    assert TimeOffset("gps", rest_s=0.101, sigma_s=0.05).doubt < 0.015**2
+    assert TimeOffset("gps", rest_s=0.5, sigma_s=0.1).doubt == pytest.approx(0.21)
+    assert TimeOffset("gps", late_s=0.5, rest_s=0.03, sigma_s=0.04).doubt == pytest.approx(0.05**2)  # corrected: all of it counts
+
+
 @pytest.fixture(scope="module")
 def turning():
     mission = ["straight duration_s=10", "turn by_deg=120 bank_deg=25", "straight duration_s=10", "turn by_deg=-120 bank_deg=25"]

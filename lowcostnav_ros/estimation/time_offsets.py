@@ -81,6 +81,11 @@ class TimeOffset:
         """Whether the estimate means anything."""
         return self.spans >= SPANS and self.sigma_s <= SHARP_S
 
+    @property
+    def doubt(self) -> float:
+        """Variance of what it may still be off by, s^2; of one not corrected, what of its estimate stands out of chance."""
+        return self.rest_s**2 + self.sigma_s**2 * (1.0 if self.late_s else -(SURE_AGAIN**2))
+
     def words(self) -> str:
         """For people: ``0.35 s late, sigma 0.004 s, corrected``."""
         total = self.late_s + self.rest_s
@@ -374,9 +379,8 @@ class TimeOffsets:
         """What the offsets that were corrected or are likely may still do to the state: covariance (n, n); None for nothing."""
         if not self._likely:
             return None
-        offsets = [list(self.known.values())[k] for k in self._likely]
-        by = self.V[:, self._likely]
-        return (by * [o.sigma_s**2 + o.rest_s**2 for o in offsets]) @ by.T
+        doubts, by = [offset.doubt for offset in self.known.values()], self.V[:, self._likely]
+        return (by * [doubts[k] for k in self._likely]) @ by.T
 
     # what is known -----------------------------------------------------------------------------------------------------------
 

@@ -165,21 +165,26 @@ def by_definition(ours: str, within: bool, reason: str, figure: DrawFunction | N
     return Outcome(ours, BY_DEFINITION if within else DIFFERS, reason, figure)
 
 
+def fitted_by(setting: str, untuned: str) -> str:
+    """What a number served to choose, and what it is without that choice, in words."""
+    return f"fitted by {setting}; untuned: {untuned}"
+
+
 def fitted(ours: str, within: bool, setting: str, untuned: str, reason: str = "", figure: DrawFunction | None = None) -> Outcome:
     """Return the outcome of a comparison whose number served to choose ``setting``; ``untuned`` is ours without that choice."""
     if within:
-        return Outcome(ours, FITTED, f"fitted by {setting}; untuned: {untuned}", figure)
-    return Outcome(ours, DIFFERS, f"{reason or 'not even when fitted'}; fitted by {setting}; untuned: {untuned}", figure)
+        return Outcome(ours, FITTED, fitted_by(setting, untuned), figure)
+    return Outcome(ours, DIFFERS, f"{reason or 'not even when fitted'}; {fitted_by(setting, untuned)}", figure)
 
 
-def read(readings: Sequence[Reading], reason: str = "", figure: DrawFunction | None = None) -> Outcome:
-    """Return the outcome of several readings: reproduced when one is within the tolerance, which the thesis must have used."""
+def read(readings: Sequence[Reading], reason: str = "", figure: DrawFunction | None = None, verdict: str = REPRODUCED) -> Outcome:
+    """Return the outcome of several readings: ``verdict`` when one is within the tolerance, which the thesis must have used."""
     within = [reading for reading in readings if reading.within]
     ours = "; ".join(f"{reading.name}: {reading.ours}" for reading in readings)
     if not within:
         return Outcome(ours, DIFFERS, reason or "under no reading of the text", figure, tuple(readings))
     why = "under every reading" if len(within) == len(readings) else f"as the thesis must have read it: {within[0].name}"
-    return Outcome(ours, REPRODUCED, f"{why}; {reason}" if reason else why, figure, tuple(readings))
+    return Outcome(ours, verdict, f"{why}; {reason}" if reason else why, figure, tuple(readings))
 
 
 @dataclass

@@ -13,7 +13,7 @@ from lowcostnav_ros.gnss.accuracy import relative_error
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS, simulate
 from lowcostnav_ros.reproduce.figures import LABEL, SMALL, axes, legend
 from lowcostnav_ros.reproduce.registry import Change, Context, Outcome, Reading, judged, read, result
-from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight, epochs_of, fed, imu_of, navigator_of, started, truth_of
+from lowcostnav_ros.reproduce.solimeno.flights import SETTLED_S, Case, Flight, imu_of, truth_of
 from lowcostnav_ros.reproduce.solimeno.gps_only import root_mean_square, runs
 from lowcostnav_ros.sensors.gnss_raw import GnssRawSimulatorSettings
 from lowcostnav_ros.sensors.imu_profile import ImuProfile
@@ -85,15 +85,6 @@ def errors_over_size(context: Context, dataset: str, parts: Sequence[str], size_
             size += np.mean(sum(true[part] for part in size_of) ** 2, axis=0)
         out[sensor] = np.sqrt(missed / size)
     return out
-
-
-def observed_share(case: Case) -> dict[str, np.ndarray]:
-    """The filter's sigma of the scale factors at the end of a flight over that at its start, (3,) of either sensor."""
-    truth, profile = truth_of(case.dataset, case.duration_s), load_imu_profile(case.grade)
-    navigator = started(navigator_of(case, profile), truth, case)
-    fed(navigator, imu_of(profile, truth, case.seed), epochs_of(case, truth))
-    share = np.sqrt(np.diag(navigator.P)) / navigator.layout.sigma0
-    return {sensor: share[navigator.layout[f"{sensor}_scale"]] for sensor in ("accel", "gyro")}
 
 
 def by_axis(values: np.ndarray) -> str:
@@ -171,11 +162,10 @@ def scale(context: Context) -> Outcome:
     """
     parts, found = [], {}
     for dataset in ("LD", "HD"):
-        case = replace(HD, dataset=dataset)
-        sigma = context.once(f"solimeno.observed.{dataset}", partial(context.run, observed_share, [case]))[0]
+        flown = runs(context, replace(HD, dataset=dataset))[0]
         error = errors_over_size(context, dataset, ("scale",), ("scale",))
         for sensor, name in (("gyro", "gyros"), ("accel", "accelerometers")):
-            excited = sigma[sensor] <= EXCITED
+            excited = flown.seen(f"{sensor}_scale") <= EXCITED
             found[dataset, sensor] = root_mean_square(error[sensor][excited]) if excited.any() else np.inf
             named = " ".join(np.array(list("xyz"))[excited])
             parts.append(f"{dataset} {name} {found[dataset, sensor]:.3f} on {named or 'no axis'} (x y z {by_axis(error[sensor])})")

@@ -58,7 +58,8 @@ class Case:
     ``start``: at the ``known`` true state, as the thesis's flights do, or at one ``drawn`` from :data:`START_SIGMA`, which a judgement
     of the filter's own sigmas needs; the filter is given :data:`START_SIGMA` either way.  ``heading_error_deg`` is added at the start,
     and to the filter's sigma.  ``clock`` is the receiver's oscillator, which the filter knows.  ``position_noise`` multiplies the
-    position random walk of the thesis's tuning.  ``gps_sigma_m`` of a range to a GPS satellite.
+    position random walk of the thesis's tuning.  ``gps_sigma_m`` and ``galileo_sigma_m`` of a range to a satellite.
+    ``constellation_time_s`` is the age of the constellation at the start.
     """
 
     navigator: str = "tight"
@@ -74,6 +75,8 @@ class Case:
     position_noise: float = 1.0
     heading_error_deg: float = 0.0
     gps_sigma_m: float = 5.5
+    galileo_sigma_m: float = 4.18
+    constellation_time_s: float = 10800.0
     duration_s: float = 600.0
 
 
@@ -83,7 +86,8 @@ class Flight:
 
     ``t_s`` (n,); ``error`` (n, 9) true minus estimated, m and m/s NED, roll, pitch and heading in rad; ``sigma`` (n, 9), of the small
     rotation about north, east, down where the error has Euler angles; ``nees`` (n, 3) of position, velocity and attitude;
-    ``states`` (n, m) the estimates of the further states, ``labels`` their names.  Attitude is NaN where there is none.
+    ``states`` (n, m) the estimates of the further states, ``state_sigmas`` (n, m) theirs, ``labels`` their names.  Attitude is NaN where
+    there is none.
     """
 
     t_s: np.ndarray
@@ -91,11 +95,19 @@ class Flight:
     sigma: np.ndarray
     nees: np.ndarray
     states: np.ndarray
+    state_sigmas: np.ndarray
     labels: tuple[str, ...]
 
     def state(self, start: str) -> np.ndarray:
         """Estimates over time of the states whose label begins so, (n, k)."""
-        return self.states[:, [k for k, label in enumerate(self.labels) if label.startswith(start)]]
+        return self.states[:, self._columns(start)]
+
+    def seen(self, start: str) -> np.ndarray:
+        """Sigma at the end over that at the start of the states whose label begins so, (k,)."""
+        return self.state_sigmas[-1, self._columns(start)] / self.state_sigmas[0, self._columns(start)]
+
+    def _columns(self, start: str) -> list[int]:
+        return [k for k, label in enumerate(self.labels) if label.startswith(start)]
 
     def rms(self, columns: slice = slice(0, 3), after_s: float = SETTLED_S) -> np.ndarray:
         """RMS of some components after the filter has settled, in their units."""
@@ -135,7 +147,9 @@ def epochs_of(case: Case, truth: TruthBlock) -> list[GnssEpoch]:
         seed=case.seed,
         constellation=case.constellation,
         clock=case.clock,
+        constellation_time_s=case.constellation_time_s,
         gps_sigma_m=case.gps_sigma_m,
+        galileo_sigma_m=case.galileo_sigma_m,
         schedule=schedule,
         max_satellites=0 if both else 9,
         select_every_s=30.0,
@@ -245,5 +259,6 @@ def flight_of(truth: TruthBlock, solutions: Sequence[Any]) -> Flight:
         sigmas.append(np.sqrt(np.concatenate([np.diag(c) for c in covs])))
         scores.append([nees(e, c) for e, c in zip((error[:3], error[3:6], turn), covs, strict=True)])
     t_s = (truth.stamps_ns[rows] - truth.stamps_ns[0]) * 1e-9
-    states = np.array([[value for value, _ in s.states.values()] for s in solutions])
-    return Flight(t_s, np.array(errors), np.array(sigmas), np.array(scores), states, tuple(solutions[0].states))
+    states = np.array([list(s.states.values()) for s in solutions]).reshape(len(solutions), -1, 2)
+    found = np.array(errors), np.array(sigmas), np.array(scores), states[..., 0], states[..., 1]
+    return Flight(t_s, *found, tuple(solutions[0].states))
