@@ -110,9 +110,9 @@ class NodeProcess:
         self.name, self.executable, self.log, self.respawn = name, executable, log, respawn
         self._environment = {**environment, RUNNER: str(os.getpid())}
         self._parent = parent
-        self._arguments = [executable, "--ros-args", "-r", f"__node:={name}"]
+        self._command = [sys.executable, "-m", "lowcostnav_ros.nodes.dispatch", executable, "--ros-args", "-r", f"__node:={name}"]
         for path in params_files:
-            self._arguments += ["--params-file", str(path)]
+            self._command += ["--params-file", str(path)]
         self.process: subprocess.Popen | Forked | None = None
         self.restarts, self.given_up = 0, False
         self.exit_code: int | None = None
@@ -124,10 +124,9 @@ class NodeProcess:
         """Start the process; its output goes to the log unless ``stdout`` is given."""
         with self.log.open("ab") as log:
             out, errors = log.fileno() if stdout is None else stdout, log.fileno()
-            self.process = self._parent.fork(self._arguments, out, errors) if self._parent else None
+            self.process = self._parent.fork(self._command, out, errors) if self._parent else None
             if self.process is None:
-                command = [sys.executable, "-m", "lowcostnav_ros.nodes.dispatch", *self._arguments]
-                self.process = subprocess.Popen(command, stdout=out, stderr=errors, env=self._environment, start_new_session=True)
+                self.process = subprocess.Popen(self._command, stdout=out, stderr=errors, env=self._environment, start_new_session=True)
             # its own session: Ctrl-C in the terminal reaches the runner, which stops the nodes in order
         self._started_at, self._restart_at = time.monotonic(), None
         self._cpu_last = (0.0, self._started_at)

@@ -114,8 +114,9 @@ class WarmParent:
             with suppress(OSError):  # one that has ended is found out by the next that asks
                 self._socket.send(str(settings).encode())
 
-    def fork(self, arguments: Sequence[str], stdout: int, stderr: int) -> Forked | None:
-        """Return a new process of an executable with its command line, None where there is no parent that is ready.
+    def fork(self, command: Sequence[str], stdout: int, stderr: int) -> Forked | None:
+        """Return a new process that does what a command line of :mod:`lowcostnav_ros.nodes.dispatch` does;
+        None where there is no parent that is ready.
 
         Only the first call, before anything flies, waits for it to get ready.
         """
@@ -126,7 +127,7 @@ class WarmParent:
             if self._socket is None or not self._get_ready(self._socket, wait_s):
                 return None
             self._socket.settimeout(REPLY_S)
-            socket.send_fds(self._socket, [json.dumps(list(arguments)).encode()], [stdout, stderr, permit])
+            socket.send_fds(self._socket, [json.dumps(list(command)).encode()], [stdout, stderr, permit])
             forked = Forked(int(self._socket.recv(100)))
             os.write(permission, b"go")  # one whose id comes too late ends instead: it has been replaced
             return forked

@@ -72,9 +72,9 @@ def serve(requests: socket.socket) -> list[str] | None:
         for handle in given:
             os.close(handle)
         if pid == 0:
-            arguments: list[str] = json.loads(request)
-            _call_it([sys.executable, "-m", "lowcostnav_ros.nodes.dispatch", *arguments])
-            return arguments
+            command: list[str] = json.loads(request)
+            _call_it(command)
+            return command
         requests.send(str(pid).encode())
 
 
@@ -116,7 +116,7 @@ def _begin(number: int, *executables: str) -> int:
         print("something imported has started a thread, which no fork survives: nodes are started one by one", file=sys.stderr)
         return 0
     command = serve(requests)
-    return 0 if command is None else main(command[0], command[1:])
+    return 0 if command is None else main(command[3], command[4:])  # python, -m and the module before
 
 
 if __name__ == "__main__":
