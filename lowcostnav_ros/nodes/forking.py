@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from lowcostnav_ros.graph.description import takes_scenario
 from lowcostnav_ros.graph.executables import NAVIGATOR, kind_of, needs_compiler
 from lowcostnav_ros.nodes.dispatch import main, maker
 
@@ -23,12 +24,24 @@ from lowcostnav_ros.nodes.dispatch import main, maker
 def take_in(executables: Sequence[str]) -> None:
     """Import what the executables will; what cannot be had is left for the node to say."""
     import rclpy.executors  # noqa: F401
+    from rcl_interfaces import msg, srv
+    from rclpy.type_support import check_for_type_support
+    from std_srvs.srv import Trigger
 
-    from lowcostnav_ros.ros import node_base, run  # noqa: F401
+    from lowcostnav_ros.messages.topics import DIAGNOSTICS, TOPICS
+    from lowcostnav_ros.ros import run  # noqa: F401
+    from lowcostnav_ros.ros.node_base import message_class
+    from lowcostnav_ros.simulation.scenario import scenario_class
 
     for name in executables:
         with suppress(Exception):
             maker(name)
+            if takes_scenario(name):
+                scenario_class()
+    msgtypes = {DIAGNOSTICS, *(kind.msgtype for kind in TOPICS.values())}
+    for kind in (*vars(srv).values(), msg.ParameterEvent, Trigger, *map(message_class, msgtypes)):
+        with suppress(Exception):
+            check_for_type_support(kind)
 
 
 def fly(executables: Sequence[str], settings: Path) -> None:
