@@ -12,10 +12,12 @@ import os
 import socket
 import sys
 import threading
+import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.graph.description import takes_scenario
 from lowcostnav_ros.graph.executables import NAVIGATOR, kind_of, needs_compiler
 from lowcostnav_ros.nodes.dispatch import main, maker
@@ -129,7 +131,19 @@ def _begin(number: int, *executables: str) -> int:
         print("something imported has started a thread, which no fork survives: nodes are started one by one", file=sys.stderr)
         return 0
     command = serve(requests)
-    return 0 if command is None else main(command[3], command[4:])  # python, -m and the module before
+    if command is None:
+        return 0
+    status = 1
+    try:
+        status = main(command[3], command[4:])  # python, -m and the module before
+    except KeyboardInterrupt:  # before the node has a handler of its own
+        status = Exit.INTERRUPTED
+    except Exception:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)  # the node has been closed; to take down what is shared would first copy all of it
 
 
 if __name__ == "__main__":
