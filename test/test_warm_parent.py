@@ -1,5 +1,6 @@
 """Processes forked from a warm parent: they are the runner's own, survive it, and a new one takes its place."""
 
+import ctypes
 import os
 import select
 import signal
@@ -37,6 +38,12 @@ def stated(pid: int) -> tuple[int, str]:
     return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1]), Path(f"/proc/{pid}/cmdline").read_text()
 
 
+def is_adopting() -> bool:
+    value = ctypes.c_int()
+    ctypes.CDLL(None).prctl(37, ctypes.byref(value), 0, 0, 0)  # PR_GET_CHILD_SUBREAPER
+    return bool(value.value)
+
+
 def test_what_is_forked_is_the_runners_own_and_outlives_its_warm_parent(parent, tmp_path, monkeypatch):
     parent.begin()
     parent.prepare(tmp_path)
@@ -49,6 +56,7 @@ def test_what_is_forked_is_the_runners_own_and_outlives_its_warm_parent(parent, 
     assert forked(parent, "monitor", tmp_path / "monitor.log") is None  # nothing in flight waits for the next one to get ready
     assert parent._process is not killed and select.select([parent._socket], [], [], 30.0)[0]
     assert node.poll() is None
+    assert not is_adopting(), "orphans of others would stay here, never waited for"
     adopter, command = stated(node.pid)
     assert adopter == os.getpid() and command.rstrip("\0").split("\0")[1:] == ["-m", "lowcostnav_ros.nodes.dispatch", "monitor"]
     node.kill()

@@ -13,15 +13,29 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from lowcostnav_ros.graph.parent import RUNNER
 
 FIRST_S, REPLY_S = 20.0, 2.0  # until a parent is ready, longer where it has to compile; until one that is gives an answer
 TITLE_BYTES = 4096  # room for the command lines of those that are forked
-_SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER of linux/prctl.h
+_SET_SUBREAPER, _GET_SUBREAPER = 36, 37  # PR_..._CHILD_SUBREAPER of linux/prctl.h
+
+
+@contextmanager
+def _adopting() -> Iterator[None]:
+    """Adopt orphans meanwhile: for longer, this process would keep those of others that it never waits for; raises OSError."""
+    prctl, before = ctypes.CDLL(None).prctl, ctypes.c_int()
+    prctl.argtypes = [ctypes.c_int, *4 * [ctypes.c_ulong]]
+    prctl(_GET_SUBREAPER, ctypes.addressof(before), 0, 0, 0)
+    if prctl(_SET_SUBREAPER, 1, 0, 0, 0) != 0:
+        raise OSError("this kernel lets no process adopt orphans")
+    try:
+        yield
+    finally:
+        prctl(_SET_SUBREAPER, before.value, 0, 0, 0)
 
 
 class Forked:
@@ -89,7 +103,7 @@ class WarmParent:
         if self._process is not None and self._process.poll() is None:
             return
         self.end()
-        if not sys.platform.startswith("linux") or ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0) != 0:
+        if not sys.platform.startswith("linux"):
             return
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         command = [sys.executable, "-m", "lowcostnav_ros.nodes.forking", str(theirs.fileno()), *self._executables, " " * TITLE_BYTES]
@@ -127,8 +141,9 @@ class WarmParent:
             if self._socket is None or not self._get_ready(self._socket, wait_s):
                 return None
             self._socket.settimeout(REPLY_S)
-            socket.send_fds(self._socket, [json.dumps(list(command)).encode()], [stdout, stderr, permit])
-            forked = Forked(int(self._socket.recv(100)))
+            with _adopting():
+                socket.send_fds(self._socket, [json.dumps(list(command)).encode()], [stdout, stderr, permit])
+                forked = Forked(int(self._socket.recv(100)))
             os.write(permission, b"go")  # one whose id comes too late ends instead: it has been replaced
             return forked
         except (OSError, ValueError):
