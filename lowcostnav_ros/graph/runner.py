@@ -59,7 +59,7 @@ class GraphRunner:
         self._domain = contextlib.ExitStack()
         self._monitor: NodeProcess | None = None
         self._watchdog = Watchdog(graph.lossless)
-        self._parents: dict[bool, WarmParent] = {}
+        self.parents: dict[str, WarmParent] = {}
         self._failing: set[str] = set()
 
     def __enter__(self) -> Self:
@@ -71,9 +71,9 @@ class GraphRunner:
         try:
             self._begin_parents(environment)
             self._write_settings(self.log_dir / "settings")
-            for parent in self._parents.values():
+            for parent in self.parents.values():
                 parent.prepare(self.log_dir / "settings")
-            self._monitor = MonitorProcess(environment, self.log_dir / "monitor.log", self.reports.take, self._parents[False])
+            self._monitor = MonitorProcess(environment, self.log_dir / "monitor.log", self.reports.take, self.parents[_kernels(MONITOR)])
             self._monitor.start()
             self.processes = {node.name: self._process(node, environment) for node in self.graph.nodes}
             for process in sorted(self.processes.values(), key=lambda process: needs_compiler(process.executable)):  # the quick ones first
@@ -101,12 +101,11 @@ class GraphRunner:
 
     def _begin_parents(self, environment: dict[str, str]) -> None:
         """Let those get ready of which the nodes are forked, with the compiler and without."""
-        names = {MONITOR: False} | {node.executable: needs_compiler(node.executable) for node in self.graph.nodes}
-        for is_compiled, what in ((True, "compiled"), (False, "interpreted")):
-            executables = [name for name, needs in names.items() if needs == is_compiled]
-            self._parents[is_compiled] = WarmParent(executables, environment, self.log_dir / f"parent_{what}.log")
-            if executables:
-                self._parents[is_compiled].begin()
+        names = dict.fromkeys((MONITOR, *(node.executable for node in self.graph.nodes)))
+        for kernels in sorted(set(map(_kernels, names))):
+            executables = [name for name in names if _kernels(name) == kernels]
+            self.parents[kernels] = WarmParent(executables, environment, self.log_dir / f"parent_{kernels}.log")
+            self.parents[kernels].begin()
 
     def watch(self) -> list[Event]:
         """Look after the processes once: notice deaths, silence and full disks, restart; return what happened."""
@@ -193,7 +192,7 @@ class GraphRunner:
                     self._note(Event(process.name, What.KILLED, f"did not end within {STOP_S:g} s"))
                 elif kind == RECORDER and process.exit_code == Exit.WORSE and process.name in was_alive - self._failing:
                     self._note(Event(process.name, What.FAILS, process.last_line().rstrip(".")))
-        for parent in self._parents.values():
+        for parent in self.parents.values():
             parent.end()
         self._domain.close()
 
@@ -260,7 +259,7 @@ class GraphRunner:
     def _process(self, node: GraphNode, environment: dict[str, str]) -> NodeProcess:
         files = [node.config] if node.config else []
         files.append(write_parameters(self.log_dir / f"{node.name}.params.yaml", self._parameters(node)))
-        parent = self._parents[needs_compiler(node.executable)]
+        parent = self.parents[_kernels(node.executable)]
         return NodeProcess(node.name, node.executable, files, environment, self.log_dir / f"{node.name}.log", node.respawn, parent)
 
     def _parameters(self, node: GraphNode) -> dict[str, Any]:
@@ -277,6 +276,11 @@ class GraphRunner:
     def unreported_s(self, node: str) -> float | None:
         """Seconds since the last diagnostics of a node, None before the first."""
         return self.reports.silent_s(node)
+
+
+def _kernels(executable: str) -> str:
+    """Which of the warm parents an executable is forked of."""
+    return "compiled" if needs_compiler(executable) else "interpreted"
 
 
 def _new_log_folder(name: str) -> Path:

@@ -98,9 +98,14 @@ class WarmParent:
         self._is_ready = False
         self._wait_s = FIRST_S
 
+    @property
+    def pid(self) -> int | None:
+        """Its process id, None where it does not run."""
+        return None if self._process is None or self._process.poll() is not None else self._process.pid
+
     def begin(self) -> None:
         """Start it, if it does not run: it imports while others work."""
-        if self._process is not None and self._process.poll() is None:
+        if self.pid is not None:
             return
         self.end()
         if not sys.platform.startswith("linux"):
