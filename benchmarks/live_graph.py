@@ -143,6 +143,12 @@ def lost_between(before: dict, after: dict) -> int:
     return lost
 
 
+def pss_mb(pid: int) -> float:
+    """Memory of a process, what it shares with others divided among them, MB."""
+    line = next(line for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines() if line.startswith("Pss:"))
+    return round(int(line.split()[1]) / 1024, 1)
+
+
 def fly(graph, seconds: float, out: Path) -> dict:
     """One flight, measured in its steady part."""
     began = time.monotonic()
@@ -160,6 +166,8 @@ def fly(graph, seconds: float, out: Path) -> dict:
         used = {n: (p.cpu_seconds() - cpu[n]) / span for n, p in runner.processes.items()}
         lost = lost_between(counts, runner.counts())
         rss = {n: round(p.rss_mb(), 1) for n, p in runner.processes.items()}
+        parents = {f"parent_{name}": one.pid for name, one in runner.parents.items() if one.pid}
+        pss = {n: pss_mb(pid) for n, pid in ({n: p.process.pid for n, p in runner.processes.items()} | parents).items()}
         latencies = sorted(probe.latencies_ms())
         probe.close()
         events = [str(event) for event in runner.events]
@@ -172,6 +180,8 @@ def fly(graph, seconds: float, out: Path) -> dict:
         "latency_samples": len(latencies),
         "lost": lost,
         "rss_mb": rss,
+        "pss_mb": pss,
+        "pss_mb_together": round(sum(pss.values()), 1),
         "ready_s": ready,
         "events": events,
     }

@@ -165,7 +165,7 @@ def test_names_labels_and_light_nodes_need_no_compiler():
         "from lowcostnav_ros.graph.wiring import recorded_topics\n"
         "from lowcostnav_ros.nodes import dispatch\n"
         "assert 'nav/odometry' in topics_of('supervisor') and topics_of('ahrs')[0] == 'imu/data' and recorded_topics()\n"
-        f"for name in {light}: dispatch._maker(name)\n"
+        f"for name in {light}: dispatch.maker(name)\n"
         "assert 'numba' not in sys.modules and 'lowcostnav_ros.navigators.base' not in sys.modules"
     )
     done = subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True)

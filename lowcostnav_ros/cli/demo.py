@@ -7,8 +7,7 @@ import shutil
 import time
 from collections.abc import Mapping
 from pathlib import Path
-
-from rich.console import Console
+from typing import TYPE_CHECKING
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.tables import Table
@@ -22,10 +21,11 @@ from lowcostnav_ros.graph.runner import GraphRunner
 from lowcostnav_ros.graph.up import once_shown
 from lowcostnav_ros.graph.wiring import with_page
 from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
-from lowcostnav_ros.replay.result import ReplayResult
-from lowcostnav_ros.report.flight.page import write_page
-from lowcostnav_ros.report.terminal import print_result, print_table, result_console
+
+if TYPE_CHECKING:  # the flight starts at once; what comes after it is imported after it
+    from rich.console import Console
+
+    from lowcostnav_ros.replay.result import ReplayResult
 
 LONGEST_S = 900.0
 DRAW_S = 0.5
@@ -44,6 +44,8 @@ EXAMPLE = "example: lowcostnav demo --out out/demo"
 @job("Fly a simulated mission with a GPS outage and write its report.", add_arguments, EXAMPLE)
 def demo(arguments: argparse.Namespace) -> int:
     """Fly, replay, report; 0 when nothing was lost and the replay equals the flight to the bit, else 1."""
+    from lowcostnav_ros.report.terminal import result_console
+
     graph = load_graph(arguments.graph)
     if not graph.lossless:
         names = ", ".join(name for name in graph_names() if load_graph(name).lossless)
@@ -62,12 +64,16 @@ def _emptied(out: Path) -> Path:
     return out
 
 
-def _demonstrate(graph: Graph, out: Path, console: Console) -> int:
+def _demonstrate(graph: Graph, out: Path, console: "Console") -> int:
     console.rule(f"1  Fly {graph.scenario}: {len(graph.nodes)} processes over Fast DDS, {graph.real_time_factor:g} x real time")
     counts, events = _fly(graph, out, console)
     lost = _print_counts(counts, console)
     for event in events:
         console.print(f"[yellow]{event}[/]")
+    from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
+    from lowcostnav_ros.report.flight.page import write_page
+    from lowcostnav_ros.report.terminal import print_result
+
     console.rule("2  Replay the recording through the same navigators, without middleware")
     with progress_bar("replay") as advance:
         flown = tuple(node.executable for node in graph.nodes if node.executable in NAVIGATORS)
@@ -83,7 +89,7 @@ def _demonstrate(graph: Graph, out: Path, console: Console) -> int:
     return Exit.OK if equal and not lost and not events else Exit.WORSE
 
 
-def _fly(graph: Graph, out: Path, console: Console) -> tuple[dict[str, dict[str, int]], list[Event]]:
+def _fly(graph: Graph, out: Path, console: "Console") -> tuple[dict[str, dict[str, int]], list[Event]]:
     """Fly the graph to its end; return messages per topic and what happened to nodes on the way."""
     began = time.monotonic()
     with GraphRunner(graph, out=out, log_dir=out / "logs", on_event=lambda event: console.print(f"[yellow]{event}[/]")) as runner:
@@ -98,7 +104,7 @@ def _fly(graph: Graph, out: Path, console: Console) -> tuple[dict[str, dict[str,
 class _Narrator:
     """Print what the supervisor does while the mission flies."""
 
-    def __init__(self, runner: GraphRunner, console: Console) -> None:
+    def __init__(self, runner: GraphRunner, console: "Console") -> None:
         self._runner, self._console = runner, console
         self._printed, self._next = ("", ""), 0.0
         self._show = once_shown(runner, lambda words: console.print(f"  {words}", highlight=False))
@@ -117,8 +123,10 @@ class _Narrator:
             self._console.print(f"  {flown / 60.0:4.1f} min  {row['message']}", highlight=False)
 
 
-def _print_counts(counts: Mapping[str, Mapping[str, int]], console: Console) -> int:
+def _print_counts(counts: Mapping[str, Mapping[str, int]], console: "Console") -> int:
     """Print messages published against received per topic; return how many were lost."""
+    from lowcostnav_ros.report.terminal import print_table
+
     rows, total = [], 0
     for topic, entry in sorted(counts.items()):
         subscribers = {node: count for node, count in entry.items() if node != "sent"}
@@ -133,7 +141,7 @@ def _print_counts(counts: Mapping[str, Mapping[str, int]], console: Console) -> 
     return total
 
 
-def _print_equality(result: ReplayResult, console: Console) -> bool:
+def _print_equality(result: "ReplayResult", console: "Console") -> bool:
     """Print, per navigator, whether the replayed fused solution is the one flown; return whether all are."""
     for name, navigator in result.navigators.items():
         fused, at = navigator.fused, navigator.fused.first_differing_stamp_s

@@ -7,7 +7,7 @@ none of them decides whether a process lives.
 import contextlib
 import json
 import math
-import subprocess
+import os
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -18,6 +18,7 @@ from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.graph.executables import MONITOR
 from lowcostnav_ros.graph.process import NodeProcess
+from lowcostnav_ros.graph.warm_parent import WarmParent
 
 MOST_ROWS = 2000
 STALE = 3  # a level of diagnostic_msgs that nodes of this package do not use
@@ -123,15 +124,18 @@ def _row(line: str) -> dict[str, Any] | None:
 class MonitorProcess(NodeProcess):
     """The monitor's process; its lines go to ``take``."""
 
-    def __init__(self, environment: Mapping[str, str], log: Path, take: Callable[[str], None]) -> None:
-        super().__init__(MONITOR, MONITOR, [], environment, log)
+    def __init__(self, environment: Mapping[str, str], log: Path, take: Callable[[str], None], parent: WarmParent | None = None) -> None:
+        super().__init__(MONITOR, MONITOR, [], environment, log, parent=parent)
         self._take = take
 
     def start(self, stdout: int | None = None) -> None:
         """Start the process and a thread that reads it."""
-        super().start(subprocess.PIPE)
-        assert self.process is not None
-        self._reader = threading.Thread(target=self._read, args=(self.process.stdout,), daemon=True)
+        lines, written = os.pipe()
+        try:
+            super().start(written)
+        finally:
+            os.close(written)
+        self._reader = threading.Thread(target=self._read, args=(os.fdopen(lines),), daemon=True)
         self._reader.start()
 
     def wait(self, timeout_s: float) -> bool:

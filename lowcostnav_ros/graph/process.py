@@ -16,6 +16,7 @@ import yaml
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.graph.parent import RUNNER
+from lowcostnav_ros.graph.warm_parent import Forked, WarmParent
 
 FIRST_BACKOFF_S, LONGEST_BACKOFF_S, HEALTHY_S = 0.5, 10.0, 30.0  # after the first new start, which is at once
 LAST_BYTES = 4096
@@ -92,17 +93,27 @@ class NodeProcess:
     log : Path
         Where its output goes.
     respawn : bool
+    parent : WarmParent, optional
+        Of which it is forked where that can be.
     """
 
     def __init__(
-        self, name: str, executable: str, params_files: list[Path], environment: Mapping[str, str], log: Path, respawn: bool = True
+        self,
+        name: str,
+        executable: str,
+        params_files: list[Path],
+        environment: Mapping[str, str],
+        log: Path,
+        respawn: bool = True,
+        parent: WarmParent | None = None,
     ) -> None:
         self.name, self.executable, self.log, self.respawn = name, executable, log, respawn
         self._environment = {**environment, RUNNER: str(os.getpid())}
+        self._parent = parent
         self._command = [sys.executable, "-m", "lowcostnav_ros.nodes.dispatch", executable, "--ros-args", "-r", f"__node:={name}"]
         for path in params_files:
             self._command += ["--params-file", str(path)]
-        self.process: subprocess.Popen | None = None
+        self.process: subprocess.Popen | Forked | None = None
         self.restarts, self.given_up = 0, False
         self.exit_code: int | None = None
         self._backoff_s, self._started_at = 0.0, 0.0
@@ -112,9 +123,11 @@ class NodeProcess:
     def start(self, stdout: int | None = None) -> None:
         """Start the process; its output goes to the log unless ``stdout`` is given."""
         with self.log.open("ab") as log:
-            self.process = subprocess.Popen(
-                self._command, stdout=log if stdout is None else stdout, stderr=log, env=self._environment, start_new_session=True
-            )  # its own session: Ctrl-C in the terminal reaches the runner, which stops the nodes in order
+            out, errors = log.fileno() if stdout is None else stdout, log.fileno()
+            self.process = self._parent.fork(self._command, out, errors) if self._parent else None
+            if self.process is None:
+                self.process = subprocess.Popen(self._command, stdout=out, stderr=errors, env=self._environment, start_new_session=True)
+            # its own session: Ctrl-C in the terminal reaches the runner, which stops the nodes in order
         self._started_at, self._restart_at = time.monotonic(), None
         self._cpu_last = (0.0, self._started_at)
 
@@ -138,7 +151,7 @@ class NodeProcess:
                 return Event(self.name, What.DIED, f"it cannot be started ({error.strerror})", LONGEST_BACKOFF_S, self.restarts)
             self.restarts += 1
             return Event(self.name, What.STARTED_AGAIN, restarts=self.restarts)
-        self.exit_code = code = self.process.returncode
+        self.exit_code = code = self.process.wait()
         words = self.last_line().rstrip(".") if code > 0 else ""
         cause = f"{describe_exit(code)} ({words})" if words else describe_exit(code)
         if not self.respawn or (code == Exit.CANNOT_RUN and not self.restarts):  # once it has flown, what keeps it from running may pass

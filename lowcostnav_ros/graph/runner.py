@@ -14,10 +14,11 @@ from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.graph.description import Graph, GraphError, GraphNode
 from lowcostnav_ros.graph.domain import LOCALHOST, RANGE, free_domain, node_environment, require_ros, users_domain
-from lowcostnav_ros.graph.executables import KINDS, MONITOR, RECORDER, SOURCE, kind_of
+from lowcostnav_ros.graph.executables import KINDS, MONITOR, RECORDER, SOURCE, kind_of, needs_compiler
 from lowcostnav_ros.graph.monitor import MonitorProcess, Reports
 from lowcostnav_ros.graph.page.server import TOKEN, with_token
 from lowcostnav_ros.graph.process import Event, NodeProcess, What, write_parameters
+from lowcostnav_ros.graph.warm_parent import WarmParent
 from lowcostnav_ros.graph.watchdog import Watchdog
 from lowcostnav_ros.graph.wiring import PAGE, flown_settings, shared_parameters
 
@@ -58,6 +59,7 @@ class GraphRunner:
         self._domain = contextlib.ExitStack()
         self._monitor: NodeProcess | None = None
         self._watchdog = Watchdog(graph.lossless)
+        self.parents: dict[str, WarmParent] = {}
         self._failing: set[str] = set()
 
     def __enter__(self) -> Self:
@@ -65,14 +67,17 @@ class GraphRunner:
         self.log_dir.mkdir(parents=True, exist_ok=True)
         if any(n.executable == "recorder" for n in self.graph.nodes) and (self.out / "recording").exists():
             raise GraphError(f"{self.out / 'recording'} exists already; choose another folder or remove it first.")
-        self._write_settings(self.log_dir / "settings")
         environment = self._environment()
         try:
-            self._monitor = MonitorProcess(environment, self.log_dir / "monitor.log", self.reports.take)
+            self._begin_parents(environment)
+            self._write_settings(self.log_dir / "settings")
+            for parent in self.parents.values():
+                parent.prepare(self.log_dir / "settings")
+            self._monitor = MonitorProcess(environment, self.log_dir / "monitor.log", self.reports.take, self.parents[_kernels(MONITOR)])
             self._monitor.start()
-            for node in self.graph.nodes:
-                self.processes[node.name] = self._process(node, environment)
-                self.processes[node.name].start()
+            self.processes = {node.name: self._process(node, environment) for node in self.graph.nodes}
+            for process in sorted(self.processes.values(), key=lambda process: needs_compiler(process.executable)):  # the quick ones first
+                process.start()
         except BaseException:
             self.stop()
             raise
@@ -93,6 +98,14 @@ class GraphRunner:
         heard = environment.get(RANGE, "").upper()
         self.title = f"{graph.name} on ROS domain {self.domain}, {'this machine' if heard == LOCALHOST else heard.lower() or 'subnet'}"
         return environment
+
+    def _begin_parents(self, environment: dict[str, str]) -> None:
+        """Let those get ready of which the nodes are forked, with the compiler and without."""
+        names = dict.fromkeys((MONITOR, *(node.executable for node in self.graph.nodes)))
+        for kernels in sorted(set(map(_kernels, names))):
+            executables = [name for name in names if _kernels(name) == kernels]
+            self.parents[kernels] = WarmParent(executables, environment, self.log_dir / f"parent_{kernels}.log")
+            self.parents[kernels].begin()
 
     def watch(self) -> list[Event]:
         """Look after the processes once: notice deaths, silence and full disks, restart; return what happened."""
@@ -179,6 +192,8 @@ class GraphRunner:
                     self._note(Event(process.name, What.KILLED, f"did not end within {STOP_S:g} s"))
                 elif kind == RECORDER and process.exit_code == Exit.WORSE and process.name in was_alive - self._failing:
                     self._note(Event(process.name, What.FAILS, process.last_line().rstrip(".")))
+        for parent in self.parents.values():
+            parent.end()
         self._domain.close()
 
     @property
@@ -244,7 +259,8 @@ class GraphRunner:
     def _process(self, node: GraphNode, environment: dict[str, str]) -> NodeProcess:
         files = [node.config] if node.config else []
         files.append(write_parameters(self.log_dir / f"{node.name}.params.yaml", self._parameters(node)))
-        return NodeProcess(node.name, node.executable, files, environment, self.log_dir / f"{node.name}.log", node.respawn)
+        parent = self.parents[_kernels(node.executable)]
+        return NodeProcess(node.name, node.executable, files, environment, self.log_dir / f"{node.name}.log", node.respawn, parent)
 
     def _parameters(self, node: GraphNode) -> dict[str, Any]:
         # a recorder that is started again must not be refused
@@ -260,6 +276,11 @@ class GraphRunner:
     def unreported_s(self, node: str) -> float | None:
         """Seconds since the last diagnostics of a node, None before the first."""
         return self.reports.silent_s(node)
+
+
+def _kernels(executable: str) -> str:
+    """Which of the warm parents an executable is forked of."""
+    return "compiled" if needs_compiler(executable) else "interpreted"
 
 
 def _new_log_folder(name: str) -> Path:

@@ -4,9 +4,10 @@ A flight starts when all its subscribers are there; the graph runner counts them
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from functools import wraps
+from typing import Any, TypeVar
 
 from lowcostnav_ros.base.settings import chosen_class, declared, nearest, to_mapping
 from lowcostnav_ros.catalogue.config_files import read_parameters
@@ -25,6 +26,22 @@ PACED = ("truth/imu", "truth/odometry", "imu/data_raw", "air/velocity", "air/dyn
 LONGEST_LAG_S = 10.0
 PAGE = "page"
 
+T = TypeVar("T")
+
+
+def _once(work: Callable[[GraphNode], T]) -> Callable[[GraphNode], T]:
+    """Work out once for a node, which never changes, what each of its graph's other nodes asks again: the result is to be read only."""
+
+    @wraps(work)
+    def remembered(node: GraphNode) -> T:
+        known: dict[str, Any] = vars(node).setdefault(work.__name__, {})
+        if not known:
+            known["result"] = work(node)
+        result: T = known["result"]
+        return result
+
+    return remembered
+
 
 def recorded_topics() -> list[str]:
     """Topics a recording holds: all but /clock, which the player makes anew, and truth/imu, which truth/odometry covers."""
@@ -38,7 +55,14 @@ def inputs_of(node: GraphNode) -> tuple[str, ...]:
     if kind == RECORDER:
         further = parse_further(node.parameters.get("further", []))
         return tuple(dict.fromkeys([*(node.parameters.get("topics") or recorded_topics()), *further]))
-    return tuple(navigator_of(node).inputs) if kind == NAVIGATOR else EXECUTABLES[node.executable].inputs
+    return tuple(_sources_of(node)) if kind == NAVIGATOR else EXECUTABLES[node.executable].inputs
+
+
+@_once
+def _sources_of(node: GraphNode) -> dict[str, str]:
+    """What a navigator takes, and the topic of the package that each is like, empty where that is not stated."""
+    navigator = navigator_of(node)
+    return {source: navigator.kinds.get(source, "") for source in navigator.inputs}
 
 
 def expected_subscribers(graph: Graph) -> list[str]:
@@ -48,7 +72,8 @@ def expected_subscribers(graph: Graph) -> list[str]:
     """
     listeners = _listeners(graph)
     computed = [topic for name in NAVIGATORS for topic in topics_of(name)]
-    published = [topic for topic in listeners if topic in {*TOPICS, *further_topics(graph)} and topic not in (*computed, "diagnostics")]
+    known = {*TOPICS, *further_topics(graph)} - {*computed, "diagnostics"}
+    published = [topic for topic in listeners if topic in known]
     return [f"{topic}:{listeners[topic]}" for topic in sorted(published)]
 
 
@@ -66,7 +91,7 @@ def further_topics(graph: Graph) -> dict[str, str]:
     kinds: dict[str, str] = {}
     for node in graph.nodes:
         if kind_of(node.executable) == NAVIGATOR:
-            kinds |= {source: kind for source, kind in navigator_of(node).kinds.items() if source not in TOPICS}
+            kinds |= {source: kind for source, kind in _sources_of(node).items() if kind and source not in TOPICS}
     return kinds
 
 
@@ -172,13 +197,14 @@ def flown_settings(graph: Graph) -> dict[str, dict[str, Any]]:
     flown = {}
     for node in graph.nodes:
         if kind_of(node.executable) == NAVIGATOR:
-            values = to_mapping(_navigator_settings(replace(node, parameters=shared_parameters(graph, node))))
-            given = _given(replace(node, parameters=shared_parameters(graph, node)))
-            inputs = {name: value for name, value in given.items() if is_of_input(name)}
+            shared = replace(node, parameters=shared_parameters(graph, node))
+            values = to_mapping(_navigator_settings(shared))
+            inputs = {name: value for name, value in _given(shared).items() if is_of_input(name)}
             flown[node.executable] = {name: value for name, value in values.items() if name != "imu.profile" or value == "auto"} | inputs
     return flown
 
 
+@_once
 def _navigator_settings(node: GraphNode) -> Any:
     from lowcostnav_ros.catalogue import building  # loads the compiler, which a graph without navigators does not need
 
@@ -187,6 +213,7 @@ def _navigator_settings(node: GraphNode) -> Any:
     return building.complete_settings(settings_class, values, node.name)
 
 
+@_once
 def _given(node: GraphNode) -> dict[str, Any]:
     """What its parameter file and its graph give a node."""
     return {**({} if node.config is None else read_parameters(node.config, node.name)), **node.parameters}

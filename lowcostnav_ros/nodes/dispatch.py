@@ -29,7 +29,7 @@ def run_executable(name: str, args: Sequence[str]) -> int:
     if not os.environ.get("ROS_LOCALHOST_ONLY"):  # which overrides the range
         os.environ.update(discovery())
     require_ros()
-    make = _maker(name)
+    make = maker(name)
     from lowcostnav_ros.ros.run import run
 
     return run(make, args)
@@ -43,7 +43,7 @@ def _check_parameter_file(path: str) -> None:
         raise SettingsError(f"{path} is not a parameter file; it needs '/**:' or a node name, then 'ros__parameters:', then values.")
 
 
-def _maker(name: str) -> Callable:
+def maker(name: str) -> Callable:
     kind = kind_of(name)
     if kind == SIMULATOR:
         from lowcostnav_ros.ros.simulator_node import SimulatorNode

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
@@ -9,9 +10,9 @@ from rich.table import Table as RichTable
 
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.base.text import counted
-from lowcostnav_ros.replay.result import ReplayResult
-from lowcostnav_ros.replay.tables import tables
-from lowcostnav_ros.replay.words import compared_with, counted_outages, sentence
+
+if TYPE_CHECKING:  # other jobs draw tables, too, and load no replay for it
+    from lowcostnav_ros.replay.result import ReplayResult
 
 WIDTH = 100
 
@@ -47,8 +48,11 @@ def print_table(table: Table, console: Console) -> None:
         console.print()
 
 
-def print_result(result: ReplayResult, console: Console) -> None:
+def print_result(result: "ReplayResult", console: Console) -> None:
     """Print what was replayed, the errors, what they are good for, the outages, the aids and the speed."""
+    from lowcostnav_ros.replay.tables import tables
+    from lowcostnav_ros.replay.words import compared_with, sentence
+
     _print_head(result, console)
     for table in tables(result):
         print_table(table, console)
@@ -56,7 +60,9 @@ def print_result(result: ReplayResult, console: Console) -> None:
         console.print(sentence(name, navigator, result.without_gps.total_s, compared_with(result.recording)), highlight=False)
 
 
-def _print_head(result: ReplayResult, console: Console) -> None:
+def _print_head(result: "ReplayResult", console: Console) -> None:
+    from lowcostnav_ros.replay.words import counted_outages
+
     recording = result.recording
     if recording:
         console.print(f"[bold]{recording.bag.name}[/bold]  sha256 {recording.bag.sha256[:16]}", highlight=False)

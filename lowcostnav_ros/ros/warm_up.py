@@ -5,7 +5,7 @@ rather than in the air at the first GPS fix.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
 from lowcostnav_ros.messages.encode import imu_from_solution, odometry_from_solution
@@ -16,19 +16,30 @@ from lowcostnav_ros.messages.store import to_cdr
 if TYPE_CHECKING:
     from lowcostnav_ros.navigators.base import Navigator
 
+LOOK_NS = 1_000_000_000  # between two outputs: each carries the state over all that the horizon holds
 
-def warm_up(navigator: "Navigator", rules: DecodeRules = RULES) -> int:
-    """Feed a straight and level flight to a navigator; return how many fused solutions came out.
+
+_FLOWN: list[tuple[type, Any]] = []
+"""What has been flown in this process, or in the one that it was forked from: kinds and settings."""
+
+
+def warm_up(navigator: "Navigator", rules: DecodeRules = RULES) -> None:
+    """Feed a straight and level flight to a navigator, once for its settings.
 
     Whatever it makes of the flight is not judged: the point is that every kernel on its way has run once.
     """
-    solutions = []
+    own = type(navigator), navigator.settings
+    if own in _FLOWN:
+        return
+    solutions, looked_ns = [], 0
     for measurement in straight_flight(list(navigator.inputs), rules):
         solutions += navigator.feed(measurement)
-        navigator.output()
+        if measurement.stamp_ns - looked_ns >= LOOK_NS:
+            looked_ns = measurement.stamp_ns
+            navigator.output()
     if solutions:
         _encode(solutions[-1], navigator)
-    return len(solutions)
+    _FLOWN.append(own)
 
 
 def straight_flight(sources: list[str], rules: DecodeRules = RULES) -> Iterator[Measurement]:
