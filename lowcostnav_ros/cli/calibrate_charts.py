@@ -24,8 +24,8 @@ _GYRO = {0: (60.0, f"deg/{_ROOT}"), 1: (3600.0, "deg/h"), 2: (3600.0 * 60.0, f"d
 _ACCELEROMETER = {0: (60.0, f"m/s/{_ROOT}"), 1: (1.0 / MILLI_G, "mg")}
 _DATA_SHEET = {"deg/s": _GYRO, "rad/s": {k: (np.degrees(1.0) * f, unit) for k, (f, unit) in _GYRO.items()}, "m/s^2": _ACCELEROMETER}
 """By unit of the column: factors and units of N, B and K."""
-COLOURS = ("#0b5c8a", "#d95f02", "#2a9d5c", "#7a5195", "#8c6d31", "#56b4e9")
-BEFORE, AFTER, INK = "#8a8f94", "#0b5c8a", "var(--ink)"
+COLOURS = ("#1f77b4", "#d95f02", "#2a9d5c", "#7a5195", "#8c6d31", "#56b4e9")
+BEFORE, AFTER, INK = "#8a8f94", "#1f77b4", "var(--ink)"
 
 
 def write_page(path: Path, title: str, heads: Sequence[str], rows: Sequence[tuple], said: Sequence[str], drawn: Sequence[str]) -> None:

@@ -132,7 +132,22 @@ window.pageReady = (async () => {
     }
     retitle() { // what is drawn, in the units that are shown
       this.shown = units === 'aviation' && !this.logY && cockpit(this.unit, this.said, Math.max(Math.abs(this.low0), Math.abs(this.high0))) || [1, 0, this.unit];
-      if (this.title) this.title.textContent = units === 'si' ? this.said : this.said.replace(`[${this.unit}`, `[${this.shown[2]}`).replace('True heading', this.shown[1] ? 'Magnetic heading' : 'True heading');
+      this.words = units === 'si' ? this.said : this.said.replace(`[${this.unit}`, `[${this.shown[2]}`).replace('True heading', this.shown[1] ? 'Magnetic heading' : 'True heading');
+      if (this.width) this.entitle();
+    }
+    entitle() { // the title in as many lines as the width, less the names of the curves where they leave half of it, asks for
+      if (!this.title) return 0;
+      const wide = text => 7.1 * text.length, keys = Math.min(this.width, ...this.keys.map(k => k.x + this.width - this.width0 - 24));
+      const room = keys > this.width / 2 ? keys : this.width, lines = [''];
+      for (const word of this.words.split(' ')) {
+        const joined = `${lines[lines.length - 1]} ${word}`.trim();
+        if (wide(joined) <= room || !lines[lines.length - 1]) lines[lines.length - 1] = joined; else lines.push(word);
+      }
+      this.title.replaceChildren();
+      lines.forEach((line, k) => make('tspan', {x: 2, y: 13 - 14 * (lines.length - 1 - k)}, this.title, `${line} `));
+      this.svg.style.overflow = lines.length > 1 ? 'visible' : '';
+      this.svg.style.marginTop = lines.length > 1 ? `${14 * (lines.length - 1) + 4}px` : '';
+      return wide(lines[lines.length - 1]);
     }
     items() { // what is drawn, as times and values, worked out when first asked for
       const t = x => this.t0 + x / UNITS * (this.t1 - this.t0), v = y => this.high0 - y / LEVELS * (this.high0 - this.low0);
@@ -184,7 +199,7 @@ window.pageReady = (async () => {
       this.svg.setAttribute('viewBox', `0 0 ${width} ${this.height}`);
       this.inner = Math.max(width - this.left - RIGHT, 10);
       for (const e of [this.plot, this.frame]) { e.setAttribute('x', this.left); e.setAttribute('width', this.inner); }
-      const title = this.svg.querySelector('.title'), from = title ? 6.7 * title.textContent.length : 0;
+      const from = this.entitle();
       for (const k of this.keys) {
         const x = k.x + width - this.width0;
         k.g.setAttribute('transform', `translate(${width - this.width0})`);
@@ -367,8 +382,10 @@ window.pageReady = (async () => {
     draw() {
       this.plot.setAttribute('viewBox', this.shown.join(' '));
       this.pins.forEach(p => this.place(p));
-      const g = this.axes, NM = 1852, s = this.scale(), m = this.margin, right = m + s.w, base = m + s.h, perPixel = 1 / (s.k * this.perMetre);
+      const g = this.axes, s = this.scale(), m = this.margin, right = m + s.w, base = m + s.h, perPixel = 1 / (s.k * this.perMetre);
       g.replaceChildren();
+      const small = s.w * perPixel < +this.svg.dataset.small, NM = small ? 1 : 1852, said = this.svg.querySelector('.names text');
+      if (said) said.textContent = said.textContent.replace(/\[(NM|m)\]/, small ? '[m]' : '[NM]');
       const west = this.west + s.x0 / this.perMetre, north = this.north - s.y0 / this.perMetre;
       const xs = ticks(west / NM, (west + s.w * perPixel) / NM, s.w / 110), ys = ticks((north - s.h * perPixel) / NM, north / NM, s.w / 110);
       for (const v of xs) {
@@ -382,7 +399,7 @@ window.pageReady = (async () => {
         make('text', {x: m - 6, y: y + 3.5, class: 'tick', 'text-anchor': 'end'}, g, shown(v, ys.step));
       }
       make('rect', {x: m, y: m, width: s.w, height: s.h, class: 'frame'}, g);
-      [['NM', NM], ['km', 1000]].forEach(([unit, metres], row) => {
+      (small ? [['ft', 0.3048], ['m', 1]] : [['NM', NM], ['km', 1000]]).forEach(([unit, metres], row) => {
         const longest = s.w * perPixel / metres / 6, power = 10 ** Math.floor(Math.log10(longest));
         const length = [5, 2, 1].map(k => k * power).find(k => k <= longest), y = base - 14 - 18 * row, w = length * metres / perPixel;
         make('path', {d: `M${m + 14} ${y - 4}v4h${w}v-4`, class: 'scale'}, g);

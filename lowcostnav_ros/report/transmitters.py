@@ -103,7 +103,9 @@ def told(plan: TransmitterPlan) -> Told:
     half_km = plan.offsets_m[-1] / 1e3
     title = f"{len(plan.stations)} transmitters, {2 * half_km:g} km square at {plan.height:g} m"
     columns = ("dilution", "middle", "median", "95 %", f"% within {plan.limit:g}")
-    sentences = []
+    good = float(np.mean(plan.map_of("pdop") <= plan.limit))
+    where = "everywhere" if plan.good_enough() else f"over {100.0 * good:.0f} % of the area"
+    sentences = [f"A PDOP of {plan.limit:g} or better {where}."]
     without = float(np.mean(~np.isfinite(plan.map_of("pdop"))))
     if without:
         sentences.append(f"No position over {100.0 * without:.0f} % of the area: too few transmitters are received there.")
