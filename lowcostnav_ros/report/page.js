@@ -117,7 +117,7 @@ window.pageReady = (async () => {
       this.scaled = 'low' in d; this.low0 = this.low = +d.low; this.high0 = this.high = +d.high;
       this.left0 = this.left = +plot.getAttribute('x'); this.width0 = box.width; this.height = box.height;
       this.axes = svg.querySelector('.axes'); this.frame = svg.querySelector('.frame');
-      this.keys = all('.key', svg).map(g => ({g, x: +g.querySelector('text').getAttribute('x'), label: g.dataset.label}));
+      this.keys = all('.key', svg).reverse().map(g => ({g, x: +g.querySelector('text').getAttribute('x'), label: g.dataset.label, width: 34 + 6.2 * g.dataset.label.length}));
       this.modes = all('[data-from]', svg);
       this.lanes = all('.lane,.refusal', svg);
       this.hidden = new Set();
@@ -135,19 +135,31 @@ window.pageReady = (async () => {
       this.words = units === 'si' ? this.said : this.said.replace(`[${this.unit}`, `[${this.shown[2]}`).replace('True heading', this.shown[1] ? 'Magnetic heading' : 'True heading');
       if (this.width) this.entitle();
     }
-    entitle() { // the title in as many lines as the width, less the names of the curves where they leave half of it, asks for
-      if (!this.title) return 0;
-      const wide = text => 7.1 * text.length, keys = Math.min(this.width, ...this.keys.map(k => k.x + this.width - this.width0 - 24));
-      const room = keys > this.width / 2 ? keys : this.width, lines = [''];
-      for (const word of this.words.split(' ')) {
-        const joined = `${lines[lines.length - 1]} ${word}`.trim();
-        if (wide(joined) <= room || !lines[lines.length - 1]) lines[lines.length - 1] = joined; else lines.push(word);
+    entitle() { // title and names of the curves side by side, or below each other in as many lines as the width asks for
+      const rows = [], lines = [''], wide = text => 7.1 * text.length;
+      let used = Infinity, x = 0, k = 0;
+      for (const key of this.keys) {
+        if (used + key.width > this.width) { rows.push([]); used = 0; }
+        rows[rows.length - 1].push(key);
+        used += key.width;
       }
-      this.title.replaceChildren();
-      lines.forEach((line, k) => make('tspan', {x: 2, y: 13 - 14 * (lines.length - 1 - k)}, this.title, `${line} `));
-      this.svg.style.overflow = lines.length > 1 ? 'visible' : '';
-      this.svg.style.marginTop = lines.length > 1 ? `${14 * (lines.length - 1) + 4}px` : '';
-      return wide(lines[lines.length - 1]);
+      const room = rows.length === 1 && used < this.width / 2 ? this.width - used : this.width;
+      for (const word of this.title ? this.words.split(' ') : []) {
+        const joined = `${lines[k]} ${word}`.trim();
+        if (wide(joined) <= room || !lines[k]) lines[k] = joined; else { lines.push(word); k++; }
+      }
+      const beside = rows.length < 2 && wide(lines[k]) + used <= this.width, under = beside ? 0 : rows.length, more = k + under;
+      this.title?.replaceChildren();
+      if (this.title) lines.forEach((line, i) => make('tspan', {x: 2, y: 13 - 14 * (more - i)}, this.title, `${line} `));
+      rows.forEach((row, i) => {
+        x = beside ? this.width - used : 2;
+        for (const key of row) {
+          key.g.setAttribute('transform', `translate(${x + 22 - key.x} ${-14 * (rows.length - 1 - i)})`);
+          x += key.width;
+        }
+      });
+      this.svg.style.overflow = more ? 'visible' : '';
+      this.svg.style.marginTop = more ? `${14 * more + 4}px` : '';
     }
     items() { // what is drawn, as times and values, worked out when first asked for
       const t = x => this.t0 + x / UNITS * (this.t1 - this.t0), v = y => this.high0 - y / LEVELS * (this.high0 - this.low0);
@@ -199,12 +211,7 @@ window.pageReady = (async () => {
       this.svg.setAttribute('viewBox', `0 0 ${width} ${this.height}`);
       this.inner = Math.max(width - this.left - RIGHT, 10);
       for (const e of [this.plot, this.frame]) { e.setAttribute('x', this.left); e.setAttribute('width', this.inner); }
-      const from = this.entitle();
-      for (const k of this.keys) {
-        const x = k.x + width - this.width0;
-        k.g.setAttribute('transform', `translate(${width - this.width0})`);
-        k.g.setAttribute('visibility', x - 22 < from ? 'hidden' : 'visible');
-      }
+      this.entitle();
       for (const e of this.lanes) e.setAttribute('x', this.left - 8);
       this.draw();
     }
