@@ -136,3 +136,18 @@ def test_a_page_without_a_flight_works_on_a_telephone(tmp_path):
     assert answer["other"] == 7.0  # another axis is not moved
     assert answer["at"] == pytest.approx([1.0, np.sin(45.0), np.cos(45.0)], abs=0.005) and answer["points"] == 20
     assert answer["range"][1] == pytest.approx(2.0 * 1.06, abs=0.2)  # two sigma and a margin
+
+
+def test_on_a_telephone_a_title_and_the_names_of_the_curves_take_as_many_lines_as_they_need(tmp_path):
+    t_s = np.arange(60.0)
+    curves = [Curve(t_s, k + np.sin(t_s), "#1f77b4", f"a curve with quite a name, {k}") for k in range(4)]
+    chart = time_chart("Expected error [m] of the backup navigator, GPS lost at the start, against time", TimeAxis(0.0, 60.0), curves)
+    boxes = """page.fit(); const svg = document.querySelector('svg.chart'), r = svg.getBoundingClientRect();
+        const of = e => { const b = e.getBoundingClientRect(); return [b.left - r.left, b.right - r.left, b.top - r.top, b.bottom - r.top]; };
+        return {width: r.width, lines: [...svg.querySelectorAll('.title tspan')].length, room: parseFloat(svg.style.marginTop),
+          title: of(svg.querySelector('.title')), keys: [...svg.querySelectorAll('.key')].map(of)}"""
+    answer = asked(tmp_path, document("page", [section("Drawn", chart)]), boxes, width=400)
+    assert answer["lines"] > 1 and answer["title"][1] <= answer["width"] and -answer["title"][2] < answer["room"] + 4
+    tops = [key[2] for key in answer["keys"]]
+    assert len(set(tops)) == len(tops) and all(key[1] <= answer["width"] for key in answer["keys"])
+    assert min(tops) >= answer["title"][3] - 4  # below the title
