@@ -143,7 +143,8 @@ def test_on_a_telephone_a_title_and_the_names_of_the_curves_take_as_many_lines_a
     curves = [Curve(t_s, k + np.sin(t_s), "#1f77b4", f"a curve with quite a name, {k}") for k in range(4)]
     chart = time_chart("Expected error [m] of the backup navigator, GPS lost at the start, against time", TimeAxis(0.0, 60.0), curves)
     boxes = """page.fit(); const svg = document.querySelector('svg.chart'), r = svg.getBoundingClientRect();
-        const of = e => { const b = e.getBoundingClientRect(); return [b.left - r.left, b.right - r.left, b.top - r.top, b.bottom - r.top]; };
+        const of = e => { const b = e.getBoundingClientRect();
+          return [b.left - r.left, b.right - r.left, b.top - r.top, b.bottom - r.top]; };
         return {width: r.width, lines: [...svg.querySelectorAll('.title tspan')].length, room: parseFloat(svg.style.marginTop),
           title: of(svg.querySelector('.title')), keys: [...svg.querySelectorAll('.key')].map(of)}"""
     answer = asked(tmp_path, document("page", [section("Drawn", chart)]), boxes, width=400)

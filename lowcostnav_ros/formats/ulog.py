@@ -31,7 +31,7 @@ def read(path: Path) -> Log:
     try:
         from pyulog import ULog
     except ImportError:
-        raise FormatError("Reading a PX4 log needs pyulog; install it with the extra 'logs' of this package.") from None
+        raise FormatError("Reading a PX4 log needs pyulog, which is not installed: pip install pyulog.") from None
     try:
         source: Any = str(path) if path.suffix == ".ulg" else io.BytesIO(read_bytes(path))
         ulog = ULog(source, message_name_filter_list=list(_TOPICS))

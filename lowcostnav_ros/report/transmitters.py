@@ -39,7 +39,6 @@ class TransmitterPlan:
     places: np.ndarray
     found: list[Dilution]
     site: Station
-    site_place: np.ndarray
     pdop_now: float
     site_pdop: float
     limit: float
@@ -75,7 +74,7 @@ def plan_transmitters(stations: Sequence[Station], height: float, half_width_m: 
     now_rms = float(np.sqrt(np.mean(now[np.isfinite(now)] ** 2))) if np.isfinite(now).any() else math.inf
     at = frame.from_ned(sites[best])
     site = Station("NEXT", "best next", float(at[0]), float(at[1]), float(at[2]), float(at[2]), "", "", stations[0].kind)
-    return TransmitterPlan(stations, (lat, lon), height, offsets, places, found, site, sites[best], now_rms, pdop, limit)
+    return TransmitterPlan(stations, (lat, lon), height, offsets, places, found, site, now_rms, pdop, limit)
 
 
 def as_mapping(plan: TransmitterPlan) -> dict[str, Any]:
