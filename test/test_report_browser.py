@@ -67,12 +67,14 @@ def test_a_report_works_in_a_browser(result, tmp_path):
           return document.querySelectorAll('.painted path').length; });
         document.querySelector('#player .play').click();
         const playing = document.querySelector('#player .play').textContent;
-        return {painted, playing, charts: document.querySelectorAll('svg.chart').length, drawn, text, view, shown, crafts, moved,
+        const scales = [...document.querySelectorAll('svg.map .axes text')].map(t => t.textContent);
+        return {painted, playing, scales, charts: document.querySelectorAll('svg.chart').length, drawn, text, view, shown, crafts, moved,
           whole: page.main.charts.every(c => c.plot.getAttribute('viewBox').startsWith('0 ')),
           horizon: [...document.querySelector('.horizon canvas').getContext('2d').getImageData(0, 0, 200, 100).data].some(v => v),
           bands: value.filter(v => v[0].kind === 'band').length, error: value.find(v => v[0].kind === 'curve')[1],
           pinMoved: pin !== ground.pins[0].getAttribute('transform'), contents: document.querySelectorAll('nav a').length}""")  # fmt: skip
     assert answer["charts"] == answer["drawn"] > 8 and answer["contents"] > 4
+    assert any(t.endswith((" NM", " ft")) for t in answer["scales"]) and any(t.endswith((" km", " m")) for t in answer["scales"])
     assert "0:05.0" in answer["text"] and "sigma:" in answer["text"] and " m" in answer["text"]
     # a drag from 5 to 15 s zooms every chart of the flight to that, and one click shows all again
     first = result.summary.first_stamp_s

@@ -1,4 +1,4 @@
-"""The map: truth, solutions, fixes and stations, north up, equal scale both ways."""
+"""The map: truth, solutions, fixes and stations, north up, equal scale both ways; the page's script draws its grid and its scales."""
 
 import dataclasses
 import math
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.units import FOOT, NAUTICAL_MILE
+from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.catalogue import background
 from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.replay.columns import position_difference_n
@@ -20,8 +20,6 @@ FINER = 20
 """Units of the drawing in a pixel: a reader may look so much closer."""
 WIDER = 4.0
 """Coast is there for a reader who zooms out, over so many widths of the map."""
-SMALL_M = 500.0
-"""A map less wide than this is labelled in metres."""
 FARTHEST_NM = 200.0
 """A station farther away than any receiver receives is not named."""
 
@@ -122,11 +120,6 @@ class Ground:
         self.west, self.east = 0.5 * (east.min() + east.max()) + 0.5 * inner / self.scale * np.array([-1.0, 1.0])
         self.height = round(shown_height) + 2 * MARGIN
 
-    @property
-    def unit(self) -> tuple[str, float]:
-        """What its edges are labelled in, and its length in metres."""
-        return ("m", 1.0) if self.east - self.west < SMALL_M else ("NM", NAUTICAL_MILE)
-
     @classmethod
     def under(cls, tracks: Sequence[Track]) -> "Ground | None":
         """The ground of a map of tracks; None without positions."""
@@ -192,11 +185,11 @@ def map_chart(
     box = {"x": MARGIN, "y": MARGIN, "width": width, "height": height, "viewBox": f"0 0 {width * FINER} {height * FINER}"}
     plot = svg.element("svg", inside, class_="plot", preserveAspectRatio="xMidYMid meet", **box)
     marks = svg.element("g", pins + ("" if cells else _ends(ground, tracks[0])), class_="pins")
-    axes = svg.element("g", _graticule(ground) + _scale_bar(ground), class_="axes")
+    axes = svg.element("g", svg.element("rect", **{k: box[k] for k in ("x", "y", "width", "height")}, class_="frame"), class_="axes")
     parts = [axes, plot, marks, _names(ground), _north()]
     note = f'<p class="note">Stations outside the map: {svg.escape(", ".join(outside))}.</p>' if outside else ""
     corner = {"data_per_metre": f"{ground.scale * FINER:.6g}", "data_west": f"{ground.west:.1f}", "data_north": f"{ground.north:.1f}"}
-    corner |= {"data_small": f"{SMALL_M:g}", "data_lat": f"{math.degrees(ground.lat0):.6f}", "data_lon": f"{math.degrees(ground.lon0):.6f}"}
+    corner |= {"data_lat": f"{math.degrees(ground.lat0):.6f}", "data_lon": f"{math.degrees(ground.lon0):.6f}"}
     drawn = svg.drawing("map", "map", WIDTH, ground.height, "".join(parts), data_margin=MARGIN, **corner)
     said = (cells.legend() if cells else "") + _legend([t for t in tracks if t.label], bool(ellipses))
     return f"{said}{drawn}{note}"
@@ -262,50 +255,16 @@ def _ends(ground: Ground, track: Track) -> str:
     return "".join(ground.pin(track.lat_deg[k], track.lon_deg[k], dot + svg.text(7, -6, word, class_="tick")) for k, word in ends)
 
 
-def _graticule(ground: Ground) -> str:
-    """Grid lines at round numbers of nautical miles, or of metres on a small map, from its middle, labelled on the edges."""
-    parts = []
-    right, base, unit = WIDTH - MARGIN, ground.height - MARGIN, ground.unit[1]
-    ticks = svg.nice_ticks(ground.west / unit, ground.east / unit, 8)
-    for value in ticks:
-        x = MARGIN + (value * unit - ground.west) * ground.scale
-        parts.append(svg.element("line", x1=f"{x:.1f}", x2=f"{x:.1f}", y1=MARGIN, y2=base, class_="grid"))
-        parts.append(svg.text(x, base + 14, svg.tick_label(value, ticks), class_="tick", text_anchor="middle"))
-    step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
-    first = math.ceil(ground.south / unit / step)
-    for value in [k * step for k in range(first, math.floor(ground.north / unit / step) + 1)]:
-        y = MARGIN + (ground.north - value * unit) * ground.scale
-        parts.append(svg.element("line", x1=MARGIN, x2=right, y1=f"{y:.1f}", y2=f"{y:.1f}", class_="grid"))
-        parts.append(svg.text(MARGIN - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick", text_anchor="end"))
-    parts.append(svg.element("rect", x=MARGIN, y=MARGIN, width=right - MARGIN, height=base - MARGIN, class_="frame"))
-    return "".join(parts)
-
-
 def _names(ground: Ground) -> str:
     """What the numbers on the edges are."""
     origin = f"{_side(ground.lat0, 'NS')}, {_side(ground.lon0, 'EW')}"
-    said = f"east and north of {origin} [{ground.unit[0]}]; coast to about 1 km"
+    said = f"east and north of {origin} [NM]; coast to about 1 km"
     along = svg.text(WIDTH / 2, ground.height - MARGIN + 30, said, class_="tick", text_anchor="middle")
     return svg.element("g", along, class_="names")
 
 
 def _side(angle: float, letters: str) -> str:
     return f"{letters[angle < 0.0]} {abs(math.degrees(angle)):.4f}\N{DEGREE SIGN}"
-
-
-def _scale_bar(ground: Ground) -> str:
-    """Two bars, one in nautical miles and one in kilometres, on a small map in feet and metres, each about a sixth of the width."""
-    parts = []
-    units = (("ft", FOOT), ("m", 1.0)) if ground.unit[0] == "m" else (("NM", NAUTICAL_MILE), ("km", 1000.0))
-    for row, (unit, metres) in enumerate(units):
-        longest = (WIDTH - 2 * MARGIN) / ground.scale / metres / 6.0
-        power = 10.0 ** math.floor(math.log10(longest))
-        length = max(s * power for s in (1.0, 2.0, 5.0) if s * power <= longest)
-        pixels = length * metres * ground.scale
-        x, y = MARGIN + 14, ground.height - MARGIN - 14 - 18 * row
-        parts.append(svg.element("path", d=f"M{x} {y - 4}v4h{pixels:.1f}v-4", class_="scale"))
-        parts.append(svg.text(x + pixels + 6, y + 1, f"{length:g} {unit}", class_="tick"))
-    return "".join(parts)
 
 
 def _north() -> str:

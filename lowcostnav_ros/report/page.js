@@ -391,7 +391,7 @@ window.pageReady = (async () => {
       this.pins.forEach(p => this.place(p));
       const g = this.axes, s = this.scale(), m = this.margin, right = m + s.w, base = m + s.h, perPixel = 1 / (s.k * this.perMetre);
       g.replaceChildren();
-      const small = s.w * perPixel < +this.svg.dataset.small, NM = small ? 1 : 1852, said = this.svg.querySelector('.names text');
+      const small = s.w * perPixel < 500, NM = small ? 1 : 1852, said = this.svg.querySelector('.names text');
       if (said) said.textContent = said.textContent.replace(/\[(NM|m)\]/, small ? '[m]' : '[NM]');
       const west = this.west + s.x0 / this.perMetre, north = this.north - s.y0 / this.perMetre;
       const xs = ticks(west / NM, (west + s.w * perPixel) / NM, s.w / 110), ys = ticks((north - s.h * perPixel) / NM, north / NM, s.w / 110);

@@ -278,8 +278,7 @@ def nav1_velocity(context: Context) -> Outcome:
         t = DT * np.arange(len(runs[0].velocity))
         for k, (values, unit, name) in enumerate(((runs[0].position, "ft", "Figure 32"), (runs[0].velocity, "ft/s", "Figure 33"))):
             made = axes(figure, (1, 2, k + 1), x="time [s]", y=f"error [{unit}]", title=name)
-            for axis_name, column in zip("NED", values.T, strict=True):
-                made.plot(t, column, linewidth=0.6, label=axis_name)
+            made.plot(t, values, linewidth=0.6, label=list("NED"))
             legend(made)
 
     good = bool((np.abs(ours - [0.2914, 0.2868, 0.2908]) < 0.012).all())
