@@ -81,13 +81,13 @@ setup(
         "jsbsim>=1.2",
         "filterpy>=2.0",
         "matplotlib>=3.8",
+        "pyulog>=1.2",
     ],
     extras_require={
         # an extra, not a requirement: on apt Jazzy these wheels would shadow the system's own packages
         "ros": ["ros-jazzy-rclpy==7.1.6", "ros-jazzy-common-interfaces==5.3.6", "ros-jazzy-rmw-fastrtps-cpp==8.4.3"],
         "bags": ["mcap>=1.2"],
         "drivers": ["pyserial>=3.5"],
-        "logs": ["pyulog>=1.2"],
         "foxglove": ["foxglove-sdk>=0.30"],
         "cluster": ["dask[distributed]>=2024.5"],
         "test": [

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lowcostnav_ros.calibration import heading_error as he
-from lowcostnav_ros.calibration.magnetometer_swing import coefficients_of, level_field, relative_swing_fit, swing_fit
+from lowcostnav_ros.calibration.magnetometer_swing import coefficients_of, level_field, swing_fit
 from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.physics.rotation import wrap
 
@@ -35,12 +35,6 @@ def test_first_order_is_the_limit_of_little_iron():
     field = level_field(ROSE, *small, 0.235)
     swing = swing_fit(ROSE, np.arctan2(-field[:, 1], field[:, 0]))
     np.testing.assert_allclose(swing.coefficients, coefficients_of(*small, 0.235), atol=1e-9)
-
-
-@given(st.floats(-3.0, 3.0))
-def test_relative_headings_and_one_known_one_give_the_same_curve(start):
-    relative = relative_swing_fit(ROSE - start, measured_at(ROSE), ROSE[-1])
-    np.testing.assert_allclose(relative.coefficients, swing_fit(ROSE, measured_at(ROSE)).coefficients, atol=1e-9)
 
 
 @given(st.floats(-math.pi, math.pi))

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.cli.main import main
 from lowcostnav_ros.cli.options import place_of
 from lowcostnav_ros.replay import result_files
@@ -28,6 +29,12 @@ def test_a_place_is_written_in_one_way_the_southern_hemisphere_included(capsys):
         assert "18,6,7,8' is not a place; write LAT,LON[,M]" in refused(capsys, *job, "--place", "-33,18,6,7,8")
     assert "does not exist" in refused(capsys, "gnss", "plan", "--almanac", "gone.alm", "--place", "-33.97,18.6")
 
+
+def test_an_airport_is_a_place():
+    assert np.degrees(place_of("KLVK", "--airport")[:2]) == pytest.approx([37.694, -121.82], abs=0.01)
+    assert place_of("KLVK,122", "--airport")[2] == 122.0
+    with pytest.raises(SettingsError, match="no airport QQQQ is known"):
+        place_of("QQQQ", "--airport")
 
 
 def test_what_does_not_exist_is_said_with_what_there_is_of_its_kind(capsys):

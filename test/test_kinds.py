@@ -19,10 +19,10 @@ from lowcostnav_ros.graph.wiring import recorded_topics
 from lowcostnav_ros.messages import checks, parts, topics
 from lowcostnav_ros.messages.bag import BagReader, BagWriter
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected, decode
-from lowcostnav_ros.messages.encode import encode, encode_cdr
+from lowcostnav_ros.messages.encode import encode, encode_cdr, encode_rows
 from lowcostnav_ros.messages.kind import NAVIGATOR_TOPICS, TOPICS, Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.rules import ANY
-from lowcostnav_ros.messages.samples import Instant
+from lowcostnav_ros.messages.samples import Instant, TableRow
 from lowcostnav_ros.messages.store import STORE, register_type, to_cdr
 from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.ros.warm_up import straight_flight
@@ -57,6 +57,19 @@ def test_the_sample_of_a_kind_survives_its_message(name):
     (*_, (stamp_ns, topic, msgtype, raw)) = encode_cdr(sample)
     back = decode(topic, msgtype, raw)
     assert (type(back), back.stamp_ns, back.source, stamp_ns) == (type(sample), sample.stamp_ns, name, sample.stamp_ns)
+
+
+@pytest.mark.parametrize("name", [name for name, kind in TOPICS.items() if kind.numbers])
+def test_rows_of_a_table_become_in_columns_the_messages_that_each_becomes(name):
+    kind, rng = topics.spec(name), np.random.default_rng(3)
+    values = {field: rng.normal(1e5 if name.startswith("air/static") else 1.0, 0.3, (5, q.size)) for field, q in kind.fields.items()}
+    values = {field: column[:, 0] if column.shape[1] == 1 else column for field, column in values.items() if field != "euler"}
+    rows = TableRow((STAMP + 10**9 * np.arange(5) + 7, name), values)
+    records = encode_rows(rows)
+    assert [r[:3] for r in records] == [(int(t), name, kind.msgtype) for t in rows.head[0]]
+    one_by_one = [kind.from_row(rows.row(k)) for k in range(5)]
+    messages = [encode(one) if isinstance(one, m.Measurement) else one for one in one_by_one]
+    assert [r[3] for r in records] == [to_cdr(message) for message in messages]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -123,7 +123,7 @@ def bag(tmp_path):
 def test_the_command_prints_ranks_and_writes_them(bag, tmp_path, capsys):
     assert cli.main(["observability", str(bag), "--navigator", "ins_gnss", "--period", "2", "--json", str(tmp_path / "o.json")]) == 0
     out = capsys.readouterr().out
-    assert "of 23 at single instants" in out and "weakly observable within an instant" in out
+    assert "of 23 at single instants" in out and "Weakly observable within an instant" in out
     written = json.loads((tmp_path / "o.json").read_text())
     assert len(written["states"]) == 23
     assert all(len(i["singular_values"]) == 23 and 10 <= i["rank"] <= 20 for i in written["instants"])

@@ -105,6 +105,14 @@ def test_how_fast_a_state_walks_is_learned(true, low, high):
     assert layout.psd == pytest.approx([0.01, 0.01]) and growth.factor == 1.0
 
 
+def test_a_walk_measured_without_noise_begins_anew_instead_of_ending_the_flight():
+    layout = Layout([random_walk("wind", ["n", "e"], Kind.WIND, 10.0, 0.0)])
+    growth = Growth(layout, np.ones(2, bool), slice(0, 2), 2.0)
+    for k in range(3):
+        growth.take(10**9 * (k + 1), np.ones(2), np.eye(2), np.zeros((2, 2)), np.zeros(2), np.zeros((2, 2)))
+        assert np.isfinite(growth.factor) and np.isfinite(layout.psd).all()
+
+
 SCENARIO = """
 name: outage
 sensors: [imu, air_data, gps, magnetometer]

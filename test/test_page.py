@@ -297,6 +297,7 @@ def test_a_browser_sees_a_graph_fly_a_node_die_and_come_back(tmp_path, monkeypat
             os.kill(runner.processes["toy"].process.pid, signal.SIGKILL)
             browser.wait_for("document.querySelector('#banner').textContent.startsWith('toy: no data for')")
             assert ink(browser) != before and browser.value("document.querySelector('.chip').className") == "chip l2"
+            assert "\u2715 toy: no data for" in browser.value("document.querySelector('#nodes .t2').innerText")
             assert runner.wait_for(lambda: runner.processes["toy"].restarts == 1, 10.0)
             browser.wait_for(FRESH)
             browser.wait_for("(b => b && (b.click(), true))(document.querySelector('#nodes button'))")

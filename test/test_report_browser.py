@@ -67,12 +67,14 @@ def test_a_report_works_in_a_browser(result, tmp_path):
           return document.querySelectorAll('.painted path').length; });
         document.querySelector('#player .play').click();
         const playing = document.querySelector('#player .play').textContent;
-        return {painted, playing, charts: document.querySelectorAll('svg.chart').length, drawn, text, view, shown, crafts, moved,
+        const scales = [...document.querySelectorAll('svg.map .axes text')].map(t => t.textContent);
+        return {painted, playing, scales, charts: document.querySelectorAll('svg.chart').length, drawn, text, view, shown, crafts, moved,
           whole: page.main.charts.every(c => c.plot.getAttribute('viewBox').startsWith('0 ')),
           horizon: [...document.querySelector('.horizon canvas').getContext('2d').getImageData(0, 0, 200, 100).data].some(v => v),
           bands: value.filter(v => v[0].kind === 'band').length, error: value.find(v => v[0].kind === 'curve')[1],
           pinMoved: pin !== ground.pins[0].getAttribute('transform'), contents: document.querySelectorAll('nav a').length}""")  # fmt: skip
     assert answer["charts"] == answer["drawn"] > 8 and answer["contents"] > 4
+    assert any(t.endswith((" NM", " ft")) for t in answer["scales"]) and any(t.endswith((" km", " m")) for t in answer["scales"])
     assert "0:05.0" in answer["text"] and "sigma:" in answer["text"] and " m" in answer["text"]
     # a drag from 5 to 15 s zooms every chart of the flight to that, and one click shows all again
     first = result.summary.first_stamp_s
@@ -136,3 +138,19 @@ def test_a_page_without_a_flight_works_on_a_telephone(tmp_path):
     assert answer["other"] == 7.0  # another axis is not moved
     assert answer["at"] == pytest.approx([1.0, np.sin(45.0), np.cos(45.0)], abs=0.005) and answer["points"] == 20
     assert answer["range"][1] == pytest.approx(2.0 * 1.06, abs=0.2)  # two sigma and a margin
+
+
+def test_on_a_telephone_a_title_and_the_names_of_the_curves_take_as_many_lines_as_they_need(tmp_path):
+    t_s = np.arange(60.0)
+    curves = [Curve(t_s, k + np.sin(t_s), "#1f77b4", f"a curve with quite a name, {k}") for k in range(4)]
+    chart = time_chart("Expected error [m] of the backup navigator, GPS lost at the start, against time", TimeAxis(0.0, 60.0), curves)
+    boxes = """page.fit(); const svg = document.querySelector('svg.chart'), r = svg.getBoundingClientRect();
+        const of = e => { const b = e.getBoundingClientRect();
+          return [b.left - r.left, b.right - r.left, b.top - r.top, b.bottom - r.top]; };
+        return {width: r.width, lines: [...svg.querySelectorAll('.title tspan')].length, room: parseFloat(svg.style.marginTop),
+          title: of(svg.querySelector('.title')), keys: [...svg.querySelectorAll('.key')].map(of)}"""
+    answer = asked(tmp_path, document("page", [section("Drawn", chart)]), boxes, width=400)
+    assert answer["lines"] > 1 and answer["title"][1] <= answer["width"] and -answer["title"][2] < answer["room"] + 4
+    tops = [key[2] for key in answer["keys"]]
+    assert len(set(tops)) == len(tops) and all(key[1] <= answer["width"] for key in answer["keys"])
+    assert min(tops) >= answer["title"][3] - 4  # below the title

@@ -109,6 +109,14 @@ def delimiter_of(line: str) -> str:
     return next((mark for mark in "\t;," if mark in line), "whitespace")
 
 
+def number_in(cell: str) -> float:
+    """The number that a cell of a table holds; NaN where it is none."""
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
 def cells_of(line: str, delimiter: str) -> list[str]:
     """Return the cells of a line of a table, without blanks around them and the quotes that some programs write."""
     if delimiter == "whitespace":

@@ -108,14 +108,6 @@ class Registry(Mapping[str, T], Generic[T]):
         """Name of each entry of the room, and the module that holds it."""
         return {name: f"{self.room}.{name}" for name in _modules(self.room, self.hidden)}
 
-    def registering(self, name_of: Callable[[T], str]) -> Callable[[T], T]:
-        """Make a decorator that enters what it decorates under the name that ``name_of`` gives."""
-
-        def decorator(thing: T) -> T:
-            return self.register(name_of(thing), thing, getattr(thing, "__module__", self.room))
-
-        return decorator
-
 
 class ClassRegistry(Registry[Any]):
     """Classes that carry one decorator, in any file of a room; what a class writes out about itself is read without importing it.

@@ -84,31 +84,6 @@ def swing_fit(heading: np.ndarray, measured: np.ndarray) -> HeadingSwing:
     return _fit(heading, wrap(measured - heading), gap)
 
 
-def relative_swing_fit(turned: np.ndarray, measured: np.ndarray, last_heading: float) -> HeadingSwing:
-    """Fit the deviation curve to equal turns from an unknown heading, the last of which is known (equations 3.54 and 3.55).
-
-    The unknown start only mixes sine with cosine and shifts A, so the curve is fitted against the angle turned and turned back.
-
-    Parameters
-    ----------
-    turned : ndarray, shape (n,)
-        Angle turned since the unknown start, clockwise, rad.
-    measured : ndarray, shape (n,)
-        Headings of the magnetometer, rad.
-    last_heading : float
-        Known heading of the last entry, rad.
-
-    Raises
-    ------
-    CalibrationError
-        As :func:`swing_fit`.
-    """
-    turned, _ = _checked(turned, measured)
-    if not math.isfinite(last_heading):
-        raise CalibrationError("The known heading of the last position must be a finite number of radians.")
-    return swing_fit(turned + (last_heading - turned[-1]), measured)
-
-
 def coefficients_of(hard_iron: tuple[float, float], alpha: np.ndarray, horizontal: float) -> np.ndarray:
     """First-order coefficients A..E, rad, of known iron (equation 3.51 with its combinations of alpha corrected).
 

@@ -61,6 +61,17 @@ def airports(south: float, west: float, north: float, east: float) -> list[Airpo
     place = float(file["step_deg"]) * file["airports"]
     rows = np.flatnonzero(np.logical_and(place >= (south, west), place <= (north, east)).all(axis=1))
     off = (place[rows] - (0.5 * (south + north), 0.5 * (west + east))) * (1.0, math.cos(math.radians(0.5 * (south + north))))
-    rows = rows[np.argsort(np.hypot(*off.T), kind="stable")][:MOST_AIRPORTS]
+    return _airports(rows[np.argsort(np.hypot(*off.T), kind="stable")][:MOST_AIRPORTS])
+
+
+def airport_named(ident: str) -> Airport | None:
+    """The airport of a location indicator, None where there is none."""
+    found = _airports(np.flatnonzero(_file()["idents"] == ident.encode()))
+    return found[0] if found else None
+
+
+def _airports(rows: np.ndarray) -> list[Airport]:
+    file = _file()
+    place = float(file["step_deg"]) * file["airports"][rows]
     names = file["names"].tobytes().decode().split("\n") if len(rows) else []
-    return [Airport(file["idents"][k].decode(), names[k], *(round(float(v), 4) for v in place[k])) for k in rows]
+    return [Airport(file["idents"][k].decode(), names[k], *(round(float(v), 4) for v in at)) for k, at in zip(rows, place, strict=True)]

@@ -28,6 +28,8 @@ def allan(arguments: argparse.Namespace) -> int:
     ]
     heads = ("column", "white N [u/rtHz]", "drift sigma [u]", "tau [s]", "B [u]", "minimum at [s]", "K [u/s/rtHz]")
     rest.print_columns(heads, rows, columns)
+    sheet = [charts.data_sheet(name, fit, columns.units[name]) for name, fit in fits.items()]
+    print("\n".join(sheet))
     for name, fit in fits.items():
         if not fit.drift_tau_observed:
             print(f"{name}: the correlation time exceeds a third of the record; only sigma^2/tau is known, record longer.")
@@ -37,7 +39,7 @@ def allan(arguments: argparse.Namespace) -> int:
     out = rest.out_dir(arguments)
     if out is not None:
         drawn = charts.by_unit(columns.units, lambda names, unit: charts.allan_charts({n: results[n] for n in names}, unit))
-        said = () if sound else ("Not to be used: the model misses what was measured.",)
+        said = sheet if sound else ["Not to be used: the model misses what was measured.", *sheet]
         charts.write_page(out / "allan.html", f"Allan deviation of {columns.source}", heads, rows, said, drawn)
         rest.write_numbers(out / "allan.csv", heads, rows)
         rest.write_profile(out, "Allan deviation", numbers, columns, rate_hz)

@@ -24,8 +24,8 @@ _GYRO = {0: (60.0, f"deg/{_ROOT}"), 1: (3600.0, "deg/h"), 2: (3600.0 * 60.0, f"d
 _ACCELEROMETER = {0: (60.0, f"m/s/{_ROOT}"), 1: (1.0 / MILLI_G, "mg")}
 _DATA_SHEET = {"deg/s": _GYRO, "rad/s": {k: (np.degrees(1.0) * f, unit) for k, (f, unit) in _GYRO.items()}, "m/s^2": _ACCELEROMETER}
 """By unit of the column: factors and units of N, B and K."""
-COLOURS = ("#0b5c8a", "#d95f02", "#2a9d5c", "#7a5195", "#8c6d31", "#56b4e9")
-BEFORE, AFTER, INK = "#8a8f94", "#0b5c8a", "var(--ink)"
+COLOURS = ("#1f77b4", "#d95f02", "#2a9d5c", "#7a5195", "#8c6d31", "#56b4e9")
+BEFORE, AFTER, INK = "#8a8f94", "#1f77b4", "var(--ink)"
 
 
 def write_page(path: Path, title: str, heads: Sequence[str], rows: Sequence[tuple], said: Sequence[str], drawn: Sequence[str]) -> None:
@@ -54,25 +54,33 @@ def allan_charts(results: Mapping[str, tuple[AllanChart, AllanFit]], unit: str) 
     return drawn + [_slopes(name, chart, fit, axis, unit) for name, (chart, fit) in results.items()]
 
 
+def data_sheet(name: str, fit: AllanFit, unit: str) -> str:
+    """The coefficients of a column in a sentence, in the units of data sheets where they have some."""
+    found = (("white noise N", fit.white_density), ("bias instability B", fit.bias_instability), ("random walk K", fit.random_walk))
+    said = (_said(words, value, unit, k) for k, (words, value) in enumerate(found) if np.isfinite(value) and value > 0.0)
+    return f"{name}: {', '.join(said)}."
+
+
 def _slopes(name: str, chart: AllanChart, fit: AllanFit, axis: Axis, unit: str) -> str:
     """One column with the lines that its coefficients are read from."""
     tau = chart.tau_s
     lines: list[Item] = [Dots(tau, chart.deviation, COLOURS[0], "measured", 3.5)]
-    lines.append(Curve(tau, fit.white_density / np.sqrt(tau), "#2a9d5c", _said("N, white", fit.white_density, unit, 0), 1.1, "6 4"))
-    if np.isfinite(fit.bias_instability) and fit.bias_instability > 0.0:
-        floor = np.full(len(tau), FLICKER_FLOOR * fit.bias_instability)
-        lines.append(Curve(tau, floor, "#d95f02", _said("B, instability", fit.bias_instability, unit, 1), 1.1, "6 4"))
-    if np.isfinite(fit.random_walk) and fit.random_walk > 0.0:
-        said = _said("K, random walk", fit.random_walk, unit, 2)
-        lines.append(Curve(tau, fit.random_walk * np.sqrt(tau / 3.0), "#c0392b", said, 1.1, "6 4"))
+    levels = (
+        ("N, white", fit.white_density, "#2a9d5c", 1.0 / np.sqrt(tau)),
+        ("B, instability", fit.bias_instability, "#d95f02", np.full(len(tau), FLICKER_FLOOR)),
+        ("K, random walk", fit.random_walk, "#c0392b", np.sqrt(tau / 3.0)),
+    )
+    for k, (words, value, colour, slope) in enumerate(levels):
+        if np.isfinite(value) and value > 0.0:
+            lines.append(Curve(tau, value * slope, colour, _said(words, value, unit, k), 1.1, "6 4"))
     low, high = (float(np.log10(f(chart.deviation))) for f in (np.min, np.max))
     return time_chart(f"{name} [{unit}]", axis, lines, height=200, limits=(low - 0.3, high + 0.3), is_log=True)
 
 
-def _said(name: str, value: float, unit: str, kind: int) -> str:
+def _said(words: str, value: float, unit: str, kind: int) -> str:
     """A coefficient in the units of data sheets, where they have some."""
     factor, shown = _DATA_SHEET.get(unit, {}).get(kind, (1.0, ""))
-    return f"{name}: {value * factor:.3g} {shown}".rstrip()
+    return f"{words} {value * factor:.3g} {shown}".rstrip()
 
 
 def identification_charts(columns: Mapping[str, np.ndarray], rate_hz: float, unit: str) -> list[str]:

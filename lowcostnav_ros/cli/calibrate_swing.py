@@ -54,7 +54,7 @@ def read_swing(arguments: argparse.Namespace) -> Swung:
     if len(values) not in (2, 4):
         raise CalibrationError("A swing needs the columns heading,measured or heading,x,y,z; name them with --column.")
     heading, measured = np.radians(values[0]), np.radians(values[1]) if len(values) == 2 else np.arctan2(-values[2], values[1])
-    if arguments.last_heading is not None and len(heading):
+    if arguments.last_heading is not None and len(heading):  # equal turns from an unknown heading (Gebre 2004, equations 3.54 and 3.55)
         heading = heading + (math.radians(arguments.last_heading) - heading[-1])
     return Swung(heading, measured, columns)
 

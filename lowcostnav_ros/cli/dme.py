@@ -33,19 +33,21 @@ def add_arguments(dme: argparse.ArgumentParser) -> None:
     """Add the sub-commands and their options to the parser of the job."""
     verbs = dme.add_subparsers(dest="verb", metavar="VERB", required=True)
     text = "Coverage, best pairs and expected error without GPS; exit status 1 when it exceeds 0.5 NM at every altitude."
-    plan = verbs.add_parser("plan", help="what the stations around a place or along a route are good for", description=text)
+    what = "what the stations around a place or along a route are good for"
+    plan = verbs.add_parser("plan", help=what, description=text, epilog=EXAMPLE)
     let_values_begin_with_minus(plan)
     where = plan.add_mutually_exclusive_group(required=True)
-    where.add_argument("--airport", metavar="LAT,LON[,HEIGHT]", help="degrees, and metres above sea level (default 0)")
+    where.add_argument("--airport", metavar="LAT,LON[,M]|KLVK[,M]", help="degrees or location indicator; metres above sea level")
     where.add_argument("--route", metavar="FILE|LAT,LON;LAT,LON...", help="waypoints in degrees, or a CSV with lat_deg, lon_deg")
     plan.add_argument("--stations", metavar="FILE", default=DEFAULT_STATIONS, help="station list, any format (default: %(default)s)")
     plan.add_argument("--altitude-m", metavar="M[,M...]", help="above sea level (default: 500 ft, 1500 ft, 1 km, 2 km above the place)")
     plan.add_argument("--speed-mps", type=float, default=46.3, help="speed over ground (default: %(default)s, 90 kt)")
     plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the page plan.html there")
-    table = verbs.add_parser("import", help="station table out of a public navaid list", description="Write a station table near a place.")
+    text, example = "Write a station table near a place.", "example: lowcostnav dme import navaids.csv --near 37.7,-121.8 -o stations.csv"
+    table = verbs.add_parser("import", help="station table out of a public navaid list", description=text, epilog=example)
     let_values_begin_with_minus(table)
     table.add_argument("source", help="OurAirports navaids.csv, X-Plane earth_nav.dat, FlightGear nav.dat or our own format")
-    table.add_argument("--near", metavar="LAT,LON", required=True, help="place in degrees")
+    table.add_argument("--near", metavar="LAT,LON|KLVK", required=True, help="place in degrees, or a location indicator")
     table.add_argument("--within-nm", type=float, default=130.0, help="distance from it (default: %(default)g NM)")
     table.add_argument("--undulation-m", type=float, default=0.0, help="mean sea level above the ellipsoid there (default: %(default)g m)")
     table.add_argument("-o", "--output", metavar="FILE", required=True, help="table to write")

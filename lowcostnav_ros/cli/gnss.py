@@ -46,7 +46,7 @@ def add_arguments(gnss: argparse.ArgumentParser) -> None:
 
 def _add_locate(verbs: argparse._SubParsersAction) -> None:
     text = "Position of every epoch of a RINEX 2 or 3 file from code alone, with an integrity verdict and what was not used by reason."
-    locate = verbs.add_parser("locate", help="positions with integrity verdicts out of RINEX files", description=text)
+    locate = verbs.add_parser("locate", help="positions with integrity out of RINEX files", description=text, epilog=LOCATE_EXAMPLE)
     locate.add_argument("observations", metavar="OBS", help="observation file, plain or gzip")
     locate.add_argument("navigation", metavar="NAV", nargs="+", help="navigation file; several are joined, such as one for each system")
     locate.add_argument("--mask-deg", type=float, default=10.0, metavar="DEG", help="lowest elevation used (default: %(default)g)")
@@ -59,7 +59,7 @@ def _add_locate(verbs: argparse._SubParsersAction) -> None:
 
 def _add_plan(verbs: argparse._SubParsersAction) -> None:
     text = "Satellites in view and dilutions of precision over some hours; exit status 1 when the position is not good all the time."
-    plan = verbs.add_parser("plan", help="satellites in view and their geometry at a place over a day", description=text)
+    plan = verbs.add_parser("plan", help="satellites in view and their geometry at a place over a day", description=text, epilog=EXAMPLE)
     let_values_begin_with_minus(plan)
     plan.add_argument("--almanac", required=True, metavar="FILE|NAME", help="YUMA almanac, or nominal orbits: gps, galileo, gps_galileo")
     plan.add_argument("--place", required=True, metavar="LAT,LON[,M]", help="degrees, and metres above the ellipsoid (default 0)")
@@ -74,6 +74,7 @@ def _add_plan(verbs: argparse._SubParsersAction) -> None:
     plan.add_argument("-o", "--output", metavar="DIR", help="write plan.json and the page plan.html there")
 
 
+LOCATE_EXAMPLE = "example: lowcostnav gnss locate station.05o station.05n --page positions.html"
 EXAMPLE = "example: lowcostnav gnss plan --almanac gps --place 38.7,-9.1,120"
 
 

@@ -27,6 +27,7 @@ from lowcostnav_ros.radionav.observability import STATES
 from lowcostnav_ros.replay.links import output_topic
 from lowcostnav_ros.replay.selection import check_names
 from lowcostnav_ros.replay.session import Session
+from lowcostnav_ros.report.flight.figures import name_of
 from lowcostnav_ros.report.observability import drawings
 from lowcostnav_ros.report.plan_folder import page_of
 from lowcostnav_ros.report.terminal import Told, print_report
@@ -144,13 +145,13 @@ def _told(navigator: Navigator, found: list[Observability]) -> Told:
         values = f"{o.singular_values[0]:.2g}, {o.singular_values[o.rank - 1]:.2g}"
         rows.append((f"{(o.stamp_ns - start_ns) / 1e9:.1f}", str(o.rows), str(o.rank), str(size - o.rank), values))
     share = np.mean([o.share for o in found], axis=0)
-    weak = [label for label, part in zip(labels, share, strict=True) if part < WEAK]
+    weak = [name_of(label) for label, part in zip(labels, share, strict=True) if part < WEAK]
     ranks = [o.rank for o in found]
     ranked = f"{navigator.name}: rank {min(ranks)} to {max(ranks)} of {size} at single instants, mean {sum(ranks) / len(ranks):.1f}."
     most = max(o.rows for o in found)
     load = f"A dense cycle of {size} states takes {operations(size, most):,} multiplications and additions with {most} rows, "
     load += f"{operations(size, 1):,} with one; what is flown uses the sparse dynamics, and takes less."
-    weakly = f"weakly observable within an instant: {', '.join(weak) or 'none'}"
+    weakly = f"Weakly observable within an instant: {', '.join(weak) or 'none'}."
     return "", (Table.plain("", heads, rows, left=0),), (ranked, weakly, load)
 
 

@@ -80,18 +80,27 @@ def let_values_begin_with_minus(parser: argparse.ArgumentParser) -> None:
 
 
 def place_of(text: str, option: str) -> tuple[float, float, float]:
-    """Return latitude, longitude (rad) and height (m, 0 where none is given) of ``LAT,LON[,M]``, degrees; the one way to write a place.
+    """Return latitude, longitude (rad) and height (m, 0 where none is given) of a place: ``LAT,LON[,M]``, degrees, or ``KLVK[,M]``.
 
     Raises
     ------
     SettingsError
     """
+    head, comma, rest = text.strip().partition(",")
+    if re.fullmatch("[A-Z]{4}", head):
+        from lowcostnav_ros.catalogue.background import airport_named
+
+        airport = airport_named(head)
+        if airport is None:
+            raise SettingsError(f"{option}: no airport {head} is known here; write LAT,LON[,M] in degrees and metres.")
+        text = f"{airport.lat_deg},{airport.lon_deg}{comma}{rest}"
     try:
         lat_deg, lon_deg, height, *further = [*map(float, text.split(",")), *([0.0] * (text.count(",") == 1))]
     except ValueError:
         further = [0.0]
     if further:
-        raise SettingsError(f"{option}: '{text.strip()}' is not a place; write LAT,LON[,M] in degrees and metres, as in 37.4,-122.1.")
+        how = "write LAT,LON[,M] in degrees and metres, as in 37.4,-122.1, or KLVK[,M]"
+        raise SettingsError(f"{option}: '{text.strip()}' is not a place; {how}.")
     between(option, lat_deg, -90.0, 90.0)
     between(option, lon_deg, -180.0, 360.0)
     return math.radians(lat_deg), math.radians(lon_deg), between(option, height, -1000.0, 20_000.0)

@@ -22,7 +22,7 @@ def add_arguments(pseudolite: argparse.ArgumentParser) -> None:
     """Add the sub-command and its options to the parser of the job."""
     verbs = pseudolite.add_subparsers(dest="verb", metavar="VERB", required=True)
     text = "Dilutions over a square about the network at one height; exit status 1 where the PDOP is not good everywhere."
-    plan = verbs.add_parser("plan", help="dilutions over an area and the best next transmitter", description=text)
+    plan = verbs.add_parser("plan", help="dilutions over an area and the best next transmitter", description=text, epilog=EXAMPLE)
     plan.add_argument("--stations", metavar="FILE", default=DEFAULT_STATIONS, help="station table (default: %(default)s)")
     plan.add_argument("--height-m", type=float, required=True, metavar="M", help="of the aircraft above the ellipsoid")
     plan.add_argument("--half-width-km", type=float, default=13.0, metavar="KM", help="half the side of the square (default: %(default)g)")

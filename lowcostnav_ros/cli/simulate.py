@@ -16,10 +16,10 @@ from lowcostnav_ros.catalogue.imu_by_name import profile_settings
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.list import names_of
 from lowcostnav_ros.cli.progress import progress_bar
-from lowcostnav_ros.convert.convert import Record
 from lowcostnav_ros.cores.imu_errors import ImuSettings
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, new_bag
+from lowcostnav_ros.messages.encode import Record
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.registry import NAVIGATORS
 from lowcostnav_ros.simulation.scenario import Scenario, load_scenario

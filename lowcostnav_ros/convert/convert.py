@@ -1,14 +1,11 @@
 """Convert recorded tables to a standard recording."""
 
 import shutil
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.convert import derived
 from lowcostnav_ros.convert.profile import ConvertError, FieldSpec, Profile, TableProfile, TopicProfile, load_profile
@@ -17,9 +14,8 @@ from lowcostnav_ros.convert.timebase import stamps_ns
 from lowcostnav_ros.convert.units_by_name import NMEA
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter, new_bag
-from lowcostnav_ros.messages.encode import encode_cdr
+from lowcostnav_ros.messages.encode import Record, encode_rows
 from lowcostnav_ros.messages.samples import TableRow
-from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.messages.topics import spec
 
 _SHOWN = 5
@@ -62,9 +58,6 @@ class ConversionReport:
         if self.vehicle:
             lines.append(f"the recording carries the settings of vehicle '{self.vehicle}' for its replay")
         return "\n".join(lines)
-
-
-Record = tuple[int, str, str, bytes]
 
 
 def convert(source: str | Path, profile: str | Path | Profile, out_bag: str | Path, storage: str = "mcap") -> ConversionReport:
@@ -140,7 +133,7 @@ def _records(path: Path, profile: TableProfile, report: ConversionReport) -> lis
         there, columns = topic_columns(topic, table, rising)
         _refuse_no_place(columns, table, there, f"{path}, {topic.topic}")
         if there.any():
-            records += _topic_records(topic, stamps[there], completed(topic, columns, int(there.sum())))
+            records += encode_rows(table_rows(topic, stamps[there], columns))
     if not records:
         raise ConvertError(f"{path}: no row has all the numbers of a topic; {_first_malformed(table)}.")
     return records
@@ -155,34 +148,15 @@ def topic_columns(topic: TopicProfile, table: Table, rows: np.ndarray) -> tuple[
     return there, {name: _values(one, table, there) for name, one in topic.fields.items()}
 
 
-def completed(topic: TopicProfile, columns: dict[str, np.ndarray], rows: int) -> dict[str, np.ndarray]:
-    """Return all fields of a topic: those given, those made of others, and the usual sigmas."""
+def table_rows(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> TableRow:
+    """Return the rows of a topic with all fields: those given, those made of others, and the usual sigmas."""
     kind = spec(topic.topic)
-    return derived.complete(kind.name, kind, columns, rows)
+    complete = derived.complete(kind.name, kind, columns, len(stamps))
+    return TableRow((stamps, topic.topic), complete, topic.mounting_deg, topic.station)
 
 
 def _first_malformed(table: Table) -> str:
     return f"the first that fails is line {table.malformed[0][0]}: {table.malformed[0][1]}" if table.malformed else "their cells are empty"
-
-
-def built(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Any]:
-    """Yield what a topic's kind makes of complete columns: one block, or a measurement or message for every row."""
-    kind = spec(topic.topic)
-    build: Any = kind.from_row  # the profile refuses a topic that has none
-    rows = TableRow((stamps, topic.topic), columns, topic.mounting_deg, topic.station)
-    if kind.encode_many is not None:
-        yield build(rows)
-        return
-    for k, stamp_ns in enumerate(stamps.tolist()):
-        yield build(replace(rows, head=(stamp_ns, topic.topic), values={name: column[k] for name, column in columns.items()}))
-
-
-def _topic_records(topic: TopicProfile, stamps: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[Record]:
-    for k, one in enumerate(built(topic, stamps, columns)):
-        if isinstance(one, Measurement):
-            yield from encode_cdr(one)
-        else:
-            yield int(stamps[k]), topic.topic, spec(topic.topic).msgtype, to_cdr(one)
 
 
 def _kept(table: Table, profile: TableProfile) -> np.ndarray:

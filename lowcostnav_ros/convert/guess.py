@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lowcostnav_ros.base.documents import cells_of, delimiter_of, foreign_text
+from lowcostnav_ros.base.documents import cells_of, delimiter_of, foreign_text, number_in
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.formats.log import read_bytes
 
@@ -70,20 +70,13 @@ def _columns(path: Path) -> list[Column]:
         rows = [cells_of(row, mark) for row in lines[start + 1 :]]
         full = [row for row in rows if len(row) >= len(names)]
         if len(names) > 1 and len(full) > 0.5 * len(rows) and full and not any(map(_is_number, names)):
-            numbers = [np.array([_number(row[k]) for row in full]) for k in range(len(names))]
+            numbers = [np.array([number_in(row[k]) for row in full]) for k in range(len(names))]
             return [Column(name, _words(name), column) for name, column in zip(names, numbers, strict=True)]
     raise ConvertError(f"{path} has no line of column names above its numbers; write a profile with 'columns', see docs/convert.md.")
 
 
 def _is_number(text: str) -> bool:
-    return bool(text) and np.isfinite(_number(text))
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
+    return bool(text) and np.isfinite(number_in(text))
 
 
 def _words(name: str) -> frozenset[str]:

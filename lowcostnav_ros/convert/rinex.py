@@ -14,13 +14,14 @@ import yaml
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.convert.convert import Record, write_records
+from lowcostnav_ros.convert.convert import write_records
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
 from lowcostnav_ros.gnss.correction import CorrectionSettings
 from lowcostnav_ros.gnss.track import HOLD_S, Track, track
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter, new_bag
+from lowcostnav_ros.messages.encode import Record
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnlySettings
 from lowcostnav_ros.physics.earth import LocalFrame, ecef_to_geodetic

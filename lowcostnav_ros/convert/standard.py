@@ -1,7 +1,7 @@
 """The recording that a conversion makes: every message checked as a navigator would check it, put in order, and accounted for."""
 
 import heapq
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
@@ -13,11 +13,13 @@ from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.base.units import STANDARD_GRAVITY
 from lowcostnav_ros.formats.log import AUTOPILOT, Series, own_solution
 from lowcostnav_ros.formats.parser import Account
-from lowcostnav_ros.formats.records import CheckedRecords, Record
+from lowcostnav_ros.formats.records import CheckedRecords
 from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.encode import Record, encode_rows
 from lowcostnav_ros.messages.samples import TableRow
+from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.messages.topics import spec
-from lowcostnav_ros.physics.rotation import euler_to_dcm
+from lowcostnav_ros.physics.mounting import mounting_dcm
 
 MOUNTING_SAMPLES = 200
 """Inertial samples before their mean says anything of gravity."""
@@ -115,7 +117,8 @@ class Standard:
     """
 
     def __init__(self, bag: BagWriter, mounting_deg: tuple[float, float, float] | None = None) -> None:
-        self._turn = None if mounting_deg is None else euler_to_dcm(*np.radians(mounting_deg))
+        self._mounting = () if mounting_deg is None else (mounting_deg,)
+        self._turn = mounting_dcm(self._mounting)
         self._force_sum, self._samples = np.zeros(3), 0
         self.found: dict[str, Found] = {}
         self._bag, self._checked = bag, CheckedRecords()
@@ -136,7 +139,7 @@ class Standard:
 
     def put_message(self, stamp_ns: int, topic: str, msgtype: str, message: Any) -> None:
         """Write one message object, or count why not."""
-        self._add(self._checked.of_message(stamp_ns, topic, msgtype, message))
+        self._add(self._checked.sound([(stamp_ns, topic, msgtype, to_cdr(message))]))
 
     def put_series(self, series: Iterable[Series]) -> None:
         """Write columns, a window of time after the other."""
@@ -175,22 +178,13 @@ class Standard:
     def _put_rows(self, series: Series, rows: slice) -> None:
         stamps, fields = series.stamps_ns[rows], {name: values[rows] for name, values in series.fields.items()}
         if series.topic == AUTOPILOT:
-            for k, stamp_ns in enumerate(stamps.tolist()):
-                self.put(own_solution(stamp_ns, {name: column[k] for name, column in fields.items()}))
+            rest = ({name: column[k] for name, column in fields.items()} for k in range(len(stamps)))
+            self._add(self._checked.of(*map(own_solution, stamps.tolist(), rest)))
             return
-        kind = spec(series.topic)
-        build: Callable[[TableRow], Any] | None = kind.from_row
-        assert build is not None, f"{series.topic} is made of no table"
-        if kind.encode_many is not None:
-            self.put(build(TableRow((stamps, series.topic), fields)))
+        if spec(series.topic).measurement is ImuBlock:
+            self.put(ImuBlock.of(series.topic, stamps, fields["force"], fields["rate"]))
             return
-        row = TableRow((0, series.topic), {})
-        for k, stamp_ns in enumerate(stamps.tolist()):
-            built = build(replace(row, head=(stamp_ns, series.topic), values={name: column[k] for name, column in fields.items()}))
-            if isinstance(built, Measurement):
-                self.put(built)
-            else:
-                self.put_message(stamp_ns, series.topic, kind.msgtype, built)
+        self._add(self._checked.sound(encode_rows(TableRow((stamps, series.topic), fields, self._mounting))))
 
     def _add(self, records: list[Record]) -> None:
         for record in records:

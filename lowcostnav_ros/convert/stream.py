@@ -8,12 +8,13 @@ import numpy as np
 
 from lowcostnav_ros.base.documents import cells_of, delimiter_of, foreign_text
 from lowcostnav_ros.base.measurements import Measurement
-from lowcostnav_ros.convert.convert import built, completed, topic_columns
+from lowcostnav_ros.convert.convert import table_rows, topic_columns
 from lowcostnav_ros.convert.profile import ConvertError, Profile, TableProfile
 from lowcostnav_ros.convert.table import Table, numbers_of, written_ns
 from lowcostnav_ros.convert.timebase import stamps_ns
 from lowcostnav_ros.formats.framing import LineFramer
 from lowcostnav_ros.formats.parser import BOOT, Parser
+from lowcostnav_ros.messages.topics import spec
 
 
 class TableParser(Parser):
@@ -96,4 +97,8 @@ class TableParser(Parser):
             if not there.any() or not np.all(places):
                 self.account.refused[f"{topic.topic}: a number is missing, or latitude or longitude is none"] += 1
             elif self.is_new(f"{topic.topic} {topic.station}".rstrip(), int(stamps[0])):
-                yield from (one for one in built(topic, stamps, completed(topic, columns, 1)) if isinstance(one, Measurement))
+                rows, kind = table_rows(topic, stamps, columns), spec(topic.topic)
+                assert kind.from_row is not None  # the profile refuses a topic that has none
+                one = kind.from_row(rows if kind.encode_many else rows.row(0))
+                if isinstance(one, Measurement):
+                    yield one

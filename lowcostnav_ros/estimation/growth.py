@@ -67,8 +67,12 @@ class Growth:
         residual = y + own @ estimate[self._rows] - self._x @ own.T
         PH = self._P @ own.T
         S = own @ PH + R
+        sign, logarithm = np.linalg.slogdet(S)
+        if not (sign > 0.0).all():  # next to no noise, and rounding has made of what was left of P less than nothing
+            self.restart()
+            return
         weighed = np.linalg.solve(S, residual[:, :, None])[:, :, 0]
-        self._seen -= 0.5 * (np.linalg.slogdet(S)[1] + np.einsum("gi,gi->g", residual, weighed))
+        self._seen -= 0.5 * (logarithm + np.einsum("gi,gi->g", residual, weighed))
         self._x = self._x + np.einsum("gij,gj->gi", PH, weighed)
         self._P = self._P - PH @ np.linalg.solve(S, PH.transpose(0, 2, 1))
         self._weigh()

@@ -8,7 +8,7 @@ import numpy as np
 from lowcostnav_ros.base.units import GAUSS
 from lowcostnav_ros.catalogue.geoid import undulation
 from lowcostnav_ros.formats.air import RATIO_SIGMA, true_airspeed
-from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, FormatError, Log, attitude_rates, date_log, level_force, read_bytes
+from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, FormatError, Log, date_log, read_bytes, stacked
 from lowcostnav_ros.formats.vehicle import remark_firmware
 from lowcostnav_ros.gnss.gps_time import WEEK_NS, unix_ns
 from lowcostnav_ros.physics.rotation import euler_to_quat
@@ -126,16 +126,12 @@ def _stamps(columns: Columns) -> np.ndarray:
     return columns["TimeUS"].astype(np.int64) * 1000 if "TimeUS" in columns else columns["TimeMS"].astype(np.int64) * 1_000_000
 
 
-def _stack(columns: Columns, *names: str) -> np.ndarray:
-    return np.stack([columns[name].astype(float) for name in names], axis=1)
-
-
 def _inertial(log: Log, data: dict[str, Columns]) -> None:
     if (imu := data.get("IMU")) is not None:
-        force, rate = _stack(imu, "AccX", "AccY", "AccZ"), _stack(imu, "GyrX", "GyrY", "GyrZ")
+        force, rate = stacked(imu, "AccX", "AccY", "AccZ"), stacked(imu, "GyrX", "GyrY", "GyrZ")
         log.add("imu/data_raw", _stamps(imu), "IMU: m/s^2, rad/s, forward right down", force=force, rate=rate)
     if (mag := data.get("MAG")) is not None:
-        field = 1e-3 * GAUSS * _stack(mag, "MagX", "MagY", "MagZ")
+        field = 1e-3 * GAUSS * stacked(mag, "MagX", "MagY", "MagZ")
         log.add("imu/mag", _stamps(mag), "MAG: milligauss, offsets of the autopilot applied", field=field, sigma=np.full(3, 5e-7))
 
 
@@ -192,12 +188,10 @@ def _own_solution(log: Log, data: dict[str, Columns]) -> None:
     attitude, place, filtered = data.get("ATT"), data.get("POS", data.get("AHR2")), data.get("XKF1", data.get("NKF1"))
     q_nb = None
     if attitude is not None and len(attitude["Roll"]):
-        q_nb = np.array([euler_to_quat(*row) for row in np.radians(_stack(attitude, "Roll", "Pitch", "Yaw"))])
+        q_nb = np.array([euler_to_quat(*row) for row in np.radians(stacked(attitude, "Roll", "Pitch", "Yaw"))])
     if attitude is not None and q_nb is not None and not log.has("imu/data_raw"):
-        for topic in ("imu/data", "imu/data_fused"):
-            origin = "ATT: the autopilot's own, deg, for want of inertial samples; sigmas assumed, 1 deg and 5 deg in heading"
-            rate = attitude_rates(q_nb, _stamps(attitude))
-            log.add(topic, _stamps(attitude), origin, quaternion=q_nb, rate=rate, force=level_force(q_nb), sigma=ATTITUDE_SIGMA)
+        origin = "ATT: the autopilot's own, deg, for want of inertial samples; sigmas assumed, 1 deg and 5 deg in heading"
+        log.add_attitude(_stamps(attitude), origin, q_nb, None, ATTITUDE_SIGMA)
     if place is None or filtered is None or not log.has("gps/fix"):
         return
     there = (place["Lat"] != 0.0) | (place["Lng"] != 0.0)

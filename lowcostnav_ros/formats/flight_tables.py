@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lowcostnav_ros.base.documents import cells_of, delimiter_of
+from lowcostnav_ros.base.documents import cells_of, delimiter_of, number_in
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE
 from lowcostnav_ros.base.units import FOOT, FOOT_PER_MINUTE, INCH_OF_MERCURY, KNOT, ZERO_CELSIUS
 from lowcostnav_ros.catalogue.geoid import undulation
 from lowcostnav_ros.formats.air import RATIO_SIGMA, true_airspeed
-from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, NO_DATE_S, FormatError, Log, attitude_rates, level_force, read_bytes
+from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, NO_DATE_S, FormatError, Log, read_bytes
 from lowcostnav_ros.physics import atmosphere
 from lowcostnav_ros.physics.rotation import euler_to_quat
 
@@ -149,18 +149,11 @@ def _columns(names: list[str], rows: list[list[str]], dialect: Dialect, log: Log
         if where is None:
             continue
         used.add(where)
-        data[quantity], places[quantity] = factor * np.array([_number(row[where]) for row in rows]), names[where].strip(" _")
+        data[quantity], places[quantity] = factor * np.array([number_in(row[where]) for row in rows]), names[where].strip(" _")
     for k, name in enumerate(names):
         if k not in used and name.strip():
             log.account.left_out[name.strip(" _")] += len(rows)
     return data, places
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
 
 
 def _stamps(log: Log, names: list[str], rows: list[list[str]], data: Columns, path: Path) -> np.ndarray:
@@ -255,8 +248,6 @@ def _attitude(log: Log, stamps: np.ndarray, data: Columns, places: dict[str, str
     if not known.any():
         return
     q_nb = np.array([euler_to_quat(*row) for row in np.stack([data["roll"], data["pitch"], heading], axis=1)[known]])
-    rate = attitude_rates(q_nb, stamps[known])
     variation = f" + {places['variation']}" if "variation" in places else ""
     origin = f"{places['roll']}, {places['pitch']}, {places['heading']}{variation}; sigmas assumed, 1 deg and 5 deg in heading"
-    for topic in ("imu/data", "imu/data_fused"):
-        log.add(topic, stamps[known], origin, quaternion=q_nb, rate=rate, force=level_force(q_nb), sigma=ATTITUDE_SIGMA)
+    log.add_attitude(stamps[known], origin, q_nb, None, ATTITUDE_SIGMA)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lowcostnav_ros.base.documents import number_in
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE
 from lowcostnav_ros.base.units import ZERO_CELSIUS
 from lowcostnav_ros.catalogue.geoid import undulation
@@ -57,7 +58,7 @@ def read(path: Path) -> Log:
             int(hour) * 3600 + int(minute) * 60 + int(second), (int(lat) + int(lat_min) / 60_000) * (-1 if south == "S" else 1),
             (int(lon) + int(lon_min) / 60_000) * (-1 if west == "W" else 1), kind == "A", int(pressure), int(height),
         ))  # fmt: skip
-        extended.append([_number(line[first - 1 : last]) for first, last in places.values()])
+        extended.append([number_in(line[first - 1 : last]) for first, last in places.values()])
     if not fixes:
         raise FormatError(f"{path} holds no fix; check that the recorder had a satellite view.")
     table = np.array(fixes, float)
@@ -74,13 +75,6 @@ def _extensions(text: str) -> dict[str, tuple[int, int]]:
     """Columns, counted from one, of what the recorder adds to a fix, by its three letters."""
     line = re.search(r"^I\d\d([^\r\n]*)", text, re.MULTILINE)
     return {name: (int(first), int(last)) for first, last, name in _EXTENSION.findall(line[1])} if line else {}
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
 
 
 def _speed_factor(name: str, places: dict[str, tuple[int, int]]) -> float:

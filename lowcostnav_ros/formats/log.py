@@ -74,6 +74,12 @@ class Log:
             self.series.append(Series(topic, stamps_ns[rising], {name: values[rising] for name, values in columns.items()}))
             self.account.origins[topic] = origin
 
+    def add_attitude(self, stamps_ns: np.ndarray, origin: str, q_nb: np.ndarray, rate: np.ndarray | None, sigma: np.ndarray) -> None:
+        """Add an attitude (n, 4) in the place of the attitude reference's, its rate by differences where None is given."""
+        rate = attitude_rates(q_nb, stamps_ns) if rate is None else rate
+        for topic in ("imu/data", "imu/data_fused"):
+            self.add(topic, stamps_ns, origin, quaternion=q_nb, rate=rate, force=level_force(q_nb), sigma=sigma)
+
     def has(self, topic: str) -> bool:
         """Whether a topic was found."""
         return any(one.topic == topic for one in self.series)
@@ -121,6 +127,11 @@ def own_solution(stamp_ns: int, row: dict[str, Any]) -> NavSolution:
     )  # fmt: skip
 
 
+def stacked(columns: dict[str, np.ndarray], *names: str) -> np.ndarray:
+    """Some columns as one, shape (n, len(names))."""
+    return np.stack([columns[name].astype(float) for name in names], axis=1)
+
+
 def level_force(q_nb: np.ndarray) -> np.ndarray:
     """Specific force of unaccelerated flight at attitudes (n, 4), m/s^2, shape (n, 3): stands in where a log has an attitude alone."""
     w, x, y, z = q_nb.T
@@ -165,5 +176,4 @@ def heading_attitude(log: Log, stamps_ns: np.ndarray, heading: np.ndarray, speed
     (ch, sh), (cr, sr) = ((np.cos(angle), np.sin(angle)) for angle in (half, roll))
     q_nb = np.stack([ch * cr, ch * sr, sh * sr, sh * cr], axis=1)
     rate = np.stack([np.zeros(len(turn)), turn * np.sin(bank), turn * np.cos(bank)], axis=1)
-    for topic in ("imu/data", "imu/data_fused"):
-        log.add(topic, stamps_ns, origin, quaternion=q_nb, rate=rate, force=level_force(q_nb), sigma=np.radians([8.0, 8.0, 8.0]))
+    log.add_attitude(stamps_ns, origin, q_nb, rate, np.radians([8.0, 8.0, 8.0]))

@@ -1,18 +1,15 @@
 """Measurements to messages that a navigator would accept: each is encoded and decoded again, so that its checks stand in one place."""
 
-from typing import Any
-
 import numpy as np
 
-from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import Measurement, NavSolution
 from lowcostnav_ros.messages.decode import Decoder, Rejected
-from lowcostnav_ros.messages.encode import encode_cdr, odometry_from_solution, origin_fix
+from lowcostnav_ros.messages.encode import Record, encode_cdr, odometry_from_solution, origin_fix
 from lowcostnav_ros.messages.store import to_cdr
-from lowcostnav_ros.messages.topics import NAV_SAT_FIX, ODOMETRY, spec
+from lowcostnav_ros.messages.topics import NAV_SAT_FIX, ODOMETRY
+from lowcostnav_ros.messages.windows import Window
 from lowcostnav_ros.physics.earth import LocalFrame
 
-Record = tuple[int, str, str, bytes]
-"""Stamp in ns, topic, message type, CDR bytes."""
 LATEST_NS = 2**31 * 10**9
 """A message holds seconds in 31 bits."""
 
@@ -24,34 +21,27 @@ class CheckedRecords:
         self.decoder = Decoder()
         self._origins: dict[str, LocalFrame] = {}
 
-    def of(self, measurement: Measurement) -> list[Record]:
-        """Return the records of a measurement; of a recorder's own solution its odometry, with the origin of its map first."""
-        if not 0 < measurement.stamp_ns < LATEST_NS:
-            self.decoder.count(Rejected(measurement.source, "stamp out of range", f"{measurement.stamp_ns} ns"), measurement.source)
-            return []
-        if isinstance(measurement, ImuBlock):
-            return self._inertial(measurement)
-        encoded = self._odometry(measurement) if isinstance(measurement, NavSolution) else list(encode_cdr(measurement))
-        return [record for record in encoded if self._is_sound(record)]
+    def of(self, *measurements: Measurement) -> list[Record]:
+        """Return the records of measurements; of a recorder's own solution its odometry, with the origin of its map first."""
+        records = list[Record]()
+        for one in measurements:
+            if not 0 < one.stamp_ns < LATEST_NS:
+                self.decoder.count(Rejected(one.source, "stamp out of range", f"{one.stamp_ns} ns"), one.source)
+            else:
+                records += self._odometry(one) if isinstance(one, NavSolution) else encode_cdr(one)
+        return self.sound(records)
 
-    def of_message(self, stamp_ns: int, topic: str, msgtype: str, message: Any) -> list[Record]:
-        """Return the record of a message object."""
-        record = stamp_ns, topic, msgtype, to_cdr(message)
-        return [record] if self._is_sound(record) else []
+    def sound(self, records: list[Record]) -> list[Record]:
+        """Return those records that the decoder accepts."""
+        window, good = Window.of_messages([(topic, stamp_ns, cdr) for stamp_ns, topic, _, cdr in records]), np.zeros(len(records), bool)
+        for _, rows in window.by_source():
+            found, rest = self.decoder.decode_many(window, rows, records[rows[0]][2])
+            good[np.concatenate([*(columns.rows for columns in found), np.array([row for row, _ in rest], int)])] = True
+        return [records[row] for row in np.flatnonzero(good)]
 
     def refused(self) -> dict[str, int]:
         """Messages that the decoder refused, by topic and phrase."""
         return {f"{source}: {reason}": count for (source, reason), count in self.decoder.rejected.items()}
-
-    def _is_sound(self, record: Record) -> bool:
-        return not isinstance(self.decoder.decode(*record[1:]), Rejected)
-
-    def _inertial(self, block: ImuBlock) -> list[Record]:
-        kind, encoded = spec(block.source), list(encode_cdr(block))
-        if len(encoded) == 1:
-            return encoded if self._is_sound(encoded[0]) else []
-        _, good = self.decoder.decode_imu_block([record[3] for record in encoded], kind.name)
-        return [encoded[row] for row in np.flatnonzero(good)]
 
     def _odometry(self, solution: NavSolution) -> list[Record]:
         name, records = solution.source, list[Record]()

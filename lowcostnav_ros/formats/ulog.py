@@ -8,7 +8,7 @@ import numpy as np
 
 from lowcostnav_ros.base.units import GAUSS
 from lowcostnav_ros.catalogue.geoid import undulation
-from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, FormatError, Log, attitude_rates, date_log, level_force, read_bytes
+from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, AUTOPILOT, FormatError, Log, date_log, read_bytes, stacked
 from lowcostnav_ros.formats.vehicle import remark_type
 from lowcostnav_ros.physics import atmosphere
 
@@ -32,7 +32,7 @@ def read(path: Path) -> Log:
     try:
         from pyulog import ULog
     except ImportError:
-        raise FormatError("Reading a PX4 log needs pyulog; install it with the extra 'logs' of this package.") from None
+        raise FormatError("Reading a PX4 log needs pyulog, which is not installed: pip install pyulog.") from None
     try:
         source: Any = str(path) if path.suffix == ".ulg" else io.BytesIO(read_bytes(path))
         ulog = ULog(source, message_name_filter_list=list(_TOPICS))
@@ -67,12 +67,8 @@ def _stamps(columns: Columns) -> np.ndarray:
     return columns.get("timestamp_sample", columns["timestamp"]).astype(np.int64) * 1000
 
 
-def _stack(columns: Columns, *names: str) -> np.ndarray:
-    return np.stack([columns[name].astype(float) for name in names], axis=1)
-
-
 def _axes(columns: Columns, name: str) -> np.ndarray:
-    return _stack(columns, *(f"{name}[{axis}]" for axis in range(3)))
+    return stacked(columns, *(f"{name}[{axis}]" for axis in range(3)))
 
 
 def _inertial(log: Log, data: dict[str, Columns]) -> None:
@@ -89,7 +85,7 @@ def _inertial(log: Log, data: dict[str, Columns]) -> None:
 
 def _changed(columns: Columns, *names: str) -> Columns:
     """The rows at which a slower sensor, repeated in the rows of a faster one, has a new value."""
-    values = _stack(columns, *names)
+    values = stacked(columns, *names)
     new = np.concatenate([[True], np.any(np.diff(values, axis=0) != 0.0, axis=1)]) if len(values) else np.zeros(0, bool)
     return {name: column[new] for name, column in columns.items()}
 
@@ -145,7 +141,7 @@ def _gps(log: Log, data: dict[str, Columns]) -> tuple[np.ndarray, np.ndarray]:
     valid = gps["vel_ned_valid"].astype(bool)
     if not valid.all():
         log.account.refused["gps/vel: marked as not valid"] += int((~valid).sum())
-    velocity = _stack(gps, "vel_n_m_s", "vel_e_m_s", "vel_d_m_s")[valid]
+    velocity = stacked(gps, "vel_n_m_s", "vel_e_m_s", "vel_d_m_s")[valid]
     speed_sigma = np.clip(gps["s_variance_m_s"].astype(float), 0.05, None)[valid]
     log.add("gps/vel", stamps[valid], "GPS: m/s north east down", velocity=velocity, sigma=np.tile(speed_sigma[:, None], 3))
     known = gps["time_utc_usec"] > 10**15
@@ -154,13 +150,12 @@ def _gps(log: Log, data: dict[str, Columns]) -> tuple[np.ndarray, np.ndarray]:
 
 def _own_solution(log: Log, data: dict[str, Columns]) -> None:
     attitude, place = data.get("vehicle_attitude"), data.get("vehicle_local_position")
-    q_nb = None if attitude is None else _stack(attitude, *(f"q[{k}]" for k in range(4)))
+    q_nb = None if attitude is None else stacked(attitude, *(f"q[{k}]" for k in range(4)))
     if attitude is not None and q_nb is not None and not log.has("imu/data_raw"):
         names = ("rollspeed", "pitchspeed", "yawspeed")
-        rate = _stack(attitude, *names) if names[0] in attitude else attitude_rates(q_nb, _stamps(attitude))
-        for topic in ("imu/data", "imu/data_fused"):
-            origin = "vehicle_attitude: the autopilot's own, for want of inertial samples; sigmas assumed, 1 deg and 5 deg in heading"
-            log.add(topic, _stamps(attitude), origin, quaternion=q_nb, rate=rate, force=level_force(q_nb), sigma=ATTITUDE_SIGMA)
+        rate = stacked(attitude, *names) if names[0] in attitude else None
+        origin = "vehicle_attitude: the autopilot's own, for want of inertial samples; sigmas assumed, 1 deg and 5 deg in heading"
+        log.add_attitude(_stamps(attitude), origin, q_nb, rate, ATTITUDE_SIGMA)
     if place is None or not np.any(place["xy_global"]) or not log.has("gps/fix"):
         return
     known = place["xy_global"].astype(bool) & place["z_global"].astype(bool)
@@ -172,7 +167,7 @@ def _own_solution(log: Log, data: dict[str, Columns]) -> None:
     north, east = place["x"].astype(float), place["y"].astype(float)
     lat, lon = _projected(lat0, lon0, north, east)
     height = place["ref_alt"].astype(float) - place["z"] + undulation(lat, lon)
-    fields = {"lat": lat, "lon": lon, "height": height, "velocity": _stack(place, "vx", "vy", "vz")}
+    fields = {"lat": lat, "lon": lon, "height": height, "velocity": stacked(place, "vx", "vy", "vz")}
     if attitude is not None and q_nb is not None:
         fields["quaternion"] = q_nb[np.clip(np.searchsorted(_stamps(attitude), stamps), 0, len(q_nb) - 1)]
     log.add(AUTOPILOT, stamps, "vehicle_local_position, vehicle_attitude: the autopilot's own solution, to compare with", **fields)

@@ -45,6 +45,16 @@ def swap_world_cov(cov: np.ndarray) -> np.ndarray:
     return (np.ravel(cov)[_WORLD_PERMUTATION] * _WORLD_SIGN).reshape(3, 3)
 
 
+def swap_world_covs(flat: np.ndarray) -> np.ndarray:
+    """:func:`swap_world_cov` of rows (n, 9), to the same bits."""
+    return flat[:, _WORLD_PERMUTATION] * _WORLD_SIGN
+
+
+def swap_body_covs(flat: np.ndarray) -> np.ndarray:
+    """:func:`swap_body_cov` of rows (n, 9), to the same bits."""
+    return flat * _BODY_SIGN
+
+
 def swap_body_cov(cov: np.ndarray) -> np.ndarray:
     """Turn a (3, 3) FRD covariance into FLU or back."""
     return (np.ravel(cov) * _BODY_SIGN).reshape(3, 3)

@@ -59,6 +59,8 @@ class Kind(TopicSpec):
     fields : fields of a table that can become this topic; empty: none can
     options : what a column profile may give besides: ``mounting_deg``, ``station``
     from_row : :class:`~lowcostnav_ros.messages.samples.TableRow` to measurement or message; to all at once with ``encode_many``
+    numbers : :class:`~lowcostnav_ros.messages.samples.TableRow` of all rows to what differs in the messages ``from_row`` leads to beside
+        their stamps, by dotted field in columns; None: they are made one by one
     sample : :class:`~lowcostnav_ros.messages.samples.Instant` of the warm-up flight to measurement
     sensed : a sensor publishes it: the player plays it to the navigators
     recorded : the recorder records it unless it is given a list
@@ -77,6 +79,7 @@ class Kind(TopicSpec):
     fields: Mapping[str, Quantity] = field(default_factory=dict)
     options: tuple[str, ...] = ()
     from_row: Callable[[Any], Any] | None = None
+    numbers: Callable[[Any], Mapping[str, Any]] | None = None
     sample: "Callable[[Any], Measurement] | None" = None
     sensed: bool = False
     recorded: bool = True

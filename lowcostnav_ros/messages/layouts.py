@@ -5,6 +5,7 @@ the encapsulation, a string as its length with the closing zero (uint32) and its
 """
 
 import struct
+from collections.abc import Mapping
 from functools import cache
 from itertools import count
 from typing import Any, cast
@@ -85,3 +86,30 @@ def layout_of(msgtype: str, raw: bytes | memoryview) -> np.dtype | None:
     except (_Variable, KeyError):
         pass
     return None
+
+
+def messages_like(raw: bytes, msgtype: str, stamps_ns: np.ndarray, numbers: Mapping[str, np.ndarray]) -> list[bytes]:
+    """Return the CDR bytes of messages that differ from one in their stamps and in some numbers alone, made in columns.
+
+    Parameters
+    ----------
+    raw : bytes
+        Of the one, as :func:`~lowcostnav_ros.messages.store.to_cdr` writes it.
+    msgtype : str
+    stamps_ns : ndarray of int64, shape (n,)
+    numbers : mapping of dotted field to ndarray
+        Shape (n,), (n, elements), or of a vector (n, 3), of a quaternion (n, 4).
+    """
+    dtype, size = layout_of(msgtype, raw), len(raw)
+    assert dtype is not None, f"{msgtype} has no fixed layout"
+    flat = np.frombuffer(bytearray(raw) * len(stamps_ns), np.uint8)
+    table = np.ndarray((len(stamps_ns),), dtype, flat, strides=(size,))
+    table["header.stamp.sec"], table["header.stamp.nanosec"] = np.divmod(stamps_ns, 1_000_000_000)
+    for name, values in numbers.items():
+        if name in (dtype.names or ()):
+            table[name] = values
+            continue
+        for part, column in zip("xyzw", values.T, strict=False):
+            table[f"{name}.{part}"] = column
+    data = flat.tobytes()
+    return [data[k : k + size] for k in range(0, len(data), size)]

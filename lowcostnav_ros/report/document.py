@@ -3,13 +3,15 @@
 import base64
 import re
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.report.svg import element, escape
 
 _HERE = Path(__file__).parent
+_SHORT = 44
+"""A cell of more characters than this may be broken into lines."""
 _FEW = 4
 """So many sections need no table of contents."""
 _NO_SCRIPT = "<noscript>Drawn by the script of this page.</noscript>"
@@ -120,9 +122,10 @@ def html_table(table: Table) -> str:
         return ""
     heads = [f"{c.head} [{c.unit}]" if c.unit else c.head for c in table.columns]
 
-    def cells(tag: str, row: Iterable[str]) -> str:
+    def cells(tag: str, row: Sequence[str]) -> str:
         texts = zip(table.columns, row, strict=True)
-        return "".join(f'<{tag} class="{"l" if column.left else "r"}">{escape(text)}</{tag}>' for column, text in texts)
+        looks = ("r" if not column.left else "l" if len(text) <= _SHORT else "long" for column, text in texts)
+        return "".join(f'<{tag} class="{look}">{escape(text)}</{tag}>' for look, text in zip(looks, row, strict=True))
 
     body = "".join(f"<tr>{cells('td', row)}</tr>" for row in table.rows)
     notes = "".join(f'<p class="note">{escape(note)}</p>' for note in table.notes)

@@ -1,4 +1,4 @@
-"""The map: truth, solutions, fixes and stations, north up, equal scale both ways."""
+"""The map: truth, solutions, fixes and stations, north up, equal scale both ways; the page's script draws its grid and its scales."""
 
 import dataclasses
 import math
@@ -111,7 +111,7 @@ class Ground:
         lon = np.concatenate([t.lon_deg[np.isfinite(t.lat_deg)] for t in tracks])
         self.lat0, self.lon0 = math.radians(0.5 * (lat.min() + lat.max())), math.radians(lon[0])
         north, east = self.metres(lat, lon)
-        margin = max(0.06 * max(np.ptp(north), np.ptp(east)), 50.0)
+        margin = max(0.06 * max(np.ptp(north), np.ptp(east)), 5.0)
         width_m, height_m = np.ptp(east) + 2.0 * margin, np.ptp(north) + 2.0 * margin
         inner = WIDTH - 2 * MARGIN
         self.scale = min(inner / width_m, 620.0 / height_m)
@@ -185,7 +185,7 @@ def map_chart(
     box = {"x": MARGIN, "y": MARGIN, "width": width, "height": height, "viewBox": f"0 0 {width * FINER} {height * FINER}"}
     plot = svg.element("svg", inside, class_="plot", preserveAspectRatio="xMidYMid meet", **box)
     marks = svg.element("g", pins + ("" if cells else _ends(ground, tracks[0])), class_="pins")
-    axes = svg.element("g", _graticule(ground) + _scale_bar(ground), class_="axes")
+    axes = svg.element("g", svg.element("rect", **{k: box[k] for k in ("x", "y", "width", "height")}, class_="frame"), class_="axes")
     parts = [axes, plot, marks, _names(ground), _north()]
     note = f'<p class="note">Stations outside the map: {svg.escape(", ".join(outside))}.</p>' if outside else ""
     corner = {"data_per_metre": f"{ground.scale * FINER:.6g}", "data_west": f"{ground.west:.1f}", "data_north": f"{ground.north:.1f}"}
@@ -255,25 +255,6 @@ def _ends(ground: Ground, track: Track) -> str:
     return "".join(ground.pin(track.lat_deg[k], track.lon_deg[k], dot + svg.text(7, -6, word, class_="tick")) for k, word in ends)
 
 
-def _graticule(ground: Ground) -> str:
-    """Grid lines every round number of nautical miles from the south-west corner's round values, labelled on the edges."""
-    parts = []
-    right, base = WIDTH - MARGIN, ground.height - MARGIN
-    ticks = svg.nice_ticks(ground.west / NAUTICAL_MILE, ground.east / NAUTICAL_MILE, 8)
-    for value in ticks:
-        x = MARGIN + (value * NAUTICAL_MILE - ground.west) * ground.scale
-        parts.append(svg.element("line", x1=f"{x:.1f}", x2=f"{x:.1f}", y1=MARGIN, y2=base, class_="grid"))
-        parts.append(svg.text(x, base + 14, svg.tick_label(value, ticks), class_="tick", text_anchor="middle"))
-    step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
-    first = math.ceil(ground.south / NAUTICAL_MILE / step)
-    for value in [k * step for k in range(first, math.floor(ground.north / NAUTICAL_MILE / step) + 1)]:
-        y = MARGIN + (ground.north - value * NAUTICAL_MILE) * ground.scale
-        parts.append(svg.element("line", x1=MARGIN, x2=right, y1=f"{y:.1f}", y2=f"{y:.1f}", class_="grid"))
-        parts.append(svg.text(MARGIN - 6, y + 3.5, svg.tick_label(value, ticks), class_="tick", text_anchor="end"))
-    parts.append(svg.element("rect", x=MARGIN, y=MARGIN, width=right - MARGIN, height=base - MARGIN, class_="frame"))
-    return "".join(parts)
-
-
 def _names(ground: Ground) -> str:
     """What the numbers on the edges are."""
     origin = f"{_side(ground.lat0, 'NS')}, {_side(ground.lon0, 'EW')}"
@@ -284,20 +265,6 @@ def _names(ground: Ground) -> str:
 
 def _side(angle: float, letters: str) -> str:
     return f"{letters[angle < 0.0]} {abs(math.degrees(angle)):.4f}\N{DEGREE SIGN}"
-
-
-def _scale_bar(ground: Ground) -> str:
-    """Two bars, one in nautical miles and one in kilometres, each about a sixth of the width."""
-    parts = []
-    for row, (unit, metres) in enumerate((("NM", NAUTICAL_MILE), ("km", 1000.0))):
-        longest = (WIDTH - 2 * MARGIN) / ground.scale / metres / 6.0
-        power = 10.0 ** math.floor(math.log10(longest))
-        length = max(s * power for s in (1.0, 2.0, 5.0) if s * power <= longest)
-        pixels = length * metres * ground.scale
-        x, y = MARGIN + 14, ground.height - MARGIN - 14 - 18 * row
-        parts.append(svg.element("path", d=f"M{x} {y - 4}v4h{pixels:.1f}v-4", class_="scale"))
-        parts.append(svg.text(x + pixels + 6, y + 1, f"{length:g} {unit}", class_="tick"))
-    return "".join(parts)
 
 
 def _north() -> str:

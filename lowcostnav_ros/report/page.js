@@ -117,7 +117,7 @@ window.pageReady = (async () => {
       this.scaled = 'low' in d; this.low0 = this.low = +d.low; this.high0 = this.high = +d.high;
       this.left0 = this.left = +plot.getAttribute('x'); this.width0 = box.width; this.height = box.height;
       this.axes = svg.querySelector('.axes'); this.frame = svg.querySelector('.frame');
-      this.keys = all('.key', svg).map(g => ({g, x: +g.querySelector('text').getAttribute('x'), label: g.dataset.label}));
+      this.keys = all('.key', svg).reverse().map(g => ({g, x: +g.querySelector('text').getAttribute('x'), label: g.dataset.label, width: 34 + 6.2 * g.dataset.label.length}));
       this.modes = all('[data-from]', svg);
       this.lanes = all('.lane,.refusal', svg);
       this.hidden = new Set();
@@ -132,7 +132,34 @@ window.pageReady = (async () => {
     }
     retitle() { // what is drawn, in the units that are shown
       this.shown = units === 'aviation' && !this.logY && cockpit(this.unit, this.said, Math.max(Math.abs(this.low0), Math.abs(this.high0))) || [1, 0, this.unit];
-      if (this.title) this.title.textContent = units === 'si' ? this.said : this.said.replace(`[${this.unit}`, `[${this.shown[2]}`).replace('True heading', this.shown[1] ? 'Magnetic heading' : 'True heading');
+      this.words = units === 'si' ? this.said : this.said.replace(`[${this.unit}`, `[${this.shown[2]}`).replace('True heading', this.shown[1] ? 'Magnetic heading' : 'True heading');
+      if (this.width) this.entitle();
+    }
+    entitle() { // title and names of the curves side by side, or below each other in as many lines as the width asks for
+      const rows = [], lines = [''], wide = text => 7.1 * text.length;
+      let used = Infinity, x = 0, k = 0;
+      for (const key of this.keys) {
+        if (used + key.width > this.width) { rows.push([]); used = 0; }
+        rows[rows.length - 1].push(key);
+        used += key.width;
+      }
+      const room = rows.length === 1 && used < this.width / 2 ? this.width - used : this.width;
+      for (const word of this.title ? this.words.split(' ') : []) {
+        const joined = `${lines[k]} ${word}`.trim();
+        if (wide(joined) <= room || !lines[k]) lines[k] = joined; else { lines.push(word); k++; }
+      }
+      const beside = rows.length < 2 && wide(lines[k]) + used <= this.width, under = beside ? 0 : rows.length, more = k + under;
+      this.title?.replaceChildren();
+      if (this.title) lines.forEach((line, i) => make('tspan', {x: 2, y: 13 - 14 * (more - i)}, this.title, `${line} `));
+      rows.forEach((row, i) => {
+        x = beside ? this.width - used : 2;
+        for (const key of row) {
+          key.g.setAttribute('transform', `translate(${x + 22 - key.x} ${-14 * (rows.length - 1 - i)})`);
+          x += key.width;
+        }
+      });
+      this.svg.style.overflow = more ? 'visible' : '';
+      this.svg.style.marginTop = more ? `${14 * more + 4}px` : '';
     }
     items() { // what is drawn, as times and values, worked out when first asked for
       const t = x => this.t0 + x / UNITS * (this.t1 - this.t0), v = y => this.high0 - y / LEVELS * (this.high0 - this.low0);
@@ -184,12 +211,7 @@ window.pageReady = (async () => {
       this.svg.setAttribute('viewBox', `0 0 ${width} ${this.height}`);
       this.inner = Math.max(width - this.left - RIGHT, 10);
       for (const e of [this.plot, this.frame]) { e.setAttribute('x', this.left); e.setAttribute('width', this.inner); }
-      const title = this.svg.querySelector('.title'), from = title ? 6.7 * title.textContent.length : 0;
-      for (const k of this.keys) {
-        const x = k.x + width - this.width0;
-        k.g.setAttribute('transform', `translate(${width - this.width0})`);
-        k.g.setAttribute('visibility', x - 22 < from ? 'hidden' : 'visible');
-      }
+      this.entitle();
       for (const e of this.lanes) e.setAttribute('x', this.left - 8);
       this.draw();
     }
@@ -367,8 +389,10 @@ window.pageReady = (async () => {
     draw() {
       this.plot.setAttribute('viewBox', this.shown.join(' '));
       this.pins.forEach(p => this.place(p));
-      const g = this.axes, NM = 1852, s = this.scale(), m = this.margin, right = m + s.w, base = m + s.h, perPixel = 1 / (s.k * this.perMetre);
+      const g = this.axes, s = this.scale(), m = this.margin, right = m + s.w, base = m + s.h, perPixel = 1 / (s.k * this.perMetre);
       g.replaceChildren();
+      const small = s.w * perPixel < 500, NM = small ? 1 : 1852, said = this.svg.querySelector('.names text');
+      if (said) said.textContent = said.textContent.replace(/\[(NM|m)\]/, small ? '[m]' : '[NM]');
       const west = this.west + s.x0 / this.perMetre, north = this.north - s.y0 / this.perMetre;
       const xs = ticks(west / NM, (west + s.w * perPixel) / NM, s.w / 110), ys = ticks((north - s.h * perPixel) / NM, north / NM, s.w / 110);
       for (const v of xs) {
@@ -382,7 +406,7 @@ window.pageReady = (async () => {
         make('text', {x: m - 6, y: y + 3.5, class: 'tick', 'text-anchor': 'end'}, g, shown(v, ys.step));
       }
       make('rect', {x: m, y: m, width: s.w, height: s.h, class: 'frame'}, g);
-      [['NM', NM], ['km', 1000]].forEach(([unit, metres], row) => {
+      (small ? [['ft', 0.3048], ['m', 1]] : [['NM', NM], ['km', 1000]]).forEach(([unit, metres], row) => {
         const longest = s.w * perPixel / metres / 6, power = 10 ** Math.floor(Math.log10(longest));
         const length = [5, 2, 1].map(k => k * power).find(k => k <= longest), y = base - 14 - 18 * row, w = length * metres / perPixel;
         make('path', {d: `M${m + 14} ${y - 4}v4h${w}v-4`, class: 'scale'}, g);

@@ -39,7 +39,6 @@ class TransmitterPlan:
     places: np.ndarray
     found: list[Dilution]
     site: Station
-    site_place: np.ndarray
     pdop_now: float
     site_pdop: float
     limit: float
@@ -75,7 +74,7 @@ def plan_transmitters(stations: Sequence[Station], height: float, half_width_m: 
     now_rms = float(np.sqrt(np.mean(now[np.isfinite(now)] ** 2))) if np.isfinite(now).any() else math.inf
     at = frame.from_ned(sites[best])
     site = Station("NEXT", "best next", float(at[0]), float(at[1]), float(at[2]), float(at[2]), "", "", stations[0].kind)
-    return TransmitterPlan(stations, (lat, lon), height, offsets, places, found, site, sites[best], now_rms, pdop, limit)
+    return TransmitterPlan(stations, (lat, lon), height, offsets, places, found, site, now_rms, pdop, limit)
 
 
 def as_mapping(plan: TransmitterPlan) -> dict[str, Any]:
@@ -103,7 +102,9 @@ def told(plan: TransmitterPlan) -> Told:
     half_km = plan.offsets_m[-1] / 1e3
     title = f"{len(plan.stations)} transmitters, {2 * half_km:g} km square at {plan.height:g} m"
     columns = ("dilution", "middle", "median", "95 %", f"% within {plan.limit:g}")
-    sentences = []
+    good = float(np.mean(plan.map_of("pdop") <= plan.limit))
+    where = "everywhere" if plan.good_enough() else f"over {100.0 * good:.0f} % of the area"
+    sentences = [f"A PDOP of {plan.limit:g} or better {where}."]
     without = float(np.mean(~np.isfinite(plan.map_of("pdop"))))
     if without:
         sentences.append(f"No position over {100.0 * without:.0f} % of the area: too few transmitters are received there.")

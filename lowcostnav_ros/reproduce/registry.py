@@ -278,6 +278,7 @@ def result(
     """
 
     def register(function: ResultFunction) -> ResultFunction:
+        """Enter the function; it stays what it was."""
         study = function.__module__.split(".")[-2] if "." in function.__module__ else function.__module__.partition("_")[0]
         known = _ENTRIES.get(id)
         if known is not None and known.function.__qualname__ != function.__qualname__:

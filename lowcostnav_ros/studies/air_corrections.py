@@ -52,9 +52,6 @@ def wind(kind: str, n: int, rng: np.random.Generator) -> np.ndarray:
     return markov(n, a, step, rng, CENTRE_KT)
 
 
-WINDS = ("markov 1", "markov 2", "sinusoidal", "ramp")
-
-
 @dataclass(frozen=True)
 class Truth:
     """True corrections (n, 10) and the velocity over ground (n, 3) that they give with what is seen of a flight."""

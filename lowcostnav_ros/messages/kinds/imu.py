@@ -10,6 +10,7 @@ from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.checks import Received
 from lowcostnav_ros.messages.columns import Rows
 from lowcostnav_ros.messages.kind import BODY_AXES, BODY_FRAMES, Quantity, TopicSpec, describe
+from lowcostnav_ros.messages.layouts import messages_like
 from lowcostnav_ros.messages.parts import ABSENT, TYPES, UNKNOWN, Quaternion, flu, header, quaternion
 from lowcostnav_ros.messages.rules import DecodeRules
 from lowcostnav_ros.messages.samples import FORCE, LEVEL, STEP_S, Instant, TableRow
@@ -118,17 +119,9 @@ def _encode_raw(block: ImuBlock) -> Any:
 
 def imu_raw_cdr(block: ImuBlock, frame_id: str = "imu_link") -> list[bytes]:
     """Return the CDR bytes of every sample of a block: what ``to_cdr(imu_raw(...))`` gives, made in columns."""
-    sample = np.frombuffer(to_cdr(imu_raw(0, np.zeros(3), np.zeros(3), frame_id)), np.uint8)
-    start = len(sample) - 37 * 8
-    n = len(block)
-    table = np.tile(sample, (n, 1))
-    table[:, 4:8] = (block.stamps_ns // 1_000_000_000).astype("<i4")[:, np.newaxis].view(np.uint8)
-    table[:, 8:12] = (block.stamps_ns % 1_000_000_000).astype("<u4")[:, np.newaxis].view(np.uint8)
-    for first, columns in ((13, block.angular_rate_b), (25, block.specific_force_b)):
-        values = np.ascontiguousarray(conv.swap_body(columns), dtype="<f8")
-        table[:, start + 8 * first : start + 8 * (first + 3)] = values.view(np.uint8).reshape(n, 24)
-    flat, size = table.tobytes(), len(sample)
-    return [flat[k : k + size] for k in range(0, n * size, size)]
+    first = to_cdr(imu_raw(0, np.zeros(3), np.zeros(3), frame_id))
+    rate, force = conv.swap_body(block.angular_rate_b), conv.swap_body(block.specific_force_b)
+    return messages_like(first, IMU, block.stamps_ns, {"angular_velocity": rate, "linear_acceleration": force})
 
 
 def imu_attitude(attitude: Attitude, specific_force_known: bool = True) -> Any:
@@ -162,6 +155,14 @@ def _attitude_from_row(row: TableRow) -> Any:
     known = "force" in row.values
     attitude = row.of(Attitude, q_nb, row.cov(), row["rate"], row["force"] if known else np.zeros(3))
     return imu_attitude(attitude, specific_force_known=known)
+
+
+def _attitude_numbers(rows: TableRow) -> dict[str, np.ndarray]:
+    values = rows.values
+    q_nb = values["quaternion"] if "quaternion" in values else np.array([euler_to_quat(*euler) for euler in values["euler"]])
+    found = {"orientation": conv.quats_to_ros(q_nb), "orientation_covariance": conv.swap_world_covs(rows.covs())}
+    vectors = {"angular_velocity": "rate", "linear_acceleration": "force"}
+    return found | {name: conv.swap_body(values[field]) for name, field in vectors.items() if field in values}
 
 
 def _raw_sample(at: Instant) -> ImuBlock:
@@ -201,6 +202,7 @@ ATTITUDE = {
     "variances": (3.0e-4, 3.0e-4, 1.2e-3),  # 1 deg roll and pitch, 2 deg heading
     "fields": {**_ORIENTATION, "rate": _RATE, "force": Quantity(3, "acceleration", False, BODY_AXES), "sigma": _SIGMA},
     "from_row": _attitude_from_row,
+    "numbers": _attitude_numbers,
     "sample": attitude_sample,
     "fast": imu_columns.attitude,
     "many": _attitude_many,

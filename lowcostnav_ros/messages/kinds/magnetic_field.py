@@ -11,6 +11,7 @@ from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.columns import Rows
 from lowcostnav_ros.messages.kind import BODY_AXES, BODY_FRAMES, Quantity, TopicSpec, describe
 from lowcostnav_ros.messages.rules import Refusal
+from lowcostnav_ros.messages.samples import TableRow
 
 
 def _decode(message: Any, received: checks.Received) -> MagneticField:
@@ -44,6 +45,10 @@ def _encode(field: MagneticField) -> Any:
     return parts.TYPES[topics.MAGNETIC_FIELD](parts.header(field.stamp_ns, "imu_link"), parts.flu(field.field_b), cov)
 
 
+def _numbers(rows: TableRow) -> dict[str, np.ndarray]:
+    return {"magnetic_field": conv.swap_body(rows.mounted("field")), "magnetic_field_covariance": conv.swap_body_covs(rows.covs())}
+
+
 describe(
     __name__,
     TopicSpec("imu/mag", topics.MAGNETIC_FIELD, "Magnetic field.", "imu_link", "T"),
@@ -54,6 +59,7 @@ describe(
     variances=(2.5e-13, 2.5e-13, 2.5e-13),  # 5 mG
     fields={"field": Quantity(3, "magnetic field", True, BODY_AXES), "sigma": Quantity(3, "magnetic field")},
     options=("mounting_deg",),
+    numbers=_numbers,
     from_row=lambda row: row.of(MagneticField, row.mounted("field"), row.cov()),
     sample=lambda at: at.of(MagneticField, np.array([2.2e-5, 0.5e-5, 4.2e-5]), 1e-14 * np.eye(3)),
     sensed=True,

@@ -60,6 +60,7 @@ def _describe(name: str, description: str, refuse: Callable[[float], None], usua
         frames=frozenset(),  # a scalar has no orientation
         variances=(variance,),
         fields={"value": Quantity(1, "pressure"), "sigma": Quantity(1, "pressure")},
+        numbers=lambda rows: {"fluid_pressure": rows["value"], "variance": rows.variance()},
         from_row=lambda row: row.of(Pressure, row["value"], row.variance()),
         sample=lambda at: at.of(Pressure, typical, 100.0),
         sensed=True,

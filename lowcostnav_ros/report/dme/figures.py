@@ -24,7 +24,7 @@ COUNT_LEVELS = (1, 2, 3, 5, 9)
 COUNT_COLOURS = ("#d9d9d9", "#edf8b1", "#a1dab4", "#41b6c4", "#2c7fb8", "#253494")
 COUNT_WORDS = ("no station", "1 station", "2", "3 to 4", "5 to 8", "9 and more")
 SCHEDULE_S = 120.0
-COLOURS = ("#0b5c8a", "#d95f02", "#2a9d5c", "#7a5195", "#8c6d31", "#56b4e9")
+COLOURS = ("#1f77b4", "#d95f02", "#2a9d5c", "#7a5195", "#8c6d31", "#56b4e9")
 DASHES = (None, "7 3", "2 3", "7 3 2 3")
 
 

@@ -30,7 +30,7 @@ def told(plan: Plan) -> Told:
             rows.append((*first, leg.name, f"{100.0 * leg.paired:.0f} %", _metres(leg.worst_m), f"{leg.arrival_m:.0f} m"))
     heads = ("altitude", "area % with 1/2/3", "way flown", "with a pair", "worst 1-sigma", "on arrival")
     table = Table.plain("Expected error without GPS, one receiver, a range every 15 s", heads, rows, left=3)
-    lines = (*_asked(plan), _schedule_line(plan), *plan.notes, *_closing(plan))
+    lines = (*_verdict(plan), *_asked(plan), _schedule_line(plan), *plan.notes)
     return f"{len(plan.table)} stations in the area", (table,), lines
 
 
@@ -56,7 +56,7 @@ def _schedule_line(plan: Plan) -> str:
     return f"schedule ({highest.name}, {plan.levels[-1].altitude_m:.0f} m), replies: {', '.join(replies) or 'none'} ..."
 
 
-def _closing(plan: Plan) -> list[str]:
+def _verdict(plan: Plan) -> list[str]:
     verdict = "stays within" if plan.good_enough() else "exceeds"
     place = "at one altitude or more" if plan.good_enough() else "at every altitude"
     return [

@@ -52,7 +52,6 @@ def _field(row: Row, x: float, y: float) -> str:
 
 def legend() -> str:
     """What the colours mean."""
-    styles = {
-        v: f"background:{colour};padding:1px 8px;margin-right:8px{';color:#fff' if v in DARK else ''}" for v, colour in COLOURS.items()
-    }
+    inks = {v: "#fff" if v in DARK else "#1d252c" for v in COLOURS}
+    styles = {v: f"background:{colour};color:{inks[v]};padding:1px 8px;margin-right:8px" for v, colour in COLOURS.items()}
     return element("p", "".join(element("span", escape(v), style=style) for v, style in styles.items()), class_="note")

@@ -23,7 +23,7 @@ def page(rows: Sequence[Row]) -> str:
     seeds = sorted({row.seed for row in rows})
     groups = list(dict.fromkeys(row.fault.split("_")[0] for row in rows))
     wrong = bad(rows)
-    title = f"{faults} faults, {len(wrong)} of {len(rows)} flights of a navigator wrong and sure"
+    title = f"{faults} fault{'' if faults == 1 else 's'}, {len(wrong)} of {len(rows)} flights of a navigator wrong and sure"
     sections = [
         f'<header><h1>{escape(title)}</h1></header><p class="note">{escape(MEANING)}</p>',
         section("Verdicts", html_table(summary_table(rows))),

@@ -170,6 +170,11 @@ def in_words(name: str) -> tuple[str, float]:
     return name.replace("_", " "), 1.0
 
 
+def name_of(state: str) -> str:
+    """A state as it is named in code, in words without its unit."""
+    return in_words(state)[0].partition(" [")[0]
+
+
 def state_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list[str]:
     """Biases and whatever else a navigator reports by name, each with its one- and two-sigma lines."""
     states = navigator.states

@@ -34,7 +34,8 @@ def page_of(study: OutageStudy) -> str:
     names = list(dict.fromkeys(flown.navigator for flown in study.flown))
     span = f"{study.last_stamp_s - study.first_stamp_s:.0f} s of flight, GPS lost every {study.every_s:g} s"
     sections = [
-        f"<header><h1>{svg.escape(study.recording)}: had GPS been lost here</h1><p>{svg.escape(span)}</p></header>",
+        f"<header><h1>{svg.escape(study.recording)}: had GPS been lost here</h1><p>{svg.escape(span)}</p>"
+        f'<div class="findings"><p>{svg.escape(outage_finding(study))}</p></div></header>',
         section("Errors", html_table(outage_table(study))),
         section("The worst", _sentences(study, names)),
         *(section(flown.label, *_one(study, flown, colour_of(flown.navigator, names))) for flown in study.flown),
@@ -47,8 +48,10 @@ def outage_finding(study: OutageStudy) -> str:
     best = min(study.flown, key=lambda flown: flown.statistics[-1].max_m)
     found = best.statistics[-1]
     half, worst = (distance(metres) for metres in (found.median_m, found.max_m))
-    lost = f"Had GPS been lost for {found.length_s:g} s, at any of {found.windows} moments"
-    return f"{lost}, {best.navigator} had been within {half} in half of them, {worst} at worst."
+    lost = f"Had GPS been lost for {found.length_s:g} s"
+    if found.windows == 1:
+        return f"{lost}, at the one moment tried, {best.navigator} had been within {worst}."
+    return f"{lost}, at any of {found.windows} moments, {best.navigator} had been within {half} in half of them, {worst} at worst."
 
 
 def outage_section(study: OutageStudy) -> str:

@@ -72,8 +72,7 @@ def _correlation_figure(context: Context, state: int, title: str) -> DrawFunctio
 
     def draw(figure: Any) -> None:
         made = axes(figure, x="time [s]", y=f"correlation of {STATES[state]}", title=title)
-        for k in (7, 8, 9):
-            made.plot(found[:600, k], linewidth=0.7, label=STATES[k])
+        made.plot(found[:600, 7:10], linewidth=0.7, label=STATES[7:10])
         legend(made)
 
     return draw
@@ -217,8 +216,7 @@ def convergence(context: Context) -> Outcome:
 
     def draw(figure: Any) -> None:
         made = axes(figure, x="time [s]", y="sigma over that at the start", title="convergence")
-        for k in (5, 6, 3, 4, 0):
-            made.plot(share[:, k], linewidth=0.9, label=STATES[k])
+        made.plot(share[:, list(at)], linewidth=0.9, label=[STATES[k] for k in at])
         legend(made)
 
     return judged(text, bool(good), figure=draw)

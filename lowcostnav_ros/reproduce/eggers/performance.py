@@ -65,6 +65,7 @@ def drawn(context: Context, states: Sequence[int], title: str) -> DrawFunction:
     truth, run = one_run(context)
 
     def draw(figure: Any) -> None:
+        """A column for each state."""
         for k, i in enumerate(states):
             upper = axes(figure, (2, len(states), k + 1), x="", y=f"{STATES[i]} [{UNITS[i]}]", title=title if k == 0 else "")
             upper.plot(SCALES[i] * truth.corrections[:, i], linewidth=0.6, label="truth")
@@ -164,6 +165,7 @@ def residual_figure(context: Context) -> DrawFunction:
     _, run = one_run(context)
 
     def draw(figure: Any) -> None:
+        """A chart for each axis."""
         for k, name in enumerate("NED"):
             made = axes(figure, (1, 3, k + 1), x="time [s]", y="residual [kt]" if k == 0 else "", title=f"{name} (Figures 29, 59 to 61)")
             made.plot((run.measured - run.predicted)[1:500, k], linewidth=0.5)

@@ -58,5 +58,5 @@ class Setup:
         return truth, with_gps(truth, self.gps, rng)
 
 
-def row(values: np.ndarray) -> str:
-    return ", ".join(f"{value:.3f}" for value in values)
+def row(values: np.ndarray, digits: int = 3) -> str:
+    return ", ".join(f"{value:.{digits}f}" for value in values)

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.estimation import multirate
+from lowcostnav_ros.reproduce.eggers.realisations import row
 from lowcostnav_ros.reproduce.figures import axes, legend
 from lowcostnav_ros.reproduce.registry import Context, Outcome, Reading, by_definition, judged, read, result
+from lowcostnav_ros.studies.air_corrections import rms
 
 DT = 0.02
 DEG_PER_KT = DT / (3600.0 * 60.0)
@@ -260,14 +262,6 @@ def _nav1(context: Context) -> list[NavRun]:
     return context.once("eggers nav 1", lambda: [navigate(1, seed) for seed in context.seeds("eggers nav 1", 20)])
 
 
-def _rms(values: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.mean(values**2, axis=0))
-
-
-def _three(values: np.ndarray, digits: int = 4) -> str:
-    return ", ".join(f"{value:.{digits}f}" for value in values)
-
-
 @result(
     "ER6",
     "NAV-1, velocity error",
@@ -278,18 +272,17 @@ def _three(values: np.ndarray, digits: int = 4) -> str:
 def nav1_velocity(context: Context) -> Outcome:
     """Constant velocity, 24 s, mean over the seeds."""
     runs = _nav1(context)
-    ours = np.mean([_rms(run.velocity) for run in runs], axis=0)
+    ours = np.mean([rms(run.velocity) for run in runs], axis=0)
 
     def draw(figure: Any) -> None:
         t = DT * np.arange(len(runs[0].velocity))
         for k, (values, unit, name) in enumerate(((runs[0].position, "ft", "Figure 32"), (runs[0].velocity, "ft/s", "Figure 33"))):
             made = axes(figure, (1, 2, k + 1), x="time [s]", y=f"error [{unit}]", title=name)
-            for axis_name, column in zip("NED", values.T, strict=True):
-                made.plot(t, column, linewidth=0.6, label=axis_name)
+            made.plot(t, values, linewidth=0.6, label=list("NED"))
             legend(made)
 
     good = bool((np.abs(ours - [0.2914, 0.2868, 0.2908]) < 0.012).all())
-    return judged(f"{_three(ours)} ft/s, overall {math.sqrt(float(np.mean(ours**2))):.4f}", good, figure=draw)
+    return judged(f"{row(ours, 4)} ft/s, overall {math.sqrt(float(np.mean(ours**2))):.4f}", good, figure=draw)
 
 
 @result(
@@ -314,8 +307,8 @@ def nav1_mean_velocity(context: Context) -> Outcome:
 )
 def nav1_position(context: Context) -> Outcome:
     """Mean over the seeds."""
-    ours = np.mean([_rms(run.position) for run in _nav1(context)], axis=0)
-    return judged(f"{_three(ours)} ft", bool(((ours > 0.40) & (ours < 1.1)).all()))
+    ours = np.mean([rms(run.position) for run in _nav1(context)], axis=0)
+    return judged(f"{row(ours, 4)} ft", bool(((ours > 0.40) & (ours < 1.1)).all()))
 
 
 @result(

@@ -228,6 +228,18 @@ def _two_step_errors(context: Context) -> tuple[list[np.ndarray], int]:
     return context.once("two-step", compute)
 
 
+def _histograms(title: str, errors: list[np.ndarray]) -> DrawFunction:
+    """Errors (runs, 3) of each case, an axis beside the other."""
+
+    def draw(figure: Any) -> None:
+        for axis, name in enumerate("xyz"):
+            made = axes(figure, (1, 3, axis + 1), x=title.format(name), y="runs")
+            histogram(made, [e[:, axis] for e in errors], [case.label for case in CASES])
+        legend(made)
+
+    return draw
+
+
 @result(
     "GR16",
     "Two-step estimator: hard iron in all four cases",
@@ -243,15 +255,8 @@ def two_step_hard_iron(context: Context) -> Outcome:
     ordered = z[1] < z[0] and z[3] < z[2] and all(z[k] > 1e3 * errors[k][:, :2].std() for k in range(4))
     runs = sum(len(e) for e in errors)
     ours = f"{failures} failures in {runs} runs; x, y within {worst:.2f} mG; z sigma " + ", ".join(f"{v:.3f}" for v in z) + " mG (I to IV)"
-
-    def draw(figure: Any) -> None:
-        for axis, name in enumerate("xyz"):
-            made = axes(figure, (1, 3, axis + 1), x=f"hard-iron error {name} [mG]", y="runs")
-            histogram(made, [1e3 * e[:, axis] for e in errors], [case.label for case in CASES])
-            if axis == 2:
-                legend(made)
-
-    return judged(ours, failures == 0 and worst < 0.5 and ordered, "a run failed, or left the tolerance", draw)
+    drawn = _histograms("hard-iron error {} [mG]", [1e3 * e[:, :3] for e in errors])
+    return judged(ours, failures == 0 and worst < 0.5 and ordered, "a run failed, or left the tolerance", drawn)
 
 
 @result(
@@ -271,12 +276,4 @@ def two_step_scale(context: Context) -> Outcome:
     good = good and 0.0265 <= mean[2] <= 0.106 and 0.0065 <= mean[3] <= 0.026 and level < 1e-3
     listed = ", ".join(f"{s:.4f}" for s in sigma)
     ours = f"sigma of z {listed}; mean of z in III {mean[2]:.3f}, IV {mean[3]:.3f}; x, y under {level:.4f}"
-
-    def draw(figure: Any) -> None:
-        for axis, name in enumerate("xyz"):
-            made = axes(figure, (1, 3, axis + 1), x=f"error of 1 + s_f on {name}", y="runs")
-            histogram(made, [e[:, 3 + axis] for e in errors], [case.label for case in CASES])
-            if axis == 2:
-                legend(made)
-
-    return judged(ours, good, "the scatter leaves the tolerance", draw)
+    return judged(ours, good, "the scatter leaves the tolerance", _histograms("error of 1 + s_f on {}", [e[:, 3:] for e in errors]))

@@ -153,6 +153,7 @@ def covariance(context: Context) -> Outcome:
     receiver, resets, wrong = navigator.aids_of(PseudoliteAid)[0], 0, 0
 
     def look(status: object) -> None:
+        """Count the ambiguities that were begun anew, and those of them whose new value is wrong."""
         nonlocal resets, wrong
         record = receiver.record
         for ident in record.renewed if status is receiver.status and record is not None else ():

@@ -130,11 +130,6 @@ class Flown:
         times = self.fix_s if columns == "fix_error" else self.t_s
         return np.sqrt(np.mean(getattr(self, columns)[times >= after_s] ** 2, axis=0))
 
-    def at_epochs(self, after_s: float = 0.0) -> np.ndarray:
-        """RMS N, E, D, ft, of the integrated solution at the whole seconds at which there are fixes."""
-        rows = (np.abs(self.t_s - np.round(self.t_s)) < 1e-6) & (self.t_s >= after_s)
-        return np.sqrt(np.mean(self.error[rows] ** 2, axis=0))
-
 
 def frame_of(earth: str) -> FlatFrame:
     """Feet and places about the airport; height zero of both is the sea."""

@@ -3,7 +3,7 @@
 
 const STALE_S = 1.0, LEVELS = ["l0", "l1", "l2"];
 const $ = (id) => document.getElementById(id);
-const state = { flight: { navigators: {} }, tables: { nodes: {}, heard: {}, events: [] }, arrived: 0, chosen: "", units: "aviation", isAsked: false };
+const state = { flight: { navigators: {} }, tables: { nodes: {}, heard: {}, events: [] }, arrived: 0, chosen: "", lost: "", units: "aviation", isAsked: false };
 try { state.units = localStorage.getItem("units") in UNITS ? localStorage.getItem("units") : "aviation"; } catch { /* storage may be off */ }
 const map = new MovingMap($("map"), () => draw());
 
@@ -45,9 +45,13 @@ function stale(name) {
   if (since() > STALE_S) return `no data for ${since().toFixed(0)} s`;
   if (!s) return "no navigator";
   if (s.age === undefined) return s.level === 2 ? s.message : "no solution yet";
-  const age = s.age + since();
-  if (age > STALE_S) return `${name}: no data for ${age.toFixed(age < 10 ? 1 : 0)} s`;
-  return s.level === 2 ? s.message : "";
+  return silent(name) || (s.level === 2 ? s.message : "");
+}
+
+// Since when a navigator that had a solution has none, empty where it has; its own report would be missed seconds later.
+function silent(name) {
+  const s = state.flight.navigators[name], age = s && s.age !== undefined ? s.age + since() : 0;
+  return age > STALE_S ? `${name}: no data for ${age.toFixed(age < 10 ? 1 : 0)} s` : "";
 }
 
 function draw() {
@@ -64,6 +68,8 @@ function draw() {
   banner.hidden = !words;
   if (banner.textContent !== words) banner.textContent = words;
   banner.className = why ? "l2" : LEVELS[s ? s.level : 2];
+  const lost = Object.keys(state.flight.navigators).filter(silent).join();
+  if (lost !== state.lost) { state.lost = lost; fill(); }
 }
 
 function chips(name) {
@@ -126,7 +132,7 @@ function fill() {
   table("inputs", [["topic"], ["rate", true], ["age", true], ["refused", true], [""]], own.inputs.map((i) => line(
     cell(i.topic), cell(shown(i.rate, 1, " Hz"), "n"), cell(shown(i.age, 1, " s"), `n t${i.level}`), cell(i.rejected, "n"), cell(i.level ? i.message : i.why, `words t${i.level}`))), "no inputs");
   table("nodes", [["node"], ["state"]], Object.entries(nodes).map(([node, n]) => {
-    const words = cell(n.message || "ok", `words t${n.level}`);
+    const lost = silent(node), words = cell(lost ? `\u2715 ${lost}` : n.message || "ok", `words t${lost ? 2 : n.level}`);
     if (n.does.length) words.append(buttons(node, n.does));
     return line(cell(node), words);
   }), "nobody reports");
