@@ -59,6 +59,10 @@ def test_what_a_filter_in_the_unit_takes_away_is_judged_by_what_it_leaves():
     assert np.sqrt(shaken._power[1, :3]).max() < 2.0 * ACCEL and shaken.accel > 3.0
 
 
+def test_samples_picked_out_of_faster_ones_hold_all_that_shakes_as_aliases():
+    assert seen(samples(1000, accel=30.0 * ACCEL, rate_hz=25.0)).accel == pytest.approx(30.0, rel=0.35)
+
+
 def test_it_comes_and_goes():
     block = samples(4000)
     block.angular_rate_b[: len(block) // 2] *= 40.0

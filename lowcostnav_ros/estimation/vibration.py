@@ -24,6 +24,8 @@ FILTERED = 1.0 / 16.0
 """Motion falls to no less from slow to fast (gusts to a fifth); what does was filtered in the unit, and the fast band tells nothing."""
 SHARE = 0.4
 """Of the shaking, what walks off: with twice that, the errors in outages of a recorded drive are half their sigmas."""
+SPARSE_NS = 25_000_000
+"""Samples further apart than this were picked out of faster ones, as autopilots log them: all that shakes is an alias, and walks off."""
 PERIOD_NS = 1_000_000_000
 
 
@@ -90,7 +92,7 @@ class Vibration:
         self._declared = density
         self._begun, self._row = np.zeros((2, 2), np.int64), np.zeros((2, 2), np.int64)
         self._total, self._means, self._power = np.zeros((2, 7)), np.zeros((2, 5, 6)), np.zeros((2, 6))
-        self._looked, self.accel, self.gyro = 0, 1.0, 1.0
+        self._looked, self._share, self.accel, self.gyro = 0, SHARE, 1.0, 1.0
 
     def take(self, block: ImuBlock, first: int = 0, end: int | None = None) -> None:
         """Take in samples ``first`` up to ``end``."""
@@ -102,7 +104,9 @@ class Vibration:
         if t_ns // PERIOD_NS == self._looked:
             return False
         self._looked, before = t_ns // PERIOD_NS, (self.accel, self.gyro)
-        shaken = SHARE * self.shaking() / self._declared
+        if self._row[1, 0] > 0:  # not of a hole
+            self._share = 1.0 if self._begun[1, 1] > SPARSE_NS else SHARE
+        shaken = self._share * self.shaking() / self._declared
         self.accel, self.gyro = max(1.0, float(shaken[:3].max())), max(1.0, float(shaken[3:].max()))
         return before != (self.accel, self.gyro)
 
