@@ -37,6 +37,32 @@ def test_what_shakes_raises_the_noise_of_the_sensor_that_it_shakes():
     assert vibration.words() == f"shaken: accelerometer noise {vibration.accel:.1f}, gyro noise 1.0 times the settings'"
 
 
+def gusts(block, force, slope=2.0):
+    """Forces whose power falls by f^-slope, of the density ``force`` at 1 Hz, on an axis of a copy."""
+    rng, n = np.random.default_rng(5), len(block)
+    hertz = np.fft.rfftfreq(n, 0.01)
+    weight = force * np.maximum(hertz, 0.2) ** (-0.5 * slope) * np.sqrt(0.5 * n / 0.01)
+    block.specific_force_b[:, 2] += np.fft.irfft(weight * (rng.standard_normal(len(hertz)) + 1j * rng.standard_normal(len(hertz))), n)
+    return block
+
+
+def test_gusts_are_motion_and_no_noise():
+    shaken = seen(gusts(samples(4000), 60.0 * ACCEL))
+    assert np.sqrt(shaken._power[0, 2]) > 5.0 * ACCEL  # between slow means they show
+    assert shaken.accel == 1.0
+
+
+def test_what_a_filter_in_the_unit_takes_away_is_judged_by_what_it_leaves():
+    block = samples(4000, accel=40.0 * ACCEL)
+    block.specific_force_b[:] = np.apply_along_axis(np.convolve, 0, block.specific_force_b, np.hanning(18)[1:-1] / 8.5, "same")
+    shaken = seen(block)
+    assert np.sqrt(shaken._power[1, :3]).max() < 2.0 * ACCEL and shaken.accel > 3.0
+
+
+def test_samples_picked_out_of_faster_ones_hold_all_that_shakes_as_aliases():
+    assert seen(samples(1000, accel=30.0 * ACCEL, rate_hz=25.0)).accel == pytest.approx(30.0, rel=0.35)
+
+
 def test_it_comes_and_goes():
     block = samples(4000)
     block.angular_rate_b[: len(block) // 2] *= 40.0
