@@ -374,6 +374,7 @@ class RangeRateAid(SatelliteAid):
 
     name, labels = "gnss_range_rate", ("mean_rate_mps",)
     kind, clock_state, clock_sigma = RATE, 1, CLOCK_SIGMA_MPS
+    measures_velocity = True
 
     def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
         """y = rate - (predicted rate + clock drift); the velocity of the lever arm also depends on the gyro bias."""

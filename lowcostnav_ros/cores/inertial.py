@@ -425,9 +425,9 @@ class InertialCore:
             kalman.add_variance(self.P, rows, turned(C, np.diag(variance)), self.history)
 
     def widen(self, least: np.ndarray) -> None:
-        """Raise the sigmas of the error state to those of ``least`` (n,); no smoother carries anything over this."""
+        """Raise the sigmas of the error state to those of ``least`` (n,)."""
         self.settle()
-        kalman.raise_sigmas(self.P, least)
+        kalman.raise_sigmas(self.P, least, self.history)
 
     def bridge(self, t_ns: int) -> None:
         """Carry the state to ``t_ns`` over a hole in the inertial data (:mod:`.bridging`)."""

@@ -207,6 +207,8 @@ class Aid(ABC):
         Blocks that alone may move while GPS is good; empty: all may.
     is_fix : bool
         Whether an accepted measurement holds the position as GPS does.
+    measures_velocity : bool
+        Whether it is a GPS receiver's velocity over ground.
     last_resort : bool
         Limit an innovation beyond the gate instead of rejecting it while nothing else holds the solution (see :meth:`is_last`).
     keeps_slots : bool
@@ -242,6 +244,7 @@ class Aid(ABC):
     views: ClassVar[tuple[type, ...]] = ()
     teaches: ClassVar[tuple[str, ...]] = ()
     is_fix: ClassVar[bool] = False
+    measures_velocity: ClassVar[bool] = False
     last_resort: ClassVar[bool] = False
     keeps_slots: ClassVar[bool] = False
     thins_itself: ClassVar[bool] = False

@@ -10,6 +10,7 @@ from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import GpsVelocity, Measurement
 from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.inertial import VEL
 from lowcostnav_ros.estimation.aiding import Aid, Decision, reset_to
 from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, OwnHeadingCheck, crabs, heading_of
 from lowcostnav_ros.estimation.one_way import OneWay
@@ -58,7 +59,7 @@ class AttitudeWatch:
 
     def before(self, aid: Aid) -> bool:
         """Look at what an aid is about to change; return whether it is to be judged once it has been used: that of GPS is."""
-        if not aid.is_fix and not isinstance(aid, VelocityAid):
+        if not aid.is_fix and not aid.measures_velocity:
             return False
         self._moved[:] = 0.0
         self.one_way.before(self.navigator.P, self.navigator.offsets)
@@ -74,22 +75,23 @@ class AttitudeWatch:
                 navigator.widen(least)
             if self.one_way.held is not None and not named:
                 navigator.recovery.lose(measurement.stamp_ns)
-        if navigator.settings.alignment.any_heading or not isinstance(measurement, GpsVelocity):
+        if navigator.settings.alignment.any_heading or not aid.measures_velocity:
             return  # with any heading at the start the track says nothing of it
-        if not navigator.excluded(aid) and (used or self._compass_agrees(measurement)):
-            self._head_by_track(measurement)
+        north, east, _ = measurement.vel_n if isinstance(measurement, GpsVelocity) else navigator.core.nav[VEL]  # as the satellites have it
+        seen = used or (isinstance(measurement, GpsVelocity) and self._compass_agrees(measurement.stamp_ns, north, east))
+        if seen and not navigator.excluded(aid):
+            self._head_by_track(measurement.stamp_ns, north, east)
 
-    def _compass_agrees(self, velocity: GpsVelocity) -> bool:
+    def _compass_agrees(self, stamp_ns: int, north: float, east: float) -> bool:
         """Whether the magnetic heading, too, is such that wind explains the track of a velocity that is refused."""
-        north, east, _ = velocity.vel_n
         seen = None if self._compass is None else self._compass.status
-        if seen is None or seen.observation is None or velocity.stamp_ns - seen.stamp_ns > RECENT_NS:
+        if seen is None or seen.observation is None or stamp_ns - seen.stamp_ns > RECENT_NS:
             return False
         return crabs(heading_of(self.navigator.core.C_nb()) + float(seen.observation[0]), north, east) is None
 
-    def _head_by_track(self, velocity: GpsVelocity) -> None:
+    def _head_by_track(self, stamp_ns: int, north: float, east: float) -> None:
         """Take the heading from the track where no wind explains how far they are apart, or where it is hardly known."""
-        navigator, stamp_ns, (north, east, _) = self.navigator, velocity.stamp_ns, velocity.vel_n
+        navigator = self.navigator
         C, variance = navigator.core.C_nb(), navigator.P[8, 8]
         if math.hypot(north, east) < SLOWEST_MPS or abs(C[2, 0]) > STEEPEST:
             return

@@ -367,8 +367,6 @@ class InertialNavigator(Navigator):
         if self.headings.cores:
             self._close_headings()
         self.core.widen(least)
-        if self.history is not None:
-            self.history.cut()  # the covariances before are contradicted: no smoothing through them
 
     def correct(self, dx: np.ndarray) -> None:
         """As every navigator."""

@@ -22,7 +22,7 @@ from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, Integrity, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import group, setting
-from lowcostnav_ros.cores.inertial import POS
+from lowcostnav_ros.cores.inertial import POS, VEL
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.error_state import Block
@@ -81,7 +81,6 @@ class InsGnss(InertialNavigator):
     OwnSettings = InsGnssOwnSettings
     sensors = (GPS, BARO.but(enabled=False), MAGNETIC.but(enabled=False), AIR.but(enabled=False), WHEELS, VOR, GNSS)
     needs = ("gps", "gnss")
-    watches_attitude = False  # flown for ins_gps alone; the smoother does not follow a state widened at 10 Hz
 
     def __init__(self, settings: Any, stations: Any = None) -> None:
         self.tight = settings.coupling == "tight"
@@ -202,34 +201,45 @@ class InsGnss(InertialNavigator):
 
     def _look_for_loss(self, epoch: GnssEpoch) -> None:
         """Where satellites are refused: do they agree among themselves and not with the state, it is the state that is lost."""
-        first = self._ranges[0]
-        if self._is_sound(epoch, first):
+        found = None if self._is_sound(epoch) else self._apart(epoch)
+        if found is None:
             self.trust.away, self._away_since_ns = None, None
+            nis, dof = max(((aid.epoch_nis, aid.epoch_dof) for aid in self._rates), default=(0.0, 0))
+            self.recovery.note(epoch.stamp_ns, Decision.FUSE, np.zeros(dof) if dof else None, nis)
             return
-        try:
-            fix, velocity = self._solve(epoch)
-        except GnssError:
-            return
-        lever_n, P, nav = self.core.lever_n(self.lever_b), self.core.P, self.core.nav
-        apart = difference_n(fix.lat, fix.lon, fix.height, nav[0], nav[1], nav[2]) - lever_n
-        if kalman.normalised_innovation_squared(apart, P[POS, POS] + fix.cov_n) <= self._lost_limit:
-            self.trust.away, self._away_since_ns = None, None
-            return
-        stamp_ns = epoch.stamp_ns
-        drift = np.zeros(3) if velocity is None else velocity.vel_n - nav[3:6]
+        (fix, velocity), apart, drift = found
+        stamp_ns, first = epoch.stamp_ns, self._ranges[0]
         self.trust.away, self._away_since_ns = (stamp_ns, apart, drift), self._away_since_ns or stamp_ns
-        self.recovery.note(stamp_ns, Decision.REJECT)
+        self.recovery.note(stamp_ns, Decision.REJECT, None if velocity is None else drift)
         starts = [self._gather(part) for part in (fix, velocity) if part is not None]
         if stamp_ns - self._away_since_ns >= 1e9 * self.recovery.patience_s(stamp_ns, first.gate.recovery_s) and starts[-1] is not None:
             first.receiver.integrity.contradicted(stamp_ns, 1e-9 * (stamp_ns - self._away_since_ns))
             self.recovery.note(stamp_ns, Decision.RECOVER)
             self._begin_anew(starts[-1])
 
-    def _is_sound(self, epoch: GnssEpoch, first: RangeAid) -> bool:
+    def _apart(self, epoch: GnssEpoch) -> tuple[tuple[GpsPosition, GpsVelocity | None], np.ndarray, np.ndarray] | None:
+        """Point solution of an epoch, and what of position (3,), m, and velocity (3,), m/s, the state is off; None: it is not, or nobody knows."""
+        try:
+            fix, velocity = self._solve(epoch)
+        except GnssError:
+            return None
+        P, nav, seen = self.core.P, self.core.nav, self.core.velocity_at(self.lever_b)
+        apart = difference_n(fix.lat, fix.lon, fix.height, nav[0], nav[1], nav[2]) - self.core.lever_n(self.lever_b)
+        drift = np.zeros(3) if velocity is None else velocity.vel_n - seen.vel_n - seen.swing_n
+        off = [kalman.normalised_innovation_squared(apart, P[POS, POS] + fix.cov_n)]
+        off += [] if velocity is None else [kalman.normalised_innovation_squared(drift, P[VEL, VEL] + velocity.cov_n)]
+        return ((fix, velocity), apart, drift) if max(off) > self._lost_limit else None
+
+    def _is_sound(self, epoch: GnssEpoch) -> bool:
         """Whether most satellites were used, and nothing speaks against the state."""
         if self.receiver is None or self.receiver.integrity.status.alarm:
             return False
-        return first.decision is Decision.FUSE and 2 * len(first.used) >= int(np.count_nonzero(epoch.range_valid))
+        return all(
+            aid.decision is Decision.FUSE and 2 * len(aid.used) >= int(np.count_nonzero(valid))
+            for aids, valid in ((self._ranges, epoch.range_valid), (self._rates, epoch.doppler_valid))
+            for aid in aids
+            if valid.any()
+        )
 
     def _begin_anew(self, start: Start) -> None:
         super()._begin_anew(start)
