@@ -452,7 +452,7 @@ class Aid(ABC):
         else:
             if decision is Decision.LIMIT:
                 status.rejected[reason] += 1
-                innovation.y = innovation.y / np.sqrt(status.test_ratio)
+                innovation.R = innovation.R + (math.sqrt(status.test_ratio) - 1.0) * S  # Huber: what is pulled less is worth less
             self.fuse(innovation, host)
         status.accepted, status.reason, status.accepted_ns = True, reason, measurement.stamp_ns
         status.fused += 1

@@ -57,6 +57,14 @@ class AttitudeWatch:
         """Note a correction (n,) that is injected."""
         self._moved += dx
 
+    def apart(self, now_ns: int) -> float:
+        """By how much, rad, the compass contradicts the heading while it is not used; 0 where it is, or is known to be wrong."""
+        compass = self._compass
+        if compass is None or compass.unresolved is None or compass.turned.held is not None:
+            return 0.0
+        seen_ns, y = compass.unresolved
+        return abs(float(y[0])) if now_ns - seen_ns <= RECENT_NS else 0.0
+
     def before(self, aid: Aid) -> bool:
         """Look at what an aid is about to change; return whether it is to be judged once it has been used: that of GPS is."""
         if not aid.is_fix and not aid.measures_velocity:
