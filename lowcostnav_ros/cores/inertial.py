@@ -440,6 +440,9 @@ class InertialCore:
         before = self.P if self.history is None else self.history.begin(self.P)
         Q = np.diag(layout.psd * dt)
         Q[:CORE, :CORE] = self._motion.noise(self.P, dt)
+        for i in np.flatnonzero((layout.kind == CHAIN) & (layout.axis > 0)):
+            Phi[i - 1, i] = dt
+            self.estimate[i - 1] += self.estimate[i] * dt
         self.P[:] = Phi @ self.P @ Phi.T + Q
         self.estimate[CORE:] *= decay[CORE:]
         if self.history is not None:

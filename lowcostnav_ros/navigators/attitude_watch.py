@@ -57,13 +57,24 @@ class AttitudeWatch:
         """Note a correction (n,) that is injected."""
         self._moved += dx
 
-    def apart(self, now_ns: int) -> float:
-        """By how much, rad, the compass contradicts the heading while it is not used; 0 where it is, or is known to be wrong."""
+    def apart(self, now_ns: int) -> tuple[float, float]:
+        """By how much, rad, the field contradicts tilt and heading while it is not used; 0 where it is, or is known to be wrong.
+
+        A field that is not the earth's may be interference, or that of an attitude that is lost: where GPS does not show the attitude
+        nobody knows.
+        """
         compass = self._compass
-        if compass is None or compass.unresolved is None or compass.turned.held is not None:
-            return 0.0
-        seen_ns, y = compass.unresolved
-        return abs(float(y[0])) if now_ns - seen_ns <= RECENT_NS else 0.0
+        if compass is None or compass.turned.held is not None:
+            return 0.0, 0.0
+        tilt, heading, strength = 0.0, 0.0, compass.strength
+        if compass.unresolved is not None and now_ns - compass.unresolved[0] <= RECENT_NS:
+            heading = abs(float(compass.unresolved[1][0]))
+        if strength is not None and strength.unresolved is not None and now_ns - strength.unresolved[0] <= RECENT_NS:
+            seen, y = strength.status.observation, strength.unresolved[1]
+            if seen is not None and not self.navigator.gps_good(now_ns):
+                off = math.hypot(*y)
+                tilt, heading = off / max(math.hypot(*seen), off), max(heading, off / max(abs(float(seen[0])), off))
+        return tilt, heading
 
     def before(self, aid: Aid) -> bool:
         """Look at what an aid is about to change; return whether it is to be judged once it has been used: that of GPS is."""

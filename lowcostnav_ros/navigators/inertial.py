@@ -531,13 +531,13 @@ class InertialNavigator(Navigator):
         )
 
     def doubt(self, t_ns: int) -> np.ndarray:
-        """As every navigator; of an attitude that may be upside down nothing is known, of others what GPS and compass show them to be off."""
+        """As every navigator; of an attitude that may be upside down nothing is known, of another what GPS and compass show of it."""
         doubt, is_over = self.trust.doubt(t_ns), self._began_over and self.axes.held is not None
-        apart = self.attitude_watch.apart(t_ns)
-        if is_over or apart or self.recovery.shows:
+        tilt, heading = self.attitude_watch.apart(t_ns)
+        if is_over or heading or self.recovery.shows:
             doubt = doubt.copy()
             doubt[ATT, ATT] += UPSIDE_DOWN if is_over else np.diag(self.recovery.seen()[ATT] ** 2)
-            doubt[8, 8] += (COVERED * apart) ** 2
+            doubt[ATT, ATT] += np.diag(np.array([tilt, tilt, heading]) ** 2) * COVERED**2
         astray = self.against_air.doubt(t_ns, self.core.speed_mps)
         return doubt if astray is None else doubt + astray
 

@@ -26,15 +26,20 @@ from lowcostnav_ros.cores.inertial import POS, VEL
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.error_state import Block
+from lowcostnav_ros.estimation.satellite_integrity import RATE
 from lowcostnav_ros.gnss import GnssError
+from lowcostnav_ros.navigators.against_air import FOLLOWED
 from lowcostnav_ros.navigators.inertial import IMU, InertialNavigator, InertialSettings
 from lowcostnav_ros.navigators.ins_gps import AIR
 from lowcostnav_ros.navigators.registry import navigator
+from lowcostnav_ros.navigators.trust import LASTS_NS, covering, lasting_s
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.starts.gps_start import Start
 from lowcostnav_ros.starts.point_solution import point_solution
 
 SOLUTION = "gnss_only/odometry_fused"
+SAME_WAY = 0.5
+"""Cosine between velocities that one epoch and the next find a state to be off by, which is lost and not the Dopplers noisy."""
 SOURCES = {"epochs": EPOCH, "gnss_only": SOLUTION, "receiver": ""}
 
 
@@ -89,7 +94,7 @@ class InsGnss(InertialNavigator):
         self.receiver: Receiver | None = None
         super().__init__(settings, stations, settings.loose.behind_s if self.solution_source == SOLUTION else 0.0)
         self._lost_limit = chi_square.threshold(settings.gnss.gate.probability, 3) if self.tight else 0.0
-        self._screen = RangeAid(settings.gnss)
+        self._screen, self._doppler = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
         self._screen.receiver.lever_b = self.lever_b
         if self.solution_source == EPOCH:
             self.aids.append(self._screen)  # for its record of the satellites that no solution was made of
@@ -173,6 +178,11 @@ class InsGnss(InertialNavigator):
 
     def _solve(self, epoch: GnssEpoch) -> tuple[GpsPosition, GpsVelocity | None]:
         """Point solution of an epoch; to align without Dopplers, the slope of the positions serves as velocity."""
+        ranges, rates = (*self._ranges, self._screen)[0], (*self._rates, self._doppler)[0]
+        if not self.tight:
+            ranges.learn(epoch.sigma_m)
+            rates.learn(epoch.sigma_mps)
+        epoch = replace(epoch, sigma_m=ranges.believed(epoch.sigma_m), sigma_mps=rates.believed(epoch.sigma_mps))
         fix, velocity = point_solution(epoch, doppler=self.settings.gnss.doppler)
         return fix, velocity or (None if self._aligned else self.slope.add(fix))
 
@@ -208,7 +218,9 @@ class InsGnss(InertialNavigator):
             self.recovery.note(epoch.stamp_ns, Decision.FUSE, np.zeros(dof) if dof else None, nis)
             return
         (fix, velocity), apart, drift = found
-        stamp_ns, first = epoch.stamp_ns, self._ranges[0]
+        stamp_ns, first, before = epoch.stamp_ns, self._ranges[0], self.trust.away
+        if before is not None and drift @ before[2] < SAME_WAY * np.linalg.norm(drift) * np.linalg.norm(before[2]):
+            self._away_since_ns = None  # noise points anywhere
         self.trust.away, self._away_since_ns = (stamp_ns, apart, drift), self._away_since_ns or stamp_ns
         self.recovery.note(stamp_ns, Decision.REJECT, None if velocity is None else drift)
         starts = [self._gather(part) for part in (fix, velocity) if part is not None]
@@ -218,7 +230,7 @@ class InsGnss(InertialNavigator):
             self._begin_anew(starts[-1])
 
     def _apart(self, epoch: GnssEpoch) -> tuple[tuple[GpsPosition, GpsVelocity | None], np.ndarray, np.ndarray] | None:
-        """Point solution of an epoch, and what of position (3,), m, and velocity (3,), m/s, the state is off; None: it is not, or nobody knows."""
+        """Point solution of an epoch, and by what the state is off it, m (3,) and m/s (3,); None: it is not, or there is none."""
         try:
             fix, velocity = self._solve(epoch)
         except GnssError:
@@ -250,6 +262,20 @@ class InsGnss(InertialNavigator):
             self.trust.away, self._away_since_ns = None, None
             for aid in (*self._ranges, *self._rates):
                 aid.rejecting_since_ns = None
+
+    def doubt(self, t_ns: int) -> np.ndarray:
+        """As every inertial navigator; while an alarm is young, what satellites and inertial sensors are apart by."""
+        doubt, integrity = super().doubt(t_ns), None if self.receiver is None else self.receiver.integrity
+        since_ns = None if integrity is None else integrity.status.alarm_ns
+        if integrity is None or integrity.apart is None or since_ns is None or t_ns - since_ns > LASTS_NS:
+            return doubt
+        kind, offset = integrity.apart
+        doubt = doubt.copy()
+        if kind == RATE:
+            doubt[VEL, VEL] += covering(FOLLOWED * offset)
+            offset = offset * lasting_s(t_ns - since_ns)
+        doubt[POS, POS] += covering(FOLLOWED * offset)
+        return doubt
 
     def gps_alarm(self) -> bool:
         """Whether the satellites' integrity tests say so."""

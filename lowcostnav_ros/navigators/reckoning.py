@@ -55,7 +55,9 @@ class ReckoningNavigator(Navigator):
         steady = getattr(held, "steady_speed", held.speed)
         gained = self._unconfirmed.take(stamp_ns, held.speed if abs(held.speed - steady) > STEP_MPS else steady, confirmed=confirmed)
         rows = self.layout.get("airspeed_bias")
-        for core in self._cores() if gained > 0.0 and rows is not None else ():
+        if gained == 0.0 or rows is None:
+            return
+        for core in self._cores():
             core.settle()
             kalman.add_variance(core.P, rows, gained, core.history)
 
