@@ -222,7 +222,7 @@ def test_a_compass_that_is_refused_leaves_the_heading_in_doubt():
 
 def test_an_attitude_that_gps_velocity_contradicts_is_in_doubt_before_it_is_lost():
     navigator = InsGps(InsGps.Settings())
-    refused(navigator.recovery, np.outer(np.arange(1, 9), [0.5, 0.0, 0.0]))
+    refused(navigator.recovery, np.outer(np.arange(1, 9), [0.2, 0.0, 0.0]))
     assert np.sqrt(navigator.doubt(104 * SECOND).diagonal()[6]) == pytest.approx(navigator.recovery.seen()[6]) and navigator.recovery.shows
     navigator.recovery.note(105 * SECOND, Decision.FUSE, np.zeros(3))
     assert not navigator.recovery.shows

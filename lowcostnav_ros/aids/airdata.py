@@ -36,7 +36,7 @@ MOVED_S = 90.0
 """What it has moved so long ago was right."""
 WAIT_S = 20.0
 """One that creeps is not used for so long, three times as long each time again."""
-UNCONFIRMED = 0.6
+UNCONFIRMED = 0.4
 """Share of a change of the airspeed without GPS that may be its error: the inertial sensors have felt the rest."""
 GUSTS = 8.0
 """Changes up to so many times the noise of a measurement are that, and flying by hand."""
