@@ -160,6 +160,10 @@ class AgainstAir:
         least[self._biases], least[self._gyros] = accel, max(tilt, heading) / lasted_s
         return least
 
+    def lasts(self, now_ns: int) -> bool:
+        """Whether it has strayed for longer than a gust and what it moved."""
+        return self._since_ns is not None and now_ns - self._since_ns > UNNOTICED_NS
+
     def _lasted_s(self, t_ns: int) -> float:
         return 0.0 if self._since_ns is None else 1e-9 * (t_ns - self._since_ns + UNNOTICED_NS)
 

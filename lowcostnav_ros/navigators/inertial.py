@@ -358,11 +358,12 @@ class InertialNavigator(Navigator):
         return used
 
     def _heed(self, aid: Aid) -> None:
-        """Without GPS, lose what the air contradicts across the flight: the sensors are known to be that much worse from then on."""
+        """Without GPS, lose what the air contradicts across the flight; what it goes on to contradict then is no gust."""
         least = self.against_air.take(aid, self.core.speed_mps)
         if least is not None:
             self.widen(least)
-            self.recovery.note(aid.status.stamp_ns, Decision.RECOVER)
+            if self.against_air.lasts(aid.status.stamp_ns):
+                self.recovery.note(aid.status.stamp_ns, Decision.RECOVER)
 
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """As every navigator; where a rate of turn is needed, that of the newest sample is taken."""
