@@ -250,6 +250,20 @@ def test_a_range_far_off_is_rejected_and_one_a_little_off_is_limited():
     assert near.aid("dme").status.rejected["innovation limited"] >= 4
 
 
+def test_an_unconfirmed_airspeed_is_doubted_at_the_mirror_place_too():
+    flight = straight(20.0)
+    nav = quiet(STATIONS)
+    nav.feed_all(in_order(list(flight.attitudes()), list(flight.airspeeds()), gps_until(flight, 20.0)))
+    nav.mirror.core = nav.core.branch()
+    cores, rows = (nav.core, nav.mirror.core), nav.layout["airspeed_bias"]
+    for core in cores:
+        core.settle()
+    before = [core.P[rows, rows].item() for core in cores]
+    nav._unconfirmed.take = lambda stamp_ns, speed, *, confirmed: 4.0
+    nav._confirm_air(nav.core.t_ns)
+    assert [core.P[rows, rows].item() for core in cores] == pytest.approx([b + 4.0 for b in before])
+
+
 def test_a_limited_innovation_is_worth_less():
     """Huber: it moves the state as one at the edge of the gate would, S times the root of the test ratio, and teaches that much less."""
     flight = straight(60.0)

@@ -216,6 +216,7 @@ class InsGnss(InertialNavigator):
             self.trust.away, self._away_since_ns = None, None
             nis, dof = max(((aid.epoch_nis, aid.epoch_dof) for aid in self._rates), default=(0.0, 0))
             self.recovery.note(epoch.stamp_ns, Decision.FUSE, np.zeros(dof) if dof else None, nis)
+            self.inertial_is_suspect = self.recovery.is_widened
             return
         (fix, velocity), apart, drift = found
         stamp_ns, first, before = epoch.stamp_ns, self._ranges[0], self.trust.away
