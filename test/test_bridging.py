@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
+from lowcostnav_ros.aids.gnss import GnssSettings, clock_block
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.bridging import ACCELERATION, ACCELERATION_TAU_S, TILT_LIMIT, TURN_TAU_S, LastMotion
+from lowcostnav_ros.cores.imu_errors import ImuSettings, core_block
+from lowcostnav_ros.cores.inertial import InertialCore
+from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, difference_n
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm, quats_to_euler
 
@@ -47,3 +51,13 @@ def test_the_growth_is_that_of_white_acceleration_whatever_the_pieces():
     assert whole[0, 0] == pytest.approx(whole[3, 3] * 4.0 / 3.0)
     assert whole[0, 3] == pytest.approx(whole[3, 3])
     assert np.sqrt((whole + straight.noise(whole, 100.0))[6, 6]) == pytest.approx(TILT_LIMIT)
+
+
+def test_a_clock_runs_on_over_a_hole():
+    core = InertialCore(Layout([core_block(ImuSettings()), clock_block(GnssSettings())]))
+    core.start(0, turning()[0], np.eye(9))
+    core.estimate[-2:] = 100.0, 8.0
+    before = core.P[-2:, -2:].copy()
+    core.bridge(500_000_000)
+    assert core.estimate[-2:] == pytest.approx([104.0, 8.0])
+    assert core.P[-2, -2] - before[0, 0] == pytest.approx(0.25 * before[1, 1], rel=1e-2)

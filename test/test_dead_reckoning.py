@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from dead_reckoning_flight import ORIGIN, START_NS, Flight, in_order, station, straight, table, turning
 
-from lowcostnav_ros.base.measurements import Pressure, SlantRange
+from lowcostnav_ros.base.measurements import Measurement, Pressure, SlantRange
 from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.base.settings import from_mapping
+from lowcostnav_ros.estimation.aiding import Decision, Innovation
 from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
 from lowcostnav_ros.physics.atmosphere import pressure_at
 from lowcostnav_ros.physics.stochastic import correlation_factor
@@ -247,6 +248,40 @@ def test_a_range_far_off_is_rejected_and_one_a_little_off_is_limited():
     assert far.aid("dme").status.rejected["innovation beyond gate"] >= 8
     assert far.mode == "coasting"
     assert near.aid("dme").status.rejected["innovation limited"] >= 4
+
+
+def test_an_unconfirmed_airspeed_is_doubted_at_the_mirror_place_too():
+    flight = straight(20.0)
+    nav = quiet(STATIONS)
+    nav.feed_all(in_order(list(flight.attitudes()), list(flight.airspeeds()), gps_until(flight, 20.0)))
+    nav.mirror.core = nav.core.branch()
+    cores, rows = (nav.core, nav.mirror.core), nav.layout["airspeed_bias"]
+    for core in cores:
+        core.settle()
+    before = [core.P[rows, rows].item() for core in cores]
+    nav._unconfirmed.take = lambda stamp_ns, speed, *, confirmed: 4.0
+    nav._confirm_air(nav.core.t_ns)
+    assert [core.P[rows, rows].item() for core in cores] == pytest.approx([b + 4.0 for b in before])
+
+
+def test_a_limited_innovation_is_worth_less():
+    """Huber: it moves the state as one at the edge of the gate would, S times the root of the test ratio, and teaches that much less."""
+    flight = straight(60.0)
+    nav = quiet(STATIONS)
+    nav.feed_all(in_order(list(flight.attitudes()), list(flight.airspeeds()), gps_until(flight, 30.0)))
+    aid, applied = nav.aid("dme"), []
+    P, y, H = nav.P.copy(), np.array([900.0]), np.zeros((1, len(nav.P)))
+    H[0, 0], R = 1.0, np.array([[100.0]])
+    S = H @ P @ H.T + R
+    aid.innovation = lambda measurement, host: Innovation(y.copy(), H, R.copy(), y)
+    aid.prepare = lambda measurement, innovation, host: innovation
+    aid.control = lambda *args: (Decision.LIMIT, "innovation limited")
+    nav.correct = applied.append
+    assert aid.process(Measurement(nav.core.t_ns, "dme/range"), nav)
+    root = np.sqrt(float(y @ np.linalg.solve(S, y)) / aid.threshold)
+    gain = P @ H.T / (root * S)
+    assert applied[0] == pytest.approx((gain @ y), rel=1e-6, abs=1e-9)
+    assert np.allclose(nav.P, P - gain @ H @ P, rtol=1e-6, atol=1e-9)
 
 
 def test_alert_when_the_believed_error_passes_half_a_mile():

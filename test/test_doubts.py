@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from test_ins_gps import GPS_ONLY
 
+from lowcostnav_ros.aids.airdata import AirDataAid
 from lowcostnav_ros.aids.gps import Bends, PositionAid, VelocityAid
+from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import CORE
 from lowcostnav_ros.estimation.aiding import Decision, floored
@@ -134,32 +136,96 @@ def test_position_velocity_and_attitude_that_are_apart_are_covered_each_in_its_o
     assert not cover.any()
 
 
+def of(kind, t_s, y, decision, sigma=1.0):
+    """An aid of a kind as it is after a measurement."""
+    aid, y = kind.__new__(kind), np.asarray(y, float)
+    S = sigma**2 * np.eye(len(y))
+    aid.status = SimpleNamespace(stamp_ns=round(t_s * SECOND), innovation=y, innovation_covariance=S, test_ratio=0.0)
+    aid.source, aid.decision = kind.topic, decision
+    return aid
+
+
 def air(t_s, y, decision):
-    status = SimpleNamespace(stamp_ns=round(t_s * SECOND), innovation=np.asarray(y, float), innovation_covariance=np.eye(3))
-    return SimpleNamespace(status=status, decision=decision)
+    return of(AirDataAid, t_s, y, decision)
 
 
-def test_what_strays_across_the_air_is_covered_until_gps_is_back_and_a_pitot_tube_is_believed_to_be_one():
-    along, across = AgainstAir(), AgainstAir()
-    for k in range(20):
-        along.take(air(0.2 * k, [30.0, 0.5, 0.5], Decision.REJECT))
-        across.take(air(0.2 * k, [0.0, 6.0 + 0.2 * k, 0.0], Decision.REJECT))
-    assert along.doubt(10 * SECOND, 50.0) is None
+LAYOUT = Layout([core_block(ImuSettings()), *bias_blocks(ImuSettings())])
+
+
+def test_what_strays_across_the_air_is_lost_and_covered_until_gps_is_back():
+    across = AgainstAir(LAYOUT, "imu")
+    least = [across.take(air(0.2 * k, [0.0, 6.0 + 0.2 * k, 0.0], Decision.REJECT), 50.0) for k in range(20)]
+    assert least[:5] == [None] * 5
     accel = 7.0 / 6.0  # 1 s after it was first refused, 5 s more unnoticed
+    tilt, heading = accel / STANDARD_GRAVITY, 7.0 / 50.0
+    core = np.r_[np.full(3, 0.5 * 7.0 * 6.0), np.full(3, 7.0), tilt, tilt, heading]
+    assert least[5] == pytest.approx(np.r_[core, np.full(3, accel), np.full(3, heading / 6.0)])
     P = across.doubt(20 * SECOND, 50.0)
     assert np.sqrt(P.diagonal()) == pytest.approx(0.5 * accel * np.repeat([0.5 * 25.0**2, 25.0, 25.0 / 50.0], 3))
-    assert P.shape == (CORE, CORE)
-    across.take(air(21.0, [0.0, 0.0, 0.0], Decision.FUSE))
+    assert P.shape == (CORE, CORE) and across.held.parties == ("imu", "air/velocity")
+    across.take(air(21.0, [0.0, 0.0, 0.0], Decision.FUSE), 50.0)
     assert across.doubt(20 * SECOND, 50.0) is not None
     across.clear()
-    assert across.doubt(20 * SECOND, 50.0) is None
+    assert across.doubt(20 * SECOND, 50.0) is None and across.held is None
+
+
+def test_of_a_disagreement_along_the_flight_nobody_knows_whose_fault_it_is():
+    along = AgainstAir(LAYOUT, "imu")
+    assert all(along.take(air(0.2 * k, [30.0, 0.5, 0.5], Decision.REJECT), 50.0) is None for k in range(21))
+    sigma = np.sqrt(along.doubt(10 * SECOND, 50.0).diagonal())
+    moved = 30.0 * (5.0 + 3.0 + 6.0)  # unnoticed, since it lasted, since it was seen last
+    assert sigma == pytest.approx(0.5 * np.repeat([moved, 30.0, 0.0], 3)) and along.held is None
 
 
 def test_a_gust_across_is_no_fault_of_the_inertial_sensors():
-    check = AgainstAir()
-    for k in range(100):
-        check.take(air(0.2 * k, [0.0, 6.0, 0.0], Decision.REJECT if k % 10 < 4 else Decision.FUSE))
-    assert check.doubt(20 * SECOND, 50.0) is None
+    check, rng = AgainstAir(LAYOUT, "imu"), np.random.default_rng(1)
+    for k in range(1000):
+        refused = k % 10 < 4
+        y = [0.0, 6.0 * (-1) ** (k // 10), 0.0] if refused else rng.standard_normal(3)
+        check.take(air(0.2 * k, y, Decision.REJECT if refused else Decision.FUSE), 50.0)
+    assert check.doubt(200 * SECOND, 50.0) is None
+
+
+@pytest.mark.parametrize(("first", "counts"), [(1.5, True), (9.0, False)])
+def test_gyros_drift_off_a_compass_and_a_field_beside_iron_steps(first, counts):
+    check = AgainstAir(LAYOUT, "imu")
+    for k in range(4):
+        compass = of(MagneticAid, 0.5 * k, [0.1 * (k + 1)], Decision.REJECT)
+        compass.status.test_ratio = first
+        assert check.take(compass, 50.0) is None
+    assert (check.doubt(2 * SECOND, 50.0) is not None) == counts
+
+
+def test_a_compass_that_the_heading_follows_one_way_is_heeded():
+    check, sound, rng = AgainstAir(LAYOUT, "imu"), AgainstAir(LAYOUT, "imu"), np.random.default_rng(2)
+    for k in range(60):
+        noise = 0.02 * rng.standard_normal(1)
+        check.take(of(MagneticAid, 0.5 * k, noise - 0.05, Decision.FUSE, 0.02), 50.0)
+        sound.take(of(MagneticAid, 0.5 * k, noise, Decision.FUSE, 0.02), 50.0)
+    assert check.held is not None and sound.held is None
+    speed = np.sqrt(check.doubt(31 * SECOND, 50.0)[3, 3])
+    assert speed > 0.5 * 2.0 * 50.0 * 0.05  # half of twice what the innovations show
+
+
+def test_a_compass_that_is_refused_leaves_the_heading_in_doubt():
+    navigator = InsGps(InsGps.Settings())
+    compass = next(iter(navigator.aids_of(MagneticAid)))
+    assert navigator.doubt(SECOND)[8, 8] == 0.0
+    compass.unresolved = SECOND, np.array([0.4])
+    doubt = navigator.doubt(2 * SECOND)
+    assert doubt[8, 8] == pytest.approx(0.2**2) and not doubt[6:8, 6:8].any()
+    strength = compass.strength
+    strength.unresolved, strength.status.observation = (SECOND, np.array([6.0, 8.0])), np.array([30.0, 40.0])
+    assert np.sqrt(navigator.doubt(2 * SECOND).diagonal()[6:]) == pytest.approx([0.1, 0.1, 0.2])
+    assert not navigator.doubt(10 * SECOND).any()
+
+
+def test_an_attitude_that_gps_velocity_contradicts_is_in_doubt_before_it_is_lost():
+    navigator = InsGps(InsGps.Settings())
+    refused(navigator.recovery, np.outer(np.arange(1, 9), [0.2, 0.0, 0.0]))
+    assert np.sqrt(navigator.doubt(104 * SECOND).diagonal()[6]) == pytest.approx(navigator.recovery.seen()[6]) and navigator.recovery.shows
+    navigator.recovery.note(105 * SECOND, Decision.FUSE, np.zeros(3))
+    assert not navigator.recovery.shows
 
 
 def test_correlations_of_one_are_no_measurements():

@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 
-from lowcostnav_ros.aids.gnss import GnssSettings, clock_block
+from lowcostnav_ros.aids.gnss import GnssSettings, RangeAid, clock_block
 from lowcostnav_ros.aids.gps import GpsSettings
 from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
@@ -214,6 +214,26 @@ def test_a_clock_that_jumps_by_a_millisecond_is_followed_without_moving_the_posi
     navigator, flight = after(30.0, lambda e: dataclasses.replace(e, pseudorange_m=e.pseudorange_m + jump_m))
     assert navigator.aid("gnss_range").status.rejected["clock jump followed"] == 1
     assert flight.worst(30.0, 60.0) < 4.0
+
+
+def test_a_velocity_that_the_dopplers_contradict_is_off_by_what_they_say():
+    navigator, _ = after(55.0, lambda e: e)
+    epoch = epochs_of(CASE, truth_of("HD", SHORT_S))[-1]
+    assert navigator._apart(epoch) is None and navigator.trust.away is None
+    navigator.core.nav[3:6] += [6.0, 0.0, -4.0]
+    _, apart, drift = navigator._apart(epoch)
+    np.testing.assert_allclose(drift, [-6.0, 0.0, 4.0], atol=1.0)
+    assert np.linalg.norm(apart) < 30.0
+
+
+def test_a_sigma_that_shrinks_at_once_is_believed_in_part_and_one_that_cannot_be_not_at_all():
+    aid = RangeAid(GnssSettings())
+    for stated in [5.4] * 20 + [0.3] * 200:
+        aid.learn(np.full(7, stated))
+    assert aid.believed(np.array([7.0, 2.0, 1.0, 0.3])) == pytest.approx([7.0, 2.0, 1.8, 5.4])
+    for _ in range(100):
+        aid.learn(np.full(7, 2.0))
+    assert aid.believed(np.array([2.0])) == pytest.approx([2.0])
 
 
 @pytest.mark.parametrize(("change", "reason"), [

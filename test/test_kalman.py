@@ -220,6 +220,16 @@ def test_what_a_parameter_does_to_the_error_after_an_update_is_the_difference_th
     assert moved[:, 0] * p == pytest.approx(V[:, 0] * p - (shifted - without), abs=1e-12)
 
 
+def test_raised_sigmas_are_told_only_where_there_are_any():
+    told = []
+    history = type("History", (), {"begin": lambda self, P: told.append(P.copy()), "end": lambda self, P: told.append(P.copy())})()
+    P = np.array([[4.0, 1.0], [1.0, 9.0]])
+    kalman.raise_sigmas(P, np.array([1.0, 3.0]), history)
+    assert not told
+    kalman.raise_sigmas(P, np.array([0.0, 5.0]), history)
+    assert P.tolist() == told[1].tolist() == [[4.0, 1.0], [1.0, 25.0]] and told[0][1, 1] == 9.0
+
+
 def test_a_variance_above_its_ceiling_comes_down_to_it_and_correlations_stay():
     P = np.array([[400.0, 10.0], [10.0, 1.0]])
     assert kalman.guard_covariance(P, np.full(2, 1e-12), np.array([100.0, 100.0])) == 1

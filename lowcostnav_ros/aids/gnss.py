@@ -57,6 +57,8 @@ UNKNOWN_DRIFT_MPS = 1000.0
 NOTHING = np.zeros(0, dtype=np.int64)
 SUDDEN, USUAL_EPOCHS = 1.0 / 3.0, 10.0
 """A stated sigma counts for no less than this share of what was usual over so many epochs: a receiver does not get better at once."""
+ABSURD = SUDDEN**2
+"""A stated sigma below this share of the usual one is none: the usual one stays."""
 JUMP_SIGMAS = 8.0
 """A clock jump moves most satellites together by more than this many sigmas, and apart by less."""
 
@@ -188,7 +190,7 @@ class SatelliteAid(Aid):
         obs = self.observations(measurement, host)
         if host.offsets is not None:
             host.offsets.take_back(self, obs, host)
-        self._usual += (1.0 / USUAL_EPOCHS if self._usual else 1.0) * (middle(obs.stated) - self._usual) if obs.rows.size else 0.0
+        self.learn(obs.stated)
         self.count(measurement, obs.excluded)
         if not obs.rows.size:
             return self.refuse("no usable satellite")
@@ -277,6 +279,15 @@ class SatelliteAid(Aid):
         host.core.estimate[row] += step
         kalman.reset_block(host.P, slice(row, row + 1), np.array([[self.clock_sigma**2]]), host.core.history)
 
+    def learn(self, stated: np.ndarray) -> None:
+        """Learn from the stated sigmas (n,) of an epoch what is usual."""
+        if stated.size and (size := middle(stated)) > ABSURD * self._usual:
+            self._usual += (1.0 / USUAL_EPOCHS if self._usual else 1.0) * (size - self._usual)
+
+    def believed(self, stated: np.ndarray) -> np.ndarray:
+        """Sigmas (n,) as far as the stated ones can be."""
+        return np.where(stated < ABSURD * self._usual, self._usual, np.maximum(stated, SUDDEN * self._usual))
+
     def _stepped(self, obs: Observations, host: Host) -> Observations:
         """Observations with the step of the clock they ask for."""
         obs.clock_step = self._clock_step(obs.y, obs.H, obs.r, host)
@@ -346,7 +357,7 @@ class RangeAid(SatelliteAid):
             offset = self._offset.start
             H[:, offset] = epoch.system[rows] == "E"
             y -= H[:, offset] * host.core.estimate[offset]
-        sigma = np.maximum(epoch.sigma_m[rows], SUDDEN * self._usual)
+        sigma = self.believed(epoch.sigma_m[rows])
         r = (self.settings.range_sigma_scale * sigma) ** 2
         common = common_part(r, sin_elevation[rows]) if self.settings.common_error else np.zeros(len(rows))
         return self._stepped(Observations(rows, y, H, r, common, others, stated=epoch.sigma_m[rows]), host)
@@ -374,6 +385,7 @@ class RangeRateAid(SatelliteAid):
 
     name, labels = "gnss_range_rate", ("mean_rate_mps",)
     kind, clock_state, clock_sigma = RATE, 1, CLOCK_SIGMA_MPS
+    measures_velocity = True
 
     def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
         """y = rate - (predicted rate + clock drift); the velocity of the lever arm also depends on the gyro bias."""
@@ -385,7 +397,7 @@ class RangeRateAid(SatelliteAid):
         if lever_b.any():
             host.layout.fill(H, Kind.GYRO_BIAS, H[:, VEL] @ quat_to_dcm(host.core.nav[6:10]) @ skew(lever_b))
         y = epoch.doppler_mps[rows] - rates[rows] - host.core.estimate[drift]
-        sigma = np.maximum(epoch.sigma_mps[rows], SUDDEN * self._usual)
+        sigma = self.believed(epoch.sigma_mps[rows])
         r = (self.settings.doppler_sigma_scale * sigma) ** 2
         return self._stepped(Observations(rows, y, H, r, np.zeros(len(rows)), others, stated=epoch.sigma_mps[rows]), host)
 

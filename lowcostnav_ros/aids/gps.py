@@ -192,6 +192,7 @@ class VelocityAid(ReceiverAid):
 
     name, labels = "gps_velocity", ("north_mps", "east_mps", "down_mps")
     measurement, topic, views, needs_rate, small = GpsVelocity, "gps/vel", (Velocity,), True, 0.01
+    measures_velocity = True
 
     def __init__(self, settings: Any, key: str = "", stations: Any = None) -> None:
         super().__init__(settings, key, stations)

@@ -425,9 +425,9 @@ class InertialCore:
             kalman.add_variance(self.P, rows, turned(C, np.diag(variance)), self.history)
 
     def widen(self, least: np.ndarray) -> None:
-        """Raise the sigmas of the error state to those of ``least`` (n,); no smoother carries anything over this."""
+        """Raise the sigmas of the error state to those of ``least`` (n,)."""
         self.settle()
-        kalman.raise_sigmas(self.P, least)
+        kalman.raise_sigmas(self.P, least, self.history)
 
     def bridge(self, t_ns: int) -> None:
         """Carry the state to ``t_ns`` over a hole in the inertial data (:mod:`.bridging`)."""
@@ -440,6 +440,9 @@ class InertialCore:
         before = self.P if self.history is None else self.history.begin(self.P)
         Q = np.diag(layout.psd * dt)
         Q[:CORE, :CORE] = self._motion.noise(self.P, dt)
+        for i in np.flatnonzero((layout.kind == CHAIN) & (layout.axis > 0)):
+            Phi[i - 1, i] = dt
+            self.estimate[i - 1] += self.estimate[i] * dt
         self.P[:] = Phi @ self.P @ Phi.T + Q
         self.estimate[CORE:] *= decay[CORE:]
         if self.history is not None:

@@ -207,6 +207,8 @@ class Aid(ABC):
         Blocks that alone may move while GPS is good; empty: all may.
     is_fix : bool
         Whether an accepted measurement holds the position as GPS does.
+    measures_velocity : bool
+        Whether it is a GPS receiver's velocity over ground.
     last_resort : bool
         Limit an innovation beyond the gate instead of rejecting it while nothing else holds the solution (see :meth:`is_last`).
     keeps_slots : bool
@@ -242,6 +244,7 @@ class Aid(ABC):
     views: ClassVar[tuple[type, ...]] = ()
     teaches: ClassVar[tuple[str, ...]] = ()
     is_fix: ClassVar[bool] = False
+    measures_velocity: ClassVar[bool] = False
     last_resort: ClassVar[bool] = False
     keeps_slots: ClassVar[bool] = False
     thins_itself: ClassVar[bool] = False
@@ -449,7 +452,7 @@ class Aid(ABC):
         else:
             if decision is Decision.LIMIT:
                 status.rejected[reason] += 1
-                innovation.y = innovation.y / np.sqrt(status.test_ratio)
+                innovation.R = innovation.R + (math.sqrt(status.test_ratio) - 1.0) * S  # Huber: what is pulled less is worth less
             self.fuse(innovation, host)
         status.accepted, status.reason, status.accepted_ns = True, reason, measurement.stamp_ns
         status.fused += 1

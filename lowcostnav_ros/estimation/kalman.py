@@ -339,9 +339,18 @@ def guard_covariance(P, variance_floor, variance_ceiling):
     return acted
 
 
-def raise_sigmas(P: np.ndarray, least: np.ndarray) -> None:
-    """Raise the sigmas of a covariance (n, n), in place, to those of ``least`` (n,): states are known less well than was believed."""
+def raise_sigmas(P: np.ndarray, least: np.ndarray, history: Any = None) -> None:
+    """Raise the sigmas of a covariance (n, n), in place, to those of ``least`` (n,): states are known less well than was believed.
+
+    ``history`` is that of the core, for the smoother.
+    """
+    if not (least**2 > P.diagonal()).any():
+        return
+    if history is not None:
+        history.begin(P)
     np.fill_diagonal(P, np.maximum(P.diagonal(), least**2))
+    if history is not None:
+        history.end(P)
 
 
 def log_likelihood(P: np.ndarray, y: np.ndarray, H: np.ndarray, R: np.ndarray) -> tuple[float, float]:

@@ -77,6 +77,11 @@ class GnssIntegrity:
     settings : IntegritySettings
     inertial : bool
         Whether the prediction rests on inertial sensors, so that all satellites can be tested against it.
+
+    Attributes
+    ----------
+    apart : (str, ndarray (3,)) or None
+        What the alarm is of, :data:`RANGE` or :data:`RATE`, and by how much satellites and prediction are apart, m or m/s NED.
     """
 
     def __init__(self, settings: IntegritySettings, *, inertial: bool) -> None:
@@ -103,6 +108,7 @@ class GnssIntegrity:
         self._first_ns: int | None = None
         self._agreeing_since: dict[int, int] = {}
         self._jumps_ns: list[int] = []
+        self.apart: tuple[str, np.ndarray] | None = None
         self._excluded = np.zeros(SLOTS, dtype=bool)
 
     def is_excluded(self, slots: np.ndarray) -> np.ndarray:
@@ -183,6 +189,7 @@ class GnssIntegrity:
             return
         found = watch.observe(stamp_ns, y, G, S)
         if found is not None:
+            self.apart = kind, found.offset[:3]
             self._alarm(stamp_ns, sentence(kind, found))
 
     def contradicted(self, stamp_ns: int, for_s: float) -> None:

@@ -10,6 +10,7 @@ from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import GpsVelocity, Measurement
 from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.inertial import VEL
 from lowcostnav_ros.estimation.aiding import Aid, Decision, reset_to
 from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, OwnHeadingCheck, crabs, heading_of
 from lowcostnav_ros.estimation.one_way import OneWay
@@ -56,9 +57,28 @@ class AttitudeWatch:
         """Note a correction (n,) that is injected."""
         self._moved += dx
 
+    def apart(self, now_ns: int) -> tuple[float, float]:
+        """By how much, rad, the field contradicts tilt and heading while it is not used; 0 where it is, or is known to be wrong.
+
+        A field that is not the earth's may be interference, or that of an attitude that is lost: where GPS does not show the attitude
+        nobody knows.
+        """
+        compass = self._compass
+        if compass is None or compass.turned.held is not None:
+            return 0.0, 0.0
+        tilt, heading, strength = 0.0, 0.0, compass.strength
+        if compass.unresolved is not None and now_ns - compass.unresolved[0] <= RECENT_NS:
+            heading = abs(float(compass.unresolved[1][0]))
+        if strength is not None and strength.unresolved is not None and now_ns - strength.unresolved[0] <= RECENT_NS:
+            seen, y = strength.status.observation, strength.unresolved[1]
+            if seen is not None and not self.navigator.gps_good(now_ns):
+                off = math.hypot(*y)
+                tilt, heading = off / max(math.hypot(*seen), off), max(heading, off / max(abs(float(seen[0])), off))
+        return tilt, heading
+
     def before(self, aid: Aid) -> bool:
         """Look at what an aid is about to change; return whether it is to be judged once it has been used: that of GPS is."""
-        if not aid.is_fix and not isinstance(aid, VelocityAid):
+        if not aid.is_fix and not aid.measures_velocity:
             return False
         self._moved[:] = 0.0
         self.one_way.before(self.navigator.P, self.navigator.offsets)
@@ -74,22 +94,23 @@ class AttitudeWatch:
                 navigator.widen(least)
             if self.one_way.held is not None and not named:
                 navigator.recovery.lose(measurement.stamp_ns)
-        if navigator.settings.alignment.any_heading or not isinstance(measurement, GpsVelocity):
+        if navigator.settings.alignment.any_heading or not aid.measures_velocity:
             return  # with any heading at the start the track says nothing of it
-        if not navigator.excluded(aid) and (used or self._compass_agrees(measurement)):
-            self._head_by_track(measurement)
+        north, east, _ = measurement.vel_n if isinstance(measurement, GpsVelocity) else navigator.core.nav[VEL]  # as the satellites have it
+        seen = used or (isinstance(measurement, GpsVelocity) and self._compass_agrees(measurement.stamp_ns, north, east))
+        if seen and not navigator.excluded(aid):
+            self._head_by_track(measurement.stamp_ns, north, east)
 
-    def _compass_agrees(self, velocity: GpsVelocity) -> bool:
+    def _compass_agrees(self, stamp_ns: int, north: float, east: float) -> bool:
         """Whether the magnetic heading, too, is such that wind explains the track of a velocity that is refused."""
-        north, east, _ = velocity.vel_n
         seen = None if self._compass is None else self._compass.status
-        if seen is None or seen.observation is None or velocity.stamp_ns - seen.stamp_ns > RECENT_NS:
+        if seen is None or seen.observation is None or stamp_ns - seen.stamp_ns > RECENT_NS:
             return False
         return crabs(heading_of(self.navigator.core.C_nb()) + float(seen.observation[0]), north, east) is None
 
-    def _head_by_track(self, velocity: GpsVelocity) -> None:
+    def _head_by_track(self, stamp_ns: int, north: float, east: float) -> None:
         """Take the heading from the track where no wind explains how far they are apart, or where it is hardly known."""
-        navigator, stamp_ns, (north, east, _) = self.navigator, velocity.stamp_ns, velocity.vel_n
+        navigator = self.navigator
         C, variance = navigator.core.C_nb(), navigator.P[8, 8]
         if math.hypot(north, east) < SLOWEST_MPS or abs(C[2, 0]) > STEEPEST:
             return

@@ -30,6 +30,7 @@ from lowcostnav_ros.navigators.channel import Channel
 from lowcostnav_ros.navigators.headings import UNSEEN, Headings
 from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
 from lowcostnav_ros.navigators.solutions import position_sigmas
+from lowcostnav_ros.navigators.trust import COVERED
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
@@ -47,7 +48,7 @@ RECENT_NS = 3_000_000_000
 """A refused fix this recent is the reason why there is none; an older one is not."""
 UPSIDE_DOWN = np.eye(3) * np.pi**2
 """What is added to the covariance of the attitude when nobody knows which side of the IMU is up, rad^2."""
-NOTHING = (None,) * 4
+NOTHING = (None,) * 5
 TRANSFER_SPAN_S = 0.2
 """Inertial data of this length is tested before a transfer alignment."""
 
@@ -105,7 +106,7 @@ class InertialNavigator(Navigator):
         self._attach(layout, InertialCore(layout))
         self.start = GpsStart(settings.alignment, settings.imu, layout, next(iter(self.aids_of(MagneticAid)), None))
         self.slope = SlopeVelocity()
-        self.axes, self.against_air = AxesCheck(IMU), AgainstAir()
+        self.axes = AxesCheck(IMU)
         self._remember(settings.imu, layout)
         self._wind_aids = [aid for aid in self.aids if "wind" in aid.teaches]
         self._restart()
@@ -113,7 +114,7 @@ class InertialNavigator(Navigator):
     def _remember(self, imu: ImuSettings, layout: Layout) -> None:
         """Begin to remember recoveries and corrections of an IMU with these settings."""
         self.recovery = Recovery(imu, layout)
-        self.attitude_watch = AttitudeWatch(self)
+        self.attitude_watch, self.against_air = AttitudeWatch(self), AgainstAir(layout, IMU)
         self.vibration = Vibration(np.sqrt(np.array(layout.blocks[0].psd[3:])))
 
     def own_inputs(self) -> list[str]:
@@ -156,7 +157,7 @@ class InertialNavigator(Navigator):
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity and with its settings."""
         beyond = self.recovery.contradiction(self.core.estimate) if self._aligned else None
-        own = self.axes.held, *self.attitude_watch.held, beyond
+        own = self.axes.held, *self.attitude_watch.held, self.against_air.held, beyond
         others = super().contradictions()
         return others if own == NOTHING else (*others, *(held for held in own if held is not None))
 
@@ -347,14 +348,22 @@ class InertialNavigator(Navigator):
             used = super().use_aid(aid, measurement)
             if is_watched:
                 self.attitude_watch.after(aid, measurement, used=used)
-            if isinstance(aid, AirDataAid) and not self.gps_good(measurement.stamp_ns):
-                self.against_air.take(aid)
+            if isinstance(aid, AirDataAid | MagneticAid) and not self.gps_good(measurement.stamp_ns):
+                self._heed(aid)
             return used
         used = super().use_aid(aid, measurement)
         if used:
             self.headings.take(aid, measurement, self)
             self._show_headings()
         return used
+
+    def _heed(self, aid: Aid) -> None:
+        """Without GPS, lose what the air contradicts across the flight; what it goes on to contradict then is no gust."""
+        least = self.against_air.take(aid, self.core.speed_mps)
+        if least is not None:
+            self.widen(least)
+            if self.against_air.lasts(aid.status.stamp_ns):
+                self.recovery.note(aid.status.stamp_ns, Decision.RECOVER)
 
     def use_channel(self, channel: Channel, measurement: Measurement) -> list[Aid]:
         """As every navigator; where a rate of turn is needed, that of the newest sample is taken."""
@@ -367,8 +376,6 @@ class InertialNavigator(Navigator):
         if self.headings.cores:
             self._close_headings()
         self.core.widen(least)
-        if self.history is not None:
-            self.history.cut()  # the covariances before are contradicted: no smoothing through them
 
     def correct(self, dx: np.ndarray) -> None:
         """As every navigator."""
@@ -525,11 +532,13 @@ class InertialNavigator(Navigator):
         )
 
     def doubt(self, t_ns: int) -> np.ndarray:
-        """As every navigator; of an attitude that may be upside down nothing is known, of one that is lost what GPS has shown."""
+        """As every navigator; of an attitude that may be upside down nothing is known, of another what GPS and compass show of it."""
         doubt, is_over = self.trust.doubt(t_ns), self._began_over and self.axes.held is not None
-        if is_over or self.recovery.is_lost:
+        tilt, heading = self.attitude_watch.apart(t_ns)
+        if is_over or heading or self.recovery.shows:
             doubt = doubt.copy()
             doubt[ATT, ATT] += UPSIDE_DOWN if is_over else np.diag(self.recovery.seen()[ATT] ** 2)
+            doubt[ATT, ATT] += np.diag(np.array([tilt, tilt, heading]) ** 2) * COVERED**2
         astray = self.against_air.doubt(t_ns, self.core.speed_mps)
         return doubt if astray is None else doubt + astray
 

@@ -22,19 +22,24 @@ from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.base.measurements import GnssEpoch, GpsPosition, GpsVelocity, Integrity, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import group, setting
-from lowcostnav_ros.cores.inertial import POS
+from lowcostnav_ros.cores.inertial import POS, VEL
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.error_state import Block
+from lowcostnav_ros.estimation.satellite_integrity import RATE
 from lowcostnav_ros.gnss import GnssError
+from lowcostnav_ros.navigators.against_air import FOLLOWED
 from lowcostnav_ros.navigators.inertial import IMU, InertialNavigator, InertialSettings
 from lowcostnav_ros.navigators.ins_gps import AIR
 from lowcostnav_ros.navigators.registry import navigator
+from lowcostnav_ros.navigators.trust import LASTS_NS, covering, lasting_s
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.starts.gps_start import Start
 from lowcostnav_ros.starts.point_solution import point_solution
 
 SOLUTION = "gnss_only/odometry_fused"
+SAME_WAY = 0.5
+"""Cosine between velocities that one epoch and the next find a state to be off by, which is lost and not the Dopplers noisy."""
 SOURCES = {"epochs": EPOCH, "gnss_only": SOLUTION, "receiver": ""}
 
 
@@ -81,7 +86,6 @@ class InsGnss(InertialNavigator):
     OwnSettings = InsGnssOwnSettings
     sensors = (GPS, BARO.but(enabled=False), MAGNETIC.but(enabled=False), AIR.but(enabled=False), WHEELS, VOR, GNSS)
     needs = ("gps", "gnss")
-    watches_attitude = False  # flown for ins_gps alone; the smoother does not follow a state widened at 10 Hz
 
     def __init__(self, settings: Any, stations: Any = None) -> None:
         self.tight = settings.coupling == "tight"
@@ -90,7 +94,7 @@ class InsGnss(InertialNavigator):
         self.receiver: Receiver | None = None
         super().__init__(settings, stations, settings.loose.behind_s if self.solution_source == SOLUTION else 0.0)
         self._lost_limit = chi_square.threshold(settings.gnss.gate.probability, 3) if self.tight else 0.0
-        self._screen = RangeAid(settings.gnss)
+        self._screen, self._doppler = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
         self._screen.receiver.lever_b = self.lever_b
         if self.solution_source == EPOCH:
             self.aids.append(self._screen)  # for its record of the satellites that no solution was made of
@@ -174,6 +178,11 @@ class InsGnss(InertialNavigator):
 
     def _solve(self, epoch: GnssEpoch) -> tuple[GpsPosition, GpsVelocity | None]:
         """Point solution of an epoch; to align without Dopplers, the slope of the positions serves as velocity."""
+        ranges, rates = (*self._ranges, self._screen)[0], (*self._rates, self._doppler)[0]
+        if not self.tight:
+            ranges.learn(epoch.sigma_m)
+            rates.learn(epoch.sigma_mps)
+        epoch = replace(epoch, sigma_m=ranges.believed(epoch.sigma_m), sigma_mps=rates.believed(epoch.sigma_mps))
         fix, velocity = point_solution(epoch, doppler=self.settings.gnss.doppler)
         return fix, velocity or (None if self._aligned else self.slope.add(fix))
 
@@ -202,34 +211,48 @@ class InsGnss(InertialNavigator):
 
     def _look_for_loss(self, epoch: GnssEpoch) -> None:
         """Where satellites are refused: do they agree among themselves and not with the state, it is the state that is lost."""
-        first = self._ranges[0]
-        if self._is_sound(epoch, first):
+        found = None if self._is_sound(epoch) else self._apart(epoch)
+        if found is None:
             self.trust.away, self._away_since_ns = None, None
+            nis, dof = max(((aid.epoch_nis, aid.epoch_dof) for aid in self._rates), default=(0.0, 0))
+            self.recovery.note(epoch.stamp_ns, Decision.FUSE, np.zeros(dof) if dof else None, nis)
+            self.inertial_is_suspect = self.recovery.is_widened
             return
-        try:
-            fix, velocity = self._solve(epoch)
-        except GnssError:
-            return
-        lever_n, P, nav = self.core.lever_n(self.lever_b), self.core.P, self.core.nav
-        apart = difference_n(fix.lat, fix.lon, fix.height, nav[0], nav[1], nav[2]) - lever_n
-        if kalman.normalised_innovation_squared(apart, P[POS, POS] + fix.cov_n) <= self._lost_limit:
-            self.trust.away, self._away_since_ns = None, None
-            return
-        stamp_ns = epoch.stamp_ns
-        drift = np.zeros(3) if velocity is None else velocity.vel_n - nav[3:6]
+        (fix, velocity), apart, drift = found
+        stamp_ns, first, before = epoch.stamp_ns, self._ranges[0], self.trust.away
+        if before is not None and drift @ before[2] < SAME_WAY * np.linalg.norm(drift) * np.linalg.norm(before[2]):
+            self._away_since_ns = None  # noise points anywhere
         self.trust.away, self._away_since_ns = (stamp_ns, apart, drift), self._away_since_ns or stamp_ns
-        self.recovery.note(stamp_ns, Decision.REJECT)
+        self.recovery.note(stamp_ns, Decision.REJECT, None if velocity is None else drift)
         starts = [self._gather(part) for part in (fix, velocity) if part is not None]
         if stamp_ns - self._away_since_ns >= 1e9 * self.recovery.patience_s(stamp_ns, first.gate.recovery_s) and starts[-1] is not None:
             first.receiver.integrity.contradicted(stamp_ns, 1e-9 * (stamp_ns - self._away_since_ns))
             self.recovery.note(stamp_ns, Decision.RECOVER)
             self._begin_anew(starts[-1])
 
-    def _is_sound(self, epoch: GnssEpoch, first: RangeAid) -> bool:
+    def _apart(self, epoch: GnssEpoch) -> tuple[tuple[GpsPosition, GpsVelocity | None], np.ndarray, np.ndarray] | None:
+        """Point solution of an epoch, and by what the state is off it, m (3,) and m/s (3,); None: it is not, or there is none."""
+        try:
+            fix, velocity = self._solve(epoch)
+        except GnssError:
+            return None
+        P, nav, seen = self.core.P, self.core.nav, self.core.velocity_at(self.lever_b)
+        apart = difference_n(fix.lat, fix.lon, fix.height, nav[0], nav[1], nav[2]) - self.core.lever_n(self.lever_b)
+        drift = np.zeros(3) if velocity is None else velocity.vel_n - seen.vel_n - seen.swing_n
+        off = [kalman.normalised_innovation_squared(apart, P[POS, POS] + fix.cov_n)]
+        off += [] if velocity is None else [kalman.normalised_innovation_squared(drift, P[VEL, VEL] + velocity.cov_n)]
+        return ((fix, velocity), apart, drift) if max(off) > self._lost_limit else None
+
+    def _is_sound(self, epoch: GnssEpoch) -> bool:
         """Whether most satellites were used, and nothing speaks against the state."""
         if self.receiver is None or self.receiver.integrity.status.alarm:
             return False
-        return first.decision is Decision.FUSE and 2 * len(first.used) >= int(np.count_nonzero(epoch.range_valid))
+        return all(
+            aid.decision is Decision.FUSE and 2 * len(aid.used) >= int(np.count_nonzero(valid))
+            for aids, valid in ((self._ranges, epoch.range_valid), (self._rates, epoch.doppler_valid))
+            for aid in aids
+            if valid.any()
+        )
 
     def _begin_anew(self, start: Start) -> None:
         super()._begin_anew(start)
@@ -240,6 +263,20 @@ class InsGnss(InertialNavigator):
             self.trust.away, self._away_since_ns = None, None
             for aid in (*self._ranges, *self._rates):
                 aid.rejecting_since_ns = None
+
+    def doubt(self, t_ns: int) -> np.ndarray:
+        """As every inertial navigator; while an alarm is young, what satellites and inertial sensors are apart by."""
+        doubt, integrity = super().doubt(t_ns), None if self.receiver is None else self.receiver.integrity
+        since_ns = None if integrity is None else integrity.status.alarm_ns
+        if integrity is None or integrity.apart is None or since_ns is None or t_ns - since_ns > LASTS_NS:
+            return doubt
+        kind, offset = integrity.apart
+        doubt = doubt.copy()
+        if kind == RATE:
+            doubt[VEL, VEL] += covering(FOLLOWED * offset)
+            offset = offset * lasting_s(t_ns - since_ns)
+        doubt[POS, POS] += covering(FOLLOWED * offset)
+        return doubt
 
     def gps_alarm(self) -> bool:
         """Whether the satellites' integrity tests say so."""

@@ -2,7 +2,7 @@
 
 import math
 from abc import abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -25,11 +25,13 @@ UNCONFIRMED = 0.7
 class ReckoningNavigator(Navigator):
     """A navigator on a :class:`~lowcostnav_ros.cores.reckoning.ReckoningCore`.
 
-    A subclass finds ``_fixes``, calls :meth:`_start_over` in ``_restart`` and has ``alert_nm`` and ``airspeed`` among its settings.
+    A subclass finds ``_fixes``, calls :meth:`_start_over` in ``_restart`` and has ``alert_nm`` and ``airspeed`` among its settings;
+    ``gusts_mps`` is the change of its airspeed that is noise.
     """
 
     smooths = True
     needs = ("gps",)
+    gusts_mps: ClassVar[float] = 0.0
     _fixes: list[PositionAid]
     _last_out_ns: int | None
 
@@ -37,7 +39,7 @@ class ReckoningNavigator(Navigator):
         """Fly a new core, of which nothing has been given out and no aid remembers anything."""
         self._take(core)
         self._last_out_ns = None
-        self._unconfirmed = UnconfirmedSpeed(UNCONFIRMED)
+        self._unconfirmed = UnconfirmedSpeed(UNCONFIRMED, self.gusts_mps)
         self.restart_channels()
         for aid in self.aids:
             aid.restart()
@@ -50,12 +52,18 @@ class ReckoningNavigator(Navigator):
         """Know the airspeed less well where it has changed since GPS velocity last confirmed it."""
         confirmed = any(aid.is_fresh(stamp_ns) for aid in self.aids_of(VelocityAid))
         held = self.core.held
-        speed = held.speed if abs(held.speed - held.steady_speed) > STEP_MPS else held.steady_speed
-        gained = self._unconfirmed.take(stamp_ns, speed, confirmed=confirmed)
+        steady = getattr(held, "steady_speed", held.speed)
+        gained = self._unconfirmed.take(stamp_ns, held.speed if abs(held.speed - steady) > STEP_MPS else steady, confirmed=confirmed)
         rows = self.layout.get("airspeed_bias")
-        if gained > 0.0 and rows is not None:
-            self.core.settle()
-            kalman.add_variance(self.P, rows, gained, self.core.history)
+        if gained == 0.0 or rows is None:
+            return
+        for core in self._cores():
+            core.settle()
+            kalman.add_variance(core.P, rows, gained, core.history)
+
+    def _cores(self) -> tuple[Any, ...]:
+        """Its core, and others that the same air data carry."""
+        return (self.core,)
 
     def start_at(self, stamp_ns: int, lat: float, lon: float, height: float, sigma_m: float = 10.0) -> None:
         """Begin at a given position (rad, rad, m above the ellipsoid) known to ``sigma_m`` per axis, instead of at the first fix."""

@@ -128,6 +128,11 @@ class Recovery:
         return self._steps > 0
 
     @property
+    def shows(self) -> bool:
+        """Whether GPS velocity contradicts attitude or sensors at present, or has shown them to be lost."""
+        return self.is_lost or self._off_since_ns is not None
+
+    @property
     def widening(self) -> float:
         """By how much the IMU may be worse than its settings at the next alignment."""
         return WIDENINGS[-1] if self._steps or self._accel > VERY_LARGE else WIDENINGS[0]

@@ -59,6 +59,7 @@ class AirDataGps(ReckoningNavigator):
     colour = "#0072b2"
     dash = "2 3"
     aiding = "gps/velocity_aiding"
+    gusts_mps = 4.0  # its airspeed is taken as measured
     standby = True
     outdone_by = ("dead_reckoning",)
     OwnSettings = AirDataGpsOwnSettings
@@ -127,6 +128,8 @@ class AirDataGps(ReckoningNavigator):
         self._advance(item.stamp_ns)
         if not self._hold(item, self.core):
             self._aid(item)
+        elif isinstance(item, AirVelocity):
+            self._confirm_air(item.stamp_ns)
         elif self.high is not None and isinstance(item, Attitude):
             self.high.step(item.stamp_ns, self.core.velocity()[0])
 

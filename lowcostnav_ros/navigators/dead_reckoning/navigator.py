@@ -119,6 +119,10 @@ class DeadReckoning(ReckoningNavigator):
         core.hold(item)
         return True
 
+    def _cores(self) -> tuple[ReckoningCore, ...]:
+        """The core of its own place, and that of the mirror image while it is possible."""
+        return (self.core,) if self.mirror.core is None else (self.core, self.mirror.core)
+
     def _align(self, item: Measurement) -> None:
         """Gather attitude and airspeed, then begin at the first fix."""
         self._hold(item, self.core)
