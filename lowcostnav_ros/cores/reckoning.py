@@ -227,6 +227,9 @@ class ReckoningCore:
         self.ranging = (layout.kind != Kind.HELD).astype(float)
         self.ranging[2:CORE] = 0.0
         self._down_mps: float | None = None
+        headings = np.flatnonzero(layout.kind == int(Kind.HEADING_BIAS))
+        self._heading, self._along = headings[:1], np.flatnonzero(layout.kind == int(Kind.AIRSPEED_BIAS))[:1]
+        self._expected = float(np.sum(layout.sigma0[headings] ** 2)) if len(headings) else math.inf
 
     def start(self, t_ns: int, nav: np.ndarray, cov_n: np.ndarray) -> None:
         """Begin at a position (lat, lon [rad], height [m]) with its covariance (3, 3), NED m^2."""
@@ -252,6 +255,7 @@ class ReckoningCore:
         if isinstance(item, Attitude):
             self.held.take_attitude(item)
             if self.started:
+                self._heed_heading(float(item.cov_att[2, 2]))
                 self.heed_climb()
         elif isinstance(item, AirVelocity):
             self.held.take_air(item, self.settings.airspeed)
@@ -303,6 +307,24 @@ class ReckoningCore:
         heading, airspeed = (settings.heading.noise_deg * DEGREE) ** 2, settings.airspeed.noise_mps**2
         track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
         model.carry_covariance(self.P, sums, layout.kind, layout.axis, layout.rate, layout.psd, heading, airspeed, self._walk(), track)
+        if self.history is not None:
+            self.history.end(self.P)
+
+    def _heed_heading(self, variance: float) -> None:
+        """Know the heading no better than the attitude reference does, rad^2, where that is worse than the settings expect.
+
+        One that is off by d takes V (1 - cos d) off along the way, and of a Gaussian d of variance s^2 the mean of 1 - cos d is
+        1 - exp(-s^2 / 2).
+        """
+        if not self._expected < variance < math.inf:
+            return
+        self.settle()
+        least = np.zeros(self.layout.size)
+        least[self._heading] = math.sqrt(variance)
+        least[self._along] = self.held.fastest * -math.expm1(-0.5 * variance)
+        if self.history is not None:
+            self.history.begin(self.P)
+        kalman.raise_sigmas(self.P, least)
         if self.history is not None:
             self.history.end(self.P)
 

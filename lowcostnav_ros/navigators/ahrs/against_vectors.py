@@ -1,0 +1,180 @@
+"""An attitude against the vectors that show it: what is published while gyros contradict compass, airspeed or GPS velocity.
+
+Gyros that are wrong carry the attitude away, and the gates then refuse the witnesses one after the other, or let them be followed by what
+is calibrated beside them.  So what a refused witness has shown the attitude to be off by is kept, goes on as it went, and is published:
+
+    compass           heading off by y, and by dy/dt more each second; without GPS the gyros or the field are wrong, half covers both
+    velocity          off by y after T: an acceleration y / T, of gravity; along the flight it may be the airspeed, across it is the tilt
+    heading turning   at a rate r that the compass does not see tilts by V r / g what airspeed holds level in turns
+
+Once GPS speaks again after it was refused or silent, all this is given to the covariance, so that GPS teaches attitude and gyro biases.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from lowcostnav_ros.aids.airdata import AirDataAid
+from lowcostnav_ros.aids.gps import VelocityAid
+from lowcostnav_ros.aids.magnetic import MagneticAid
+from lowcostnav_ros.base.contradiction import Contradiction
+from lowcostnav_ros.base.units import DEGREE
+from lowcostnav_ros.cores.held import ANY_WAY
+from lowcostnav_ros.estimation.aiding import Aid, Decision
+from lowcostnav_ros.estimation.cross_checks.latch import Latch
+from lowcostnav_ros.navigators.against_air import SLOWEST_MPS, strays
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
+
+LASTING_NS = 1_000_000_000
+"""What is refused for so long is no gust and no iron passed by."""
+AGREED_NS = 5_000_000_000
+"""A witness that is used again for so long agrees: a tilt would have shown in a velocity, a rate in a heading."""
+UNNOTICED_S = 1.0
+"""An error works so long before it shows."""
+SILENT_NS = 10_000_000_000
+"""A velocity of GPS after so long shows the heading, too: by it the velocity was carried."""
+COVERED = 0.5
+"""Sigma of a heading as a share of what compass and gyros are apart, whichever is wrong."""
+NOISE = 3.0 * DEGREE
+"""Of a magnetic heading: what changes by less is no rate."""
+SEEN = (0.5 * DEGREE, 5.0 * DEGREE)
+"""Rate, rad/s, and tilt, rad, of the attitude against two witnesses beyond which it is the gyros that are wrong."""
+
+
+class Refused:
+    """A witness that is refused: since when, until when it was used before, and when it was used again first."""
+
+    def __init__(self) -> None:
+        self.since_ns: int | None = None
+        self.used_ns: int | None = None
+        self._again_ns: int | None = None
+
+    def take(self, stamp_ns: int, *, refused: bool) -> bool:
+        """Take what became of a measurement; return whether the witness agrees again for good."""
+        if refused:
+            self.since_ns, self._again_ns = stamp_ns if self.since_ns is None else self.since_ns, None
+            return False
+        self.used_ns = stamp_ns
+        if self.since_ns is None:
+            return False
+        self._again_ns = stamp_ns if self._again_ns is None else self._again_ns
+        if stamp_ns - self._again_ns < AGREED_NS:
+            return False
+        self.since_ns = None
+        return True
+
+    def lasts(self, stamp_ns: int) -> bool:
+        """Whether it has been refused for longer than a moment."""
+        return self.since_ns is not None and self._again_ns is None and stamp_ns - self.since_ns >= LASTING_NS
+
+    def lasted_s(self, stamp_ns: int) -> float:
+        """Since when the error may have worked, s."""
+        before_ns = self.since_ns if self.used_ns is None else self.used_ns
+        return UNNOTICED_S + (0.0 if before_ns is None else 1e-9 * max(stamp_ns - before_ns, 0))
+
+
+class AgainstVectors:
+    """What refused witnesses have shown an attitude to be off by.
+
+    Parameters
+    ----------
+    host : Navigator
+        An attitude reference with its core.
+    """
+
+    def __init__(self, host: Any) -> None:
+        self.host = host
+        self._latch = Latch("gyros disagree with compass and velocity", (host.inertial, "compass and velocity"), "deg", begin_s=2.0)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all: the attitude begins anew."""
+        self._latch.clear()
+        self._compass, self._velocities = Refused(), dict[str, Refused]()
+        self._heading = self._turning = self._tilt = self._first = 0.0
+        self._seen_ns = 0
+        self._followed = False  # the compass was calibrated by what it contradicts
+
+    @property
+    def held(self) -> Contradiction | None:
+        """The contradiction of the gyros with two witnesses, while it lasts."""
+        return self._latch.held
+
+    def take(self, aid: Aid) -> None:
+        """Take what became of a measurement."""
+        status = aid.status
+        if status.innovation is None or aid.decision is None or self.host.excluded(aid):
+            return
+        if isinstance(aid, MagneticAid):
+            self._take_heading(aid, status.stamp_ns, abs(float(status.innovation[0])))
+        elif isinstance(aid, VelocityAid | AirDataAid):
+            self._take_velocity(aid, status.stamp_ns, status.innovation, status.innovation_covariance)
+        else:
+            return
+        rate, tilt = SEEN
+        both = self._heading > 0.0 and self._turning > rate and self._tilt > tilt
+        if both or self._latch.held is not None:
+            self._latch.judge(status.stamp_ns, both, max(self.heading(status.stamp_ns), self._tilt) / DEGREE, self.host.inertial)
+
+    def _take_heading(self, aid: MagneticAid, stamp_ns: int, off: float) -> None:
+        if self._is_shown_wrong(aid, stamp_ns):
+            if not self._followed:
+                self._heading = self._turning = 0.0
+            return
+        refused = aid.decision in (Decision.REJECT, Decision.RECOVER)
+        if refused and self._compass.since_ns is None:
+            self._first = off
+        agrees, since_ns = self._compass.take(stamp_ns, refused=refused), self._compass.since_ns
+        if since_ns is not None:
+            begun_ns = aid.calibration.forgotten_ns
+            self._followed |= aid.decision is Decision.RECOVER or (begun_ns is not None and begun_ns >= since_ns)
+        if agrees and not self._followed:
+            self._heading = self._turning = 0.0
+        elif refused and since_ns is not None and not (self._followed and off < self.heading(stamp_ns)):
+            self._heading, self._seen_ns = max(self._heading, off), stamp_ns
+            if stamp_ns - since_ns >= LASTING_NS:
+                self._turning = max(self._turning, (off - self._first - NOISE) / (1e-9 * (stamp_ns - since_ns)))
+
+    def _is_shown_wrong(self, aid: MagneticAid, stamp_ns: int) -> bool:
+        """Whether it is the compass that is wrong: GPS shows the heading, and contradicts the attitude in nothing."""
+        against = aid.turned.held is not None or aid.against_motion.held is not None
+        return against and self.host.gps_good(stamp_ns) and self._tilt == 0.0 and not self.host.trust.suspects_gps
+
+    def _take_velocity(self, aid: Aid, stamp_ns: int, y: np.ndarray, S: np.ndarray | None) -> None:
+        is_gps, refused = isinstance(aid, VelocityAid), aid.decision in (Decision.REJECT, Decision.RECOVER)
+        if not is_gps and refused and (S is None or not strays(y, S)):
+            return  # along the flight the airspeed may be wrong
+        seen = self._velocities.setdefault(aid.source, Refused())
+        gap_s = seen.lasted_s(stamp_ns)
+        agrees = seen.take(stamp_ns, refused=refused)
+        if seen.lasts(stamp_ns):
+            off = float(np.linalg.norm(y if is_gps else y[1:]))
+            self._tilt = max(self._tilt, off / (gap_s * STANDARD_GRAVITY))
+            if is_gps and gap_s > 1e-9 * SILENT_NS:
+                self._heading, self._seen_ns = max(self._heading, off / max(self.host.core.speed_mps, SLOWEST_MPS)), stamp_ns
+        if is_gps and aid.decision in (Decision.FUSE, Decision.RECOVER):
+            self._give(stamp_ns)
+        if agrees and (is_gps or self._heading == 0.0):
+            self._tilt = 0.0
+
+    def _give(self, stamp_ns: int) -> None:
+        """Give what is doubted to the covariance: GPS is there to teach what is right."""
+        if self._tilt == 0.0 and not self._followed:
+            return
+        least = np.zeros(self.host.layout.size)
+        least[self.host.core.attitude_rows] = self.sigmas(stamp_ns)
+        least[self.host.layout["gyro_bias"]] = self._turning
+        self.host.widen(least)
+        self._heading = self._turning = self._tilt = 0.0
+        self._followed, self._compass = False, Refused()
+
+    def heading(self, t_ns: int) -> float:
+        """By how much the heading is off at a time as it goes on, rad."""
+        return 0.0 if self._heading == 0.0 else self._heading + self._turning * (UNNOTICED_S + 1e-9 * max(t_ns - self._seen_ns, 0))
+
+    def sigmas(self, t_ns: int) -> np.ndarray:
+        """What is added to the sigmas (3,) of the attitude, NED, rad."""
+        swing = max(self.host.core.speed_mps, SLOWEST_MPS) * self._turning / STANDARD_GRAVITY
+        tilt, heading = min(math.hypot(self._tilt, COVERED * swing), ANY_WAY), min(COVERED * self.heading(t_ns), ANY_WAY)
+        return np.array([tilt, tilt, math.hypot(heading, 0.5 * tilt)])
