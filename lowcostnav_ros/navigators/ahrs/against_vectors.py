@@ -15,16 +15,19 @@ from typing import Any
 
 import numpy as np
 
+from lowcostnav_ros.aids._hard_iron import INTERFERENCE, UT
 from lowcostnav_ros.aids.airdata import AirDataAid
 from lowcostnav_ros.aids.gps import VelocityAid
 from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.contradiction import Contradiction
+from lowcostnav_ros.base.measurements import MagneticField, Measurement
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.held import ANY_WAY
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.navigators.against_air import SLOWEST_MPS, strays
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
+from lowcostnav_ros.physics.rotation import wrap
 
 LASTING_NS = 1_000_000_000
 """What is refused for so long is no gust and no iron passed by."""
@@ -36,8 +39,10 @@ SILENT_NS = 10_000_000_000
 """A velocity of GPS after so long shows the heading, too: by it the velocity was carried."""
 COVERED = 0.5
 """Sigma of a heading as a share of what compass and gyros are apart, whichever is wrong."""
-NOISE = 3.0 * DEGREE
+NOISE = 2.0 * DEGREE
 """Of a magnetic heading: what changes by less is no rate."""
+STRENGTH = 0.1
+"""A field is the earth's whose strength is within this share of the model's; a tilt that is off changes the direction alone."""
 SEEN = (0.5 * DEGREE, 5.0 * DEGREE)
 """Rate, rad/s, and tilt, rad, of the attitude against two witnesses beyond which it is the gyros that are wrong."""
 
@@ -101,14 +106,14 @@ class AgainstVectors:
         """The contradiction of the gyros with two witnesses, while it lasts."""
         return self._latch.held
 
-    def take(self, aid: Aid) -> None:
+    def take(self, aid: Aid, measurement: Measurement) -> None:
         """Take what became of a measurement."""
         status = aid.status
-        if status.innovation is None or aid.decision is None or self.host.excluded(aid):
+        if self.host.excluded(aid):
             return
-        if isinstance(aid, MagneticAid):
-            self._take_heading(aid, status.stamp_ns, abs(float(status.innovation[0])))
-        elif isinstance(aid, VelocityAid | AirDataAid):
+        if isinstance(aid, MagneticAid) and isinstance(measurement, MagneticField):
+            self._take_field(aid, measurement)
+        elif isinstance(aid, VelocityAid | AirDataAid) and aid.decision is not None and status.innovation is not None:
             self._take_velocity(aid, status.stamp_ns, status.innovation, status.innovation_covariance)
         else:
             return
@@ -117,12 +122,35 @@ class AgainstVectors:
         if both or self._latch.held is not None:
             self._latch.judge(status.stamp_ns, both, max(self.heading(status.stamp_ns), self._tilt) / DEGREE, self.host.inertial)
 
-    def _take_heading(self, aid: MagneticAid, stamp_ns: int, off: float) -> None:
+    def _take_field(self, aid: MagneticAid, measurement: MagneticField) -> None:
+        """Take a field; one as strong as the earth's in another direction speaks against the attitude, though no heading is taken of it."""
+        y, stamp_ns, refused = aid.status.innovation, measurement.stamp_ns, aid.decision in (Decision.REJECT, Decision.RECOVER)
+        if aid.decision is not None and y is not None:
+            self._take_heading(aid, stamp_ns, abs(float(y[0])), refused=refused)
+        elif aid.status.reason == INTERFERENCE:
+            off = self._direction(aid, measurement)
+            if off is not None:
+                self._take_heading(aid, stamp_ns, abs(off[0]), refused=True)
+                if self._compass.lasts(stamp_ns) and self._heading > 0.0:
+                    self._tilt = max(self._tilt, abs(off[1]))
+
+    def _direction(self, aid: MagneticAid, measurement: MagneticField) -> tuple[float, float] | None:
+        """By what a field is off the model's in heading and in dip, rad; None where it is another field, or there is no model."""
+        model = aid.reference.field_n(*self.host.core.nav[:3].tolist())
+        if model is None:
+            return None
+        seen_ut = self.host.core.C_nb() @ aid.calibration.field_ut(measurement.field_b, self.host)
+        if abs(float(np.linalg.norm(seen_ut)) / (UT * float(np.linalg.norm(model))) - 1.0) > STRENGTH:
+            return None
+        (north, east, down), (to_north, to_east, to_down) = seen_ut.tolist(), model.tolist()
+        dip = math.atan2(down, math.hypot(north, east)) - math.atan2(to_down, math.hypot(to_north, to_east))
+        return wrap(math.atan2(east, north) - math.atan2(to_east, to_north)), dip
+
+    def _take_heading(self, aid: MagneticAid, stamp_ns: int, off: float, *, refused: bool) -> None:
         if self._is_shown_wrong(aid, stamp_ns):
             if not self._followed:
                 self._heading = self._turning = 0.0
             return
-        refused = aid.decision in (Decision.REJECT, Decision.RECOVER)
         if refused and self._compass.since_ns is None:
             self._first = off
         agrees, since_ns = self._compass.take(stamp_ns, refused=refused), self._compass.since_ns

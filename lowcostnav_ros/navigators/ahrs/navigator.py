@@ -142,7 +142,7 @@ class Ahrs(Navigator):
         used = super().use_aid(aid, measurement)
         if watch is not None and is_watched:
             watch.after(aid, measurement, used=used)
-        self.against_vectors.take(aid)
+        self.against_vectors.take(aid, measurement)
         if used and not isinstance(aid, HardIronAid):
             self.filter.used_ns[kind_of(aid.key)] = measurement.stamp_ns
         return used
