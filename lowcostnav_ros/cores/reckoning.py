@@ -28,6 +28,10 @@ from lowcostnav_ros.physics.rotation import quat_rotate
 
 LOST_S = 10.0
 """Without attitude or airspeed the unknown velocity is as large as the last airspeed and stays correlated this long."""
+UNKNOWN_HEADING, UNKNOWN = 0.5, "heading unknown"
+"""Sigma of a heading, rad, beyond which there is none, as if there were no attitude: no filter is linear in it."""
+UNNOTICED_S = 10.0
+"""A heading was wrong for about so long before its reference became unsure of it."""
 INCIDENCE_MPS, CHANGE_SHARE = 5.0, 0.7
 """Vertical component of the air-relative velocity that incidence may hide, m/s; share of a change beyond it that may be wrong."""
 STEADY_S = 2.0
@@ -167,8 +171,9 @@ class HeldInputs(HeldAttitude):
         return quat_rotate(q, self.vel_b), float(2.0 * (q[2] * q[3] + q[0] * q[1]))  # how far the right wing points down
 
     def timed_out(self, t_ns: int, attitude_s: float, air_s: float) -> str:
-        """Which input is older than it may be at ``t_ns``, in words; empty when both are fresh."""
-        return outdated("attitude", self.attitude_ns, t_ns, attitude_s) or outdated("airspeed", self.air_ns, t_ns, air_s)
+        """Which input is older than it may be at ``t_ns``, or knows nothing, in words; empty when both are fresh."""
+        late = outdated("attitude", self.attitude_ns, t_ns, attitude_s) or outdated("airspeed", self.air_ns, t_ns, air_s)
+        return late or (UNKNOWN if self.cov_att[2, 2] > UNKNOWN_HEADING**2 else "")
 
 
 def body_velocity(air: AirVelocity, settings: AirspeedSettings) -> np.ndarray:
@@ -229,7 +234,7 @@ class ReckoningCore:
         self._down_mps: float | None = None
         headings = np.flatnonzero(layout.kind == int(Kind.HEADING_BIAS))
         self._heading, self._along = headings[:1], np.flatnonzero(layout.kind == int(Kind.AIRSPEED_BIAS))[:1]
-        self._expected = float(np.sum(layout.sigma0[headings] ** 2)) if len(headings) else math.inf
+        self._expected = self._stated = float(np.sum(layout.sigma0[headings] ** 2)) if len(headings) else math.inf
 
     def start(self, t_ns: int, nav: np.ndarray, cov_n: np.ndarray) -> None:
         """Begin at a position (lat, lon [rad], height [m]) with its covariance (3, 3), NED m^2."""
@@ -314,17 +319,21 @@ class ReckoningCore:
         """Know the heading no better than the attitude reference does, rad^2, where that is worse than the settings expect.
 
         One that is off by d takes V (1 - cos d) off along the way, and of a Gaussian d of variance s^2 the mean of 1 - cos d is
-        1 - exp(-s^2 / 2).
+        1 - exp(-s^2 / 2).  What the reference has become unsure of it was wrong about for a while: V d T / 2 of the position.
         """
         if not self._expected < variance < math.inf:
+            self._stated = self._expected
             return
         self.settle()
-        least = np.zeros(self.layout.size)
-        least[self._heading] = math.sqrt(variance)
-        least[self._along] = self.held.fastest * -math.expm1(-0.5 * variance)
+        known, fastest = min(variance, UNKNOWN_HEADING**2), self.held.fastest
         if self.history is not None:
             self.history.begin(self.P)
+        least = np.zeros(self.layout.size)
+        least[self._heading], least[self._along] = math.sqrt(known), fastest * -math.expm1(-0.5 * known)
         kalman.raise_sigmas(self.P, least)
+        if variance > self._stated:
+            self.P[[0, 1], [0, 1]] += (0.5 * fastest * UNNOTICED_S) ** 2 * (variance - self._stated)
+            self._stated = variance
         if self.history is not None:
             self.history.end(self.P)
 

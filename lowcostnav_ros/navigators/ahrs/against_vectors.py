@@ -43,6 +43,8 @@ NOISE = 2.0 * DEGREE
 """Of a magnetic heading: what changes by less is no rate."""
 STRENGTH = 0.1
 """A field is the earth's whose strength is within this share of the model's; a tilt that is off changes the direction alone."""
+STRANGE = 3.0
+"""Sigmas of its setting that a slow error of the compass does not reach."""
 SEEN = (0.5 * DEGREE, 5.0 * DEGREE)
 """Rate, rad/s, and tilt, rad, of the attitude against two witnesses beyond which it is the gyros that are wrong."""
 
@@ -126,13 +128,20 @@ class AgainstVectors:
         """Take a field; one as strong as the earth's in another direction speaks against the attitude, though no heading is taken of it."""
         y, stamp_ns, refused = aid.status.innovation, measurement.stamp_ns, aid.decision in (Decision.REJECT, Decision.RECOVER)
         if aid.decision is not None and y is not None:
-            self._take_heading(aid, stamp_ns, abs(float(y[0])), refused=refused)
+            own, sigma = self._slow_error(aid)
+            strange = abs(own) > STRANGE * sigma  # it has followed the gyros
+            self._take_heading(aid, stamp_ns, abs(float(y[0]) + (own if strange else 0.0)), refused=refused or strange)
         elif aid.status.reason == INTERFERENCE:
             off = self._direction(aid, measurement)
             if off is not None:
                 self._take_heading(aid, stamp_ns, abs(off[0]), refused=True)
                 if self._compass.lasts(stamp_ns) and self._heading > 0.0:
                     self._tilt = max(self._tilt, abs(off[1]))
+
+    def _slow_error(self, aid: MagneticAid) -> tuple[float, float]:
+        """The slow error that the compass is believed to have, and the sigma of its setting, rad."""
+        row = self.host.layout.get(aid.own("heading_bias"))
+        return (0.0, 1.0) if row is None else (float(self.host.core.estimate[row.start]), aid.settings.bias_deg * DEGREE)
 
     def _direction(self, aid: MagneticAid, measurement: MagneticField) -> tuple[float, float] | None:
         """By what a field is off the model's in heading and in dip, rad; None where it is another field, or there is no model."""
