@@ -7,7 +7,7 @@ is calibrated beside them.  So what a refused witness has shown the attitude to 
     velocity          off by y after T: an acceleration y / T, of gravity; along the flight it may be the airspeed, across it is the tilt
     heading turning   at a rate r that the compass does not see tilts by V r / g what airspeed holds level in turns
 
-Once GPS speaks again after it was refused or silent, all this is given to the covariance, so that GPS teaches attitude and gyro biases.
+Once GPS velocity is used again, all this is given to the covariance, so that it teaches attitude and gyro biases.
 """
 
 import math
@@ -23,9 +23,11 @@ from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import MagneticField, Measurement
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.held import ANY_WAY
+from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.navigators.against_air import SLOWEST_MPS, strays
+from lowcostnav_ros.navigators.attitude_watch import DOWN
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.rotation import wrap
 
@@ -100,8 +102,8 @@ class AgainstVectors:
         self._latch.clear()
         self._compass, self._velocities = Refused(), dict[str, Refused]()
         self._heading = self._turning = self._tilt = self._first = 0.0
-        self._seen_ns = 0
-        self._followed = False  # the compass was calibrated by what it contradicts
+        self._seen_ns = self._agreeing_ns = 0
+        self._followed = False  # what the compass says now says nothing of what it contradicted
 
     @property
     def held(self) -> Contradiction | None:
@@ -190,21 +192,31 @@ class AgainstVectors:
             self._tilt = max(self._tilt, off / (gap_s * STANDARD_GRAVITY))
             if is_gps and gap_s > 1e-9 * SILENT_NS:
                 self._heading, self._seen_ns = max(self._heading, off / max(self.host.core.speed_mps, SLOWEST_MPS)), stamp_ns
-        if is_gps and aid.decision in (Decision.FUSE, Decision.RECOVER):
-            self._give(stamp_ns)
+                self._followed = True
+        if is_gps:
+            self._give(stamp_ns, used=not refused, fused=aid.decision is Decision.FUSE)
         if agrees and (is_gps or self._heading == 0.0):
             self._tilt = 0.0
 
-    def _give(self, stamp_ns: int) -> None:
-        """Give what is doubted to the covariance: GPS is there to teach what is right."""
-        if self._tilt == 0.0 and not self._followed:
-            return
-        least = np.zeros(self.host.layout.size)
-        least[self.host.core.attitude_rows] = self.sigmas(stamp_ns)
-        least[self.host.layout["gyro_bias"]] = self._turning
-        self.host.widen(least)
-        self._heading = self._turning = self._tilt = 0.0
-        self._followed, self._compass = False, Refused()
+    def _give(self, stamp_ns: int, *, used: bool, fused: bool) -> None:
+        """Give what is doubted to the covariance once GPS is there to teach what is right: tilt and rates at once, then the heading.
+
+        While the tilt is wrong GPS shows a wrong heading, and what the compass was calibrated by was wrong.
+        """
+        host = self.host
+        self._agreeing_ns = (self._agreeing_ns or stamp_ns) if fused else 0
+        if used and self._tilt > 0.0:
+            least = np.zeros(host.layout.size)
+            least[host.core.attitude_rows] = [*self.sigmas(stamp_ns)[:2], 0.0]
+            least[host.layout["gyro_bias"]] = self._turning
+            host.widen(least)
+            self._tilt = 0.0
+        if self._agreeing_ns and stamp_ns - self._agreeing_ns >= AGREED_NS and self._heading > 0.0 and self._followed:
+            kalman.reset_block(host.P, DOWN, np.array([[self.sigmas(stamp_ns)[2] ** 2]]), host.core.history)
+            for compass in host.aids_of(MagneticAid):
+                compass.calibration.forget(stamp_ns, host)
+            self._heading = self._turning = 0.0
+            self._followed, self._compass = False, Refused()
 
     def heading(self, t_ns: int) -> float:
         """By how much the heading is off at a time as it goes on, rad."""
