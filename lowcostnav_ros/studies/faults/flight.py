@@ -193,11 +193,12 @@ def flown(seed: int, fault: Fault | None, outage: bool, names: Collection[str]) 
     sound = flight(seed)
     arrived = inject(sound.arrived, fault, seed) if fault else without_gps(sound.arrived) if outage else sound.arrived
     if fault is None or fault.start_s < START_S:
-        return Pass(sound, names).feed(arrived, sound).finish()
-    first = bisect_left(arrived, sound.start_ns + round(1e9 * START_S), key=lambda a: a.at_ns)
-    made = deepcopy(_before_the_fault(seed, outage, tuple(names)))
+        made = Pass(sound, names)
+    else:
+        first = bisect_left(arrived, sound.start_ns + round(1e9 * START_S), key=lambda a: a.at_ns)
+        arrived, made = arrived[first:], deepcopy(_before_the_fault(seed, outage, tuple(names)))
     made.fault = fault
-    return made.feed(arrived[first:], sound).finish()
+    return made.feed(arrived, sound).finish()
 
 
 @cache
