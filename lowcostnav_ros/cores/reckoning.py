@@ -30,6 +30,8 @@ LOST_S = 10.0
 """Without attitude or airspeed the unknown velocity is as large as the last airspeed and stays correlated this long."""
 UNKNOWN_HEADING, UNKNOWN = 0.5, "heading unknown"
 """Sigma of a heading, rad, beyond which there is none, as if there were no attitude: no filter is linear in it."""
+USUAL = 2.0
+"""A heading sigma this many times the least that was stated is news."""
 UNNOTICED_S = 10.0
 """A heading was wrong for about so long before its reference became unsure of it."""
 INCIDENCE_MPS, CHANGE_SHARE = 5.0, 0.7
@@ -234,6 +236,7 @@ class ReckoningCore:
         self._down_mps: float | None = None
         headings = np.flatnonzero(layout.kind == int(Kind.HEADING_BIAS))
         self._heading, self._along = headings[:1], np.flatnonzero(layout.kind == int(Kind.AIRSPEED_BIAS))[:1]
+        self._least_stated = math.inf
         self._expected = self._stated = float(np.sum(layout.sigma0[headings] ** 2)) if len(headings) else math.inf
 
     def start(self, t_ns: int, nav: np.ndarray, cov_n: np.ndarray) -> None:
@@ -316,13 +319,16 @@ class ReckoningCore:
             self.history.end(self.P)
 
     def _heed_heading(self, variance: float) -> None:
-        """Know the heading no better than the attitude reference does, rad^2, where that is worse than the settings expect.
+        """Know the heading no better than the attitude reference does, rad^2, where that is worse than expected and than it has been.
 
+        What a reference always states of itself is a guess, and the bias is learnt better.
         One that is off by d takes V (1 - cos d) off along the way, and of a Gaussian d of variance s^2 the mean of 1 - cos d is
         1 - exp(-s^2 / 2).  What the reference has become unsure of it was wrong about for a while: V d T / 2 of the position.
         """
-        if not self._expected < variance < math.inf:
-            self._stated = self._expected
+        self._least_stated = min(self._least_stated, variance)
+        usual = max(self._expected, USUAL**2 * self._least_stated)
+        if not usual < variance < math.inf:
+            self._stated = usual
             return
         self.settle()
         known, fastest = min(variance, UNKNOWN_HEADING**2), self.held.fastest
