@@ -150,6 +150,12 @@ def test_white_noise_alone_shows_no_drift_and_a_random_walk_shows_no_correlation
     assert not walk.drift_tau_observed or walk.drift_tau_s > 5_000.0
 
 
+def test_of_a_record_too_short_to_know_anything_well_what_is_known_best_is_compared():
+    chart = allan_chart(np.random.default_rng(5).standard_normal(50), 10.0)
+    factor, at_s = fit_chart(chart).misses(chart)
+    assert 1.0 <= factor < 10.0 and at_s >= 0.1
+
+
 def test_cluster_sizes_grow_to_half_the_record():
     sizes = cluster_sizes(1001)
     assert (sizes[0], sizes[-1]) == (1, 500)

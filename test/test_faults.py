@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from lowcostnav_ros.base.measurements import (
     GpsVelocity,
     ImuBlock,
     MagneticField,
+    NavSolution,
     Pressure,
     SlantRange,
     VorBearing,
@@ -21,7 +23,7 @@ from lowcostnav_ros.base.units import KNOT
 from lowcostnav_ros.cli.main import main
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.simulation.fault import FAULTS, OUTAGE_S, arrivals, inject
-from lowcostnav_ros.studies.faults.flight import CHAIN, concerned, crew, flown, suppliers
+from lowcostnav_ros.studies.faults.flight import CHAIN, Pass, concerned, crew, flown, suppliers
 from lowcostnav_ros.studies.faults.judge import Verdict
 from lowcostnav_ros.studies.faults.study import chosen, study
 
@@ -237,6 +239,13 @@ def test_a_fault_flown_from_a_copy_is_the_fault_flown_from_the_start():
     whole = flown(1, early, False, ["gnss_only"]).records["gnss_only"]
     assert [p.refused for p in copied.polls] == [p.refused for p in whole.polls]
     assert np.array_equal(copied.track().horizontal_m, whole.track().horizontal_m)
+
+
+@pytest.mark.parametrize(("stamp_s", "means_s"), [(99.8, 99.8), (102.8, 99.8), (101.5, None), (96.0, None)])
+def test_a_solution_on_a_clock_that_was_set_is_of_the_moment_at_which_it_showed_its_stamp(stamp_s, means_s):
+    on_its_way = SimpleNamespace(fault=FAULTS["all_clocks_plus_3_s"], _now_ns=100 * SECOND)
+    meant = Pass._meant(on_its_way, NavSolution(round(1e9 * stamp_s), "ins_gps"))
+    assert (meant and 1e-9 * meant.stamp_ns) == (means_s and pytest.approx(means_s))
 
 
 def test_the_study_judges_names_and_writes(tmp_path, capsys):

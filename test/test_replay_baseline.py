@@ -70,6 +70,7 @@ def test_metrics_are_found_by_their_path_alone():
         (f"navigators: {{nav: {{{RMS}: {{value: 1, limit: 2}}}}}}", "either 'value'"),
         (f"navigators: {{nav: {{{RMS}: {{value: 1, tolerence: 2}}}}}}", "did you mean 'tolerance'"),
         (f"navigators: {{nav: {{{RMS}: {{value: much}}}}}}", "must be numbers"),
+        ("bag: 12\nnavigators: {}", "identity of a bag in quotes"),
     ],
 )
 def test_unusable_baselines_are_refused_in_one_sentence(tmp_path, text, says):

@@ -36,12 +36,15 @@ ADVICE = "look for iron or currents near it, or a sensor mounted turned; calibra
 
 
 class Calibration:
-    """The states of one magnetometer: hard iron, uT, and scale factors; none where the settings ask for none."""
+    """The states of one magnetometer: hard iron, uT, and scale factors; none where the settings ask for none.
+
+    ``forgotten_ns``: when it was begun anew last, by what was believed of the attitude then; None: never.
+    """
 
     def __init__(self, aid: Aid, host: Host) -> None:
         self.iron, self.scale = host.layout.get(aid.own("hard_iron")), host.layout.get(aid.own("magnetic_scale"))
         self._variance = aid.settings.uncalibrated_ut**2
-        self._forgotten_ns: int | None = None
+        self.forgotten_ns: int | None = None
         self._failures, self._until_ns = 0, 0
 
     def field_ut(self, field_b: np.ndarray, host: Host) -> np.ndarray:
@@ -75,9 +78,9 @@ class Calibration:
     def forget(self, stamp_ns: int, host: Host) -> None:
         """Begin the calibration anew: nothing is known of the hard iron but its usual size."""
         if self.iron is not None:
-            again = self._forgotten_ns is not None and stamp_ns - self._forgotten_ns < 1e9 * REMEMBERED_S
+            again = self.forgotten_ns is not None and stamp_ns - self.forgotten_ns < 1e9 * REMEMBERED_S
             self._failures = self._failures + 1 if again else 0
-            self._forgotten_ns = stamp_ns
+            self.forgotten_ns = stamp_ns
             self._until_ns = stamp_ns + round(1e9 * PROVEN_S * 2 ** min(self._failures, 10)) if again else 0
             kalman.reset_block(host.P, self.iron, self._variance * np.eye(3), host.core.history)
 

@@ -128,6 +128,8 @@ class SatelliteAid(Aid):
 
     ``used`` holds the rows of the last epoch that were fused; ``epoch_nis`` and ``epoch_dof`` hold the normalised innovation
     squared of all of them together.  The status shows their mean innovation with its own variance, and the worst test ratio.
+    ``observed`` are the innovations of the last epoch, whether they were used or not, None where there was none, and ``scatter`` is the
+    lower median of their squares in their sigmas.
     """
 
     measurement, topic, views, is_fix = GnssEpoch, EPOCH, (Place, Velocity), True
@@ -141,7 +143,8 @@ class SatelliteAid(Aid):
         self.used = NOTHING
         self.satellites: Counter[str] = Tally()
         self.epoch_nis, self.epoch_dof = 0.0, 0
-        self._usual = 0.0
+        self._usual = self.scatter = 0.0
+        self.observed: Observations | None = None
 
     def blocks(self) -> list[Block]:
         """Receiver clock, and the clock between systems where it is a state."""
@@ -184,7 +187,7 @@ class SatelliteAid(Aid):
 
     def process(self, measurement: GnssEpoch, host: Host) -> bool:
         """Judge and fuse one epoch; return whether anything of it was used."""
-        status, self.used, self.applied, self.decision = self.status, NOTHING, None, None
+        status, self.used, self.applied, self.decision, self.observed = self.status, NOTHING, None, None, None
         integrity = self.receiver.integrity
         status.stamp_ns = measurement.stamp_ns
         obs = self.observations(measurement, host)
@@ -213,7 +216,9 @@ class SatelliteAid(Aid):
         self._report(obs, ratios, ~excluded, host)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
         ordered = np.sort(ratios[~excluded])
-        decision, reason = self.control(measurement.stamp_ns, float(ordered[(len(ordered) - 1) // 2]), host)
+        middle_ratio = float(ordered[(len(ordered) - 1) // 2])
+        self.scatter, self.observed = middle_ratio * self.threshold, obs
+        decision, reason = self.control(measurement.stamp_ns, middle_ratio, host)
         self.decision = decision
         if decision is Decision.REJECT:
             return self.refuse(reason)

@@ -64,7 +64,7 @@ class AllanFit:
 
     def misses(self, chart: AllanChart) -> tuple[float, float]:
         """By what factor the model leaves the deviation where it is known well, at worst, and at which averaging time, s."""
-        known = chart.degrees >= WELL_KNOWN
+        known = chart.degrees >= min(WELL_KNOWN, float(chart.degrees.max()))  # of a short record what is known best
         ratio = np.sqrt(self.variance(chart.tau_s[known])) / chart.deviation[known]
         worst = int(np.argmax(np.abs(np.log(ratio))))
         return float(max(ratio[worst], 1.0 / ratio[worst])), float(chart.tau_s[known][worst])

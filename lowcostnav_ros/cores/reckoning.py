@@ -28,6 +28,12 @@ from lowcostnav_ros.physics.rotation import quat_rotate
 
 LOST_S = 10.0
 """Without attitude or airspeed the unknown velocity is as large as the last airspeed and stays correlated this long."""
+UNKNOWN_HEADING, UNKNOWN = 0.5, "heading unknown"
+"""Sigma of a heading, rad, beyond which there is none, as if there were no attitude: no filter is linear in it."""
+USUAL = 2.0
+"""A heading sigma this many times the least that was stated is news."""
+UNNOTICED_S = 10.0
+"""A heading was wrong for about so long before its reference became unsure of it."""
 INCIDENCE_MPS, CHANGE_SHARE = 5.0, 0.7
 """Vertical component of the air-relative velocity that incidence may hide, m/s; share of a change beyond it that may be wrong."""
 STEADY_S = 2.0
@@ -167,8 +173,9 @@ class HeldInputs(HeldAttitude):
         return quat_rotate(q, self.vel_b), float(2.0 * (q[2] * q[3] + q[0] * q[1]))  # how far the right wing points down
 
     def timed_out(self, t_ns: int, attitude_s: float, air_s: float) -> str:
-        """Which input is older than it may be at ``t_ns``, in words; empty when both are fresh."""
-        return outdated("attitude", self.attitude_ns, t_ns, attitude_s) or outdated("airspeed", self.air_ns, t_ns, air_s)
+        """Which input is older than it may be at ``t_ns``, or knows nothing, in words; empty when both are fresh."""
+        late = outdated("attitude", self.attitude_ns, t_ns, attitude_s) or outdated("airspeed", self.air_ns, t_ns, air_s)
+        return late or (UNKNOWN if self.cov_att[2, 2] > UNKNOWN_HEADING**2 else "")
 
 
 def body_velocity(air: AirVelocity, settings: AirspeedSettings) -> np.ndarray:
@@ -227,6 +234,10 @@ class ReckoningCore:
         self.ranging = (layout.kind != Kind.HELD).astype(float)
         self.ranging[2:CORE] = 0.0
         self._down_mps: float | None = None
+        headings = np.flatnonzero(layout.kind == int(Kind.HEADING_BIAS))
+        self._heading, self._along = headings[:1], np.flatnonzero(layout.kind == int(Kind.AIRSPEED_BIAS))[:1]
+        self._least_stated = math.inf
+        self._expected = self._stated = float(np.sum(layout.sigma0[headings] ** 2)) if len(headings) else math.inf
 
     def start(self, t_ns: int, nav: np.ndarray, cov_n: np.ndarray) -> None:
         """Begin at a position (lat, lon [rad], height [m]) with its covariance (3, 3), NED m^2."""
@@ -252,6 +263,7 @@ class ReckoningCore:
         if isinstance(item, Attitude):
             self.held.take_attitude(item)
             if self.started:
+                self._heed_heading(float(item.cov_att[2, 2]))
                 self.heed_climb()
         elif isinstance(item, AirVelocity):
             self.held.take_air(item, self.settings.airspeed)
@@ -303,6 +315,31 @@ class ReckoningCore:
         heading, airspeed = (settings.heading.noise_deg * DEGREE) ** 2, settings.airspeed.noise_mps**2
         track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
         model.carry_covariance(self.P, sums, layout.kind, layout.axis, layout.rate, layout.psd, heading, airspeed, self._walk(), track)
+        if self.history is not None:
+            self.history.end(self.P)
+
+    def _heed_heading(self, variance: float) -> None:
+        """Know the heading no better than the attitude reference does, rad^2, where that is worse than expected and than it has been.
+
+        What a reference always states of itself is a guess, and the bias is learnt better.
+        One that is off by d takes V (1 - cos d) off along the way, and of a Gaussian d of variance s^2 the mean of 1 - cos d is
+        1 - exp(-s^2 / 2).  What the reference has become unsure of it was wrong about for a while: V d T / 2 of the position.
+        """
+        self._least_stated = min(self._least_stated, variance)
+        usual = max(self._expected, USUAL**2 * self._least_stated)
+        if not usual < variance < math.inf:
+            self._stated = usual
+            return
+        self.settle()
+        known, fastest = min(variance, UNKNOWN_HEADING**2), self.held.fastest
+        if self.history is not None:
+            self.history.begin(self.P)
+        least = np.zeros(self.layout.size)
+        least[self._heading], least[self._along] = math.sqrt(known), fastest * -math.expm1(-0.5 * known)
+        kalman.raise_sigmas(self.P, least)
+        if variance > self._stated:
+            self.P[[0, 1], [0, 1]] += (0.5 * fastest * UNNOTICED_S) ** 2 * (variance - self._stated)
+            self._stated = variance
         if self.history is not None:
             self.history.end(self.P)
 

@@ -23,12 +23,13 @@ RECENT_NS = 3_000_000_000
 
 
 class AttitudeWatch:
-    """Watch an inertial navigator.
+    """Watch a navigator that the IMU carries.
 
     Parameters
     ----------
-    navigator : InertialNavigator
-        With its aids, layout and core.
+    navigator : InertialNavigator or Ahrs
+        With its aids, layout and core; it says what becomes of an attitude that GPS corrects one way (``led_one_way``) or whose heading was
+        turned (``turned``), and whether it tries several headings (``tries_headings``, ``tries_any_heading``).
 
     Attributes
     ----------
@@ -38,7 +39,7 @@ class AttitudeWatch:
 
     def __init__(self, navigator: Any) -> None:
         self.navigator = navigator
-        velocity = next((aid.source for aid in navigator.aids_of(VelocityAid)), navigator.fix_word)
+        velocity = next((aid.source for aid in navigator.aids_of(VelocityAid)), getattr(navigator, "fix_word", "GPS"))
         self.one_way, self.turned = OneWay(navigator.layout, navigator.inertial, velocity), OwnHeadingCheck(navigator.inertial)
         self._compass = next(iter(navigator.aids_of(MagneticAid)), None)
         self._moved = np.zeros(navigator.layout.size)
@@ -93,8 +94,8 @@ class AttitudeWatch:
             if least is not None:
                 navigator.widen(least)
             if self.one_way.held is not None and not named:
-                navigator.recovery.lose(measurement.stamp_ns)
-        if navigator.settings.alignment.any_heading or not aid.measures_velocity:
+                navigator.led_one_way(measurement.stamp_ns)
+        if navigator.tries_any_heading or not aid.measures_velocity:
             return  # with any heading at the start the track says nothing of it
         north, east, _ = measurement.vel_n if isinstance(measurement, GpsVelocity) else navigator.core.nav[VEL]  # as the satellites have it
         seen = used or (isinstance(measurement, GpsVelocity) and self._compass_agrees(measurement.stamp_ns, north, east))
@@ -121,4 +122,4 @@ class AttitudeWatch:
         if apart is not None or is_vague:
             reset_to(navigator, DOWN, np.array([wrap(track - heading)]), np.array([[sigma**2]]))
         if apart is not None:
-            navigator.widen(navigator.recovery.turned(stamp_ns, abs(apart)))
+            navigator.widen(navigator.turned(stamp_ns, abs(apart)))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.aids.gnss import ENOUGH, EPOCH, GNSS, THESIS_POSITION_PSD, RangeAid, clock_block
+from lowcostnav_ros.aids.gnss import ENOUGH, EPOCH, GNSS, THESIS_POSITION_PSD, RangeAid, SatelliteAid, clock_block
 from lowcostnav_ros.base.measurements import GnssEpoch, Integrity, Measurement, NavSolution
 from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import group, setting
@@ -20,6 +20,7 @@ from lowcostnav_ros.cores.motion import MotionCore
 from lowcostnav_ros.estimation.aiding import Decision, unique
 from lowcostnav_ros.estimation.error_state import Block, Kind, Layout
 from lowcostnav_ros.gnss import GnssError
+from lowcostnav_ros.navigators.against_satellites import AgainstSatellites
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.solutions import position_sigmas
@@ -78,7 +79,8 @@ class GnssOnly(Navigator):
         layout = Layout(unique([*motion_blocks(settings), *self.aid_blocks()]))
         self._attach(layout, MotionCore(layout))
         self.range_aid = self.aids_of(RangeAid)[0]
-        self.receiver = self.range_aid.receiver
+        self.receiver, self.against = self.range_aid.receiver, AgainstSatellites()
+        self._satellite_aids = self.aids_of(SatelliteAid)
         self._restart()
 
     def gps_good(self, stamp_ns: int) -> bool:
@@ -88,6 +90,7 @@ class GnssOnly(Navigator):
     def _restart(self) -> None:
         self._started = False
         self.receiver.restart()
+        self.against.clear()
         self._fused_ns = 0
 
     def _fuse(self, item: Measurement) -> None:
@@ -103,6 +106,7 @@ class GnssOnly(Navigator):
         self.core.advance(item.stamp_ns)
         if np.count_nonzero(item.range_valid) >= self.settings.minimum_satellites:
             used = self.use(item)
+            self.against.take(item.stamp_ns, self._satellite_aids, self.P)
             if self.range_aid in used:  # Dopplers alone would be dead reckoning
                 self._fused_ns = item.stamp_ns
             if any(aid.decision is Decision.RECOVER for aid in used):
@@ -111,6 +115,11 @@ class GnssOnly(Navigator):
         self._judge(item)
         if self._fused_ns == item.stamp_ns:
             self.publish(self._solution_at(item.stamp_ns, self.core.nav, self.P, 6))
+
+    def doubt(self, stamp_ns: int) -> np.ndarray:
+        """As every navigator; of satellites that contradict the state what they show."""
+        doubt, shown = super().doubt(stamp_ns), self.against.doubt(self.P)
+        return doubt if shown is None else doubt + shown
 
     def _start(self, epoch: GnssEpoch) -> bool:
         try:
@@ -127,7 +136,8 @@ class GnssOnly(Navigator):
     def _judge(self, epoch: GnssEpoch) -> None:
         since = 1e-9 * (epoch.stamp_ns - self._fused_ns)
         if since == 0.0:
-            self.mode, self.reason = Mode.GPS, f"{len(self.range_aid.used)} satellites"
+            words = self.against.words()
+            self.mode, self.reason = Mode.GPS, f"{len(self.range_aid.used)} satellites{'; ' if words else ''}{words}"
             if self.receiver.integrity.status.alarm:
                 self.mode, self.reason = Mode.SUSPECT, self.receiver.integrity.status.alarm
         elif since > self.settings.timeout_s:

@@ -19,7 +19,7 @@ from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, POS, VEL, InertialCore
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
-from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
+from lowcostnav_ros.estimation.cross_checks.axes import UPSIDE_DOWN, AxesCheck
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.estimation.vibration import Vibration
@@ -46,8 +46,6 @@ LEVELLING_NS = 4_000_000_000
 """Levelling after a hole takes two GPS velocities a second or two apart."""
 RECENT_NS = 3_000_000_000
 """A refused fix this recent is the reason why there is none; an older one is not."""
-UPSIDE_DOWN = np.eye(3) * np.pi**2
-"""What is added to the covariance of the attitude when nobody knows which side of the IMU is up, rad^2."""
 NOTHING = (None,) * 5
 TRANSFER_SPAN_S = 0.2
 """Inertial data of this length is tested before a transfer alignment."""
@@ -381,6 +379,19 @@ class InertialNavigator(Navigator):
         """As every navigator."""
         super().correct(dx)
         self.attitude_watch.note(dx)
+
+    @property
+    def tries_any_heading(self) -> bool:
+        """Whether it begins with any heading."""
+        return self.settings.alignment.any_heading
+
+    def led_one_way(self, stamp_ns: int) -> None:
+        """GPS corrects attitude and biases one way again and again: they are lost."""
+        self.recovery.lose(stamp_ns)
+
+    def turned(self, stamp_ns: int, apart: float) -> np.ndarray:
+        """Note a heading that was off by ``apart``, rad; sigmas (n,) that there must be at least."""
+        return self.recovery.turned(stamp_ns, apart)
 
     # several headings --------------------------------------------------------------------------------------------------------
 

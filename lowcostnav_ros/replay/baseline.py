@@ -80,7 +80,10 @@ def load_baseline(path: Path) -> tuple[str | None, list[Expectation]]:
         if not isinstance(metrics, Mapping):
             raise BaselineError(f"Baseline {path}: '{navigator}' must hold metrics with expectations.")
         expectations += [_expectation(path, navigator, metric, entry) for metric, entry in metrics.items()]
-    return data.get("bag"), expectations
+    bag = data.get("bag")
+    if bag is not None and not isinstance(bag, str):
+        raise BaselineError(f"Baseline {path}: 'bag' must be the identity of a bag in quotes, got {str(bag)[:40]}.")
+    return bag, expectations
 
 
 def _expectation(path: Path, navigator: str, metric: str, entry: Any) -> Expectation:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections import Counter, defaultdict
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from itertools import groupby
 from pathlib import Path
 
@@ -133,6 +133,11 @@ class NavigatorRun:
         Whether the recording holds a fused solution of this navigator to compare with.
     smoothed : Evaluation or None
         Where its smoothed solutions are compared with the reference; None: they are not wanted.
+
+    Attributes
+    ----------
+    meant : callable or None
+        What is evaluated in place of a solution: where clocks are set, one with the stamp of the moment that it means, None for no moment.
     """
 
     def __init__(
@@ -158,6 +163,7 @@ class NavigatorRun:
         self._last: tuple[int, str] | None = None
         self._innovations: dict[str, np.ndarray | None] = {}
         self.navigator.on_aid = self._on_aid
+        self.meant: Callable[[NavSolution], NavSolution | None] | None = None
 
     def take(self, solution: NavSolution) -> None:
         """Take in a solution of the navigator."""
@@ -168,8 +174,10 @@ class NavigatorRun:
             longest_s = max(TIMEOUT_S, 3e-9 * self.navigator.output_period_ns)
             self.mode_seconds[self._last[1] if since_s <= longest_s else Mode.SILENT] += since_s
         self._last = (solution.stamp_ns, solution.mode)
-        self._pending.append(solution)
-        self._origins.append(self.navigator.origin)
+        evaluated = solution if self.meant is None else self.meant(solution)
+        if evaluated is not None:
+            self._pending.append(evaluated)
+            self._origins.append(self.navigator.origin)
 
     def flush(self) -> None:
         """Write and evaluate what has come since the last flush."""

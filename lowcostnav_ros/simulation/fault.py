@@ -85,6 +85,8 @@ class Fault:
         Window, seconds after the first arrival.
     outage : bool
         GPS is silent for :data:`OUTAGE_S` as well.
+    clock_s : float
+        What all clocks are set by within the window, s: a solution with a stamp of theirs is of the moment at which they showed it.
     """
 
     name: str
@@ -94,6 +96,7 @@ class Fault:
     start_s: float = START_S
     end_s: float = END_S
     outage: bool = False
+    clock_s: float = 0.0
 
 
 FAULTS: Registry[Fault] = Registry("fault", "lowcostnav_ros.simulation.faults", many=True)

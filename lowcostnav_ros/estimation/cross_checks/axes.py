@@ -1,11 +1,15 @@
 """Gravity against the axes of the IMU: no aircraft flies on its back for long."""
 
+import numpy as np
+
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 
 SMOOTHING_S = 10.0
 OVER = 0.5
 """Share of gravity by which the mean specific force must point down through the floor."""
+UPSIDE_DOWN = np.eye(3) * np.pi**2
+"""What is added to the covariance of an attitude when nobody knows which side of the IMU is up, rad^2."""
 
 
 class AxesCheck(Latch):

@@ -23,10 +23,13 @@ class Filter(ABC):
         When each kind of sensor was used last.
     unused : tuple of str
         Sensors it has no use for: their topics are not subscribed to.
+    is_full : bool
+        Whether GPS velocity is weighed by a full covariance, so that what it does to the attitude can be watched.
     """
 
     needs: ClassVar[tuple[str, ...]] = ("level",)
     unused: ClassVar[tuple[str, ...]] = ()
+    is_full: ClassVar[bool] = False
 
     def __init__(self, host: Navigator) -> None:
         self.host, self.used_ns = host, dict[str, int]()

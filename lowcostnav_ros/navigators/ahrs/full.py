@@ -22,6 +22,8 @@ from lowcostnav_ros.starts.attitude_core import hold_velocity, restart_velocity,
 class FullFilter(Filter):
     """Full covariance; see the module head."""
 
+    is_full = True
+
     def __init__(self, host: Navigator) -> None:
         super().__init__(host)
         self.level = host.aids_of(SteadyFlightAid)[0]

@@ -36,14 +36,18 @@ from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.imu_errors import bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
 from lowcostnav_ros.estimation.aiding import Aid
-from lowcostnav_ros.estimation.cross_checks.axes import AxesCheck
+from lowcostnav_ros.estimation.cross_checks.axes import UPSIDE_DOWN, AxesCheck
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
+from lowcostnav_ros.navigators.ahrs.against_vectors import AgainstVectors
 from lowcostnav_ros.navigators.ahrs.filter import IMU
 from lowcostnav_ros.navigators.ahrs.settings import FILTERS, AhrsOwnSettings
+from lowcostnav_ros.navigators.attitude_watch import AttitudeWatch
 from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.navigators.recovery import TURNED_S
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.settings import kind_of, listed
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference
 from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler
 from lowcostnav_ros.starts.attitude_core import begin_core, hold_position, sensor_rows
@@ -78,6 +82,7 @@ class Ahrs(Navigator):
     not_observable = "it takes position, velocity and acceleration from outside its filter; study ins_gps, which estimates them"
     inertial = IMU
     on_grid = True
+    tries_headings = tries_any_heading = False
     OwnSettings = AhrsOwnSettings
     sensors = (
         GPS_VELOCITY.but(latency_s=0.0),
@@ -104,7 +109,8 @@ class Ahrs(Navigator):
         heading_deg = None if heading is None else heading.settings.noise_deg
         slowest_mps = None if air is None else air.settings.minimum_mps
         self.alignment = Alignment(settings.alignment, settings.imu, settings.level, heading_deg, slowest_mps)
-        self.filter, self.axes = self._kind(self), AxesCheck(IMU)
+        self.filter, self.axes, self.against_vectors = self._kind(self), AxesCheck(IMU), AgainstVectors(self)
+        self.attitude_watch = AttitudeWatch(self) if self._kind.is_full else None
         self._restart()
 
     # its list ----------------------------------------------------------------------------------------------------------------
@@ -131,7 +137,12 @@ class Ahrs(Navigator):
         """As every navigator, with the covariance brought to the time of the mean first."""
         self.core.settle()
         self.filter.before(aid, measurement)
+        watch = self.attitude_watch
+        is_watched = watch is not None and watch.before(aid)
         used = super().use_aid(aid, measurement)
+        if watch is not None and is_watched:
+            watch.after(aid, measurement, used=used)
+        self.against_vectors.take(aid, measurement)
         if used and not isinstance(aid, HardIronAid):
             self.filter.used_ns[kind_of(aid.key)] = measurement.stamp_ns
         return used
@@ -143,12 +154,43 @@ class Ahrs(Navigator):
     # measurements ------------------------------------------------------------------------------------------------------------
 
     def contradictions(self) -> tuple[Contradiction, ...]:
-        """As every navigator; and of the IMU with gravity."""
-        return (*super().contradictions(), *([] if self.axes.held is None else [self.axes.held]))
+        """As every navigator; and of the IMU with gravity, of its gyros with what else shows the attitude."""
+        watched = () if self.attitude_watch is None else self.attitude_watch.held
+        own = [held for held in (self.axes.held, self.against_vectors.held, *watched) if held is not None]
+        return (*super().contradictions(), *own)
+
+    def doubt(self, stamp_ns: int) -> np.ndarray:
+        """As every navigator; of an attitude that may be upside down nothing is known, of one that is contradicted what that shows."""
+        doubt, sigmas = super().doubt(stamp_ns), self.against_vectors.sigmas(stamp_ns)
+        if self.axes.held is None and not sigmas.any():
+            return doubt
+        doubt = doubt.copy()
+        doubt[ATT, ATT] += UPSIDE_DOWN if self.axes.held is not None else np.diag(sigmas**2)
+        return doubt
+
+    def widen(self, least: np.ndarray) -> None:
+        """Raise sigmas to those of ``least`` (n,)."""
+        self.core.widen(least)
+
+    def led_one_way(self, stamp_ns: int) -> None:
+        """Nothing more: what GPS corrects one way is less well known, and named."""
+
+    def turned(self, stamp_ns: int, apart: float) -> np.ndarray:
+        """Sigmas (n,) of gyros that have turned the heading by ``apart``, rad, beyond what wind explains."""
+        least = np.zeros(self.layout.size)
+        least[self.layout["gyro_bias"]] = apart / TURNED_S
+        return least
+
+    def correct(self, dx: np.ndarray) -> None:
+        """As every navigator; what goes one way is watched."""
+        super().correct(dx)
+        if self.attitude_watch is not None:
+            self.attitude_watch.note(dx)
 
     def _restart(self) -> None:
         self._aligned = False
         self.axes.clear()
+        self._forget_doubts()
         self._imu_ns: int | None = None
         self.filter.used_ns = {}
         self._position_held_ns = -(10**18)
@@ -156,6 +198,12 @@ class Ahrs(Navigator):
         self.restart_channels()
         self.core.rest()
         self.alignment.restart(None)
+
+    def _forget_doubts(self) -> None:
+        """The attitude begins anew."""
+        self.against_vectors.clear()
+        if self.attitude_watch is not None:
+            self.attitude_watch.clear()
 
     def _in_body_axes(self, block: ImuBlock) -> ImuBlock:
         """As every navigator; without the centripetal force of an IMU away from base_link, sample by sample."""
@@ -235,6 +283,7 @@ class Ahrs(Navigator):
         self._kept = (self.core.estimate[sensors].copy(), self.P[sensors, sensors].copy())
         self._aligned = False
         self.trust.forget_state()
+        self._forget_doubts()
         self.mode, self.reason = Mode.ALIGNING, reason
 
     # alignment ---------------------------------------------------------------------------------------------------------------
@@ -259,6 +308,7 @@ class Ahrs(Navigator):
             self._attach(layout, InertialCore(layout))
         begin_core(self.core, first, self.magnetic.place, self._kept, self.settings.alignment.track_speed_mps, floor_mps)
         self._aligned, self._kept = True, None
+        self.axes.begin(first.t_ns, -STANDARD_GRAVITY * float(self.core.C_nb()[2, 2]))
         self.restart_channels()
         if self.offsets is not None:
             self.offsets.restart()
@@ -309,7 +359,8 @@ class Ahrs(Navigator):
 
     def _judge(self) -> None:
         """Keep mode and reason in step with what was fused."""
-        tilt_sigma_deg, limit = math.sqrt(max(self.P[6, 6], self.P[7, 7], 0.0)) / DEGREE, self.settings.failed_tilt_deg
+        doubt, limit = self.doubt(self.core.t_ns), self.settings.failed_tilt_deg
+        tilt_sigma_deg = math.sqrt(max(self.P[6, 6] + doubt[6, 6], self.P[7, 7] + doubt[7, 7], 0.0)) / DEGREE
         if tilt_sigma_deg > limit:
             self.mode, self.reason = Mode.FAILED, f"roll or pitch sigma {tilt_sigma_deg:.0f} deg is above {limit:.0f} deg"
         else:

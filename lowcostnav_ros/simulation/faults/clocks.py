@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement
-from lowcostnav_ros.simulation.fault import END_S, START_S, Arrived, Change, Fault, Window, each, enter
+from lowcostnav_ros.simulation.fault import Arrived, Change, Fault, Window, each, enter
 from lowcostnav_ros.simulation.faults._sensors import ALL, SENSORS
 
 OFFSETS_S = {
@@ -69,4 +69,4 @@ for _sensor in SENSORS.values():
             enter(__name__, Fault(f"{_head}_stamp_{_name}", "one wrong stamp", _sources, partial(odd, _by_s)), outage=_sensor.outage)
 
 for _name, _by_s in (("plus_3_s", 3.0), ("minus_3_s", -3.0)):
-    enter(__name__, Fault(f"all_clocks_{_name}", "the clock of the computer is set", ALL, offset(_by_s), START_S, END_S))
+    enter(__name__, Fault(f"all_clocks_{_name}", "the clock of the computer is set", ALL, offset(_by_s), clock_s=_by_s))

@@ -3,11 +3,11 @@
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
-from lowcostnav_ros.base.measurements import Measurement
+from lowcostnav_ros.base.measurements import Measurement, NavSolution
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.building import complete_settings, is_of_node, make_navigator
 from lowcostnav_ros.catalogue.config_files import config_dir, read_parameters
@@ -25,6 +25,9 @@ from lowcostnav_ros.studies.faults.record import Record
 SCENARIO = "faults"
 POLL_S = 0.5
 """What the navigators say of themselves is noted this often."""
+
+BEHIND_NS, AHEAD_NS = 550_000_000, 400_000_000
+"""A solution is of a moment this far behind or ahead of what has arrived: fusion lags, and what is carried on may lead."""
 
 IMU = {"imu.profile": "automotive"}
 CHAIN: dict[str, tuple[str, dict[str, Any]]] = {
@@ -115,13 +118,17 @@ class Pass:
         By the names of the chain.
     refused_s : dict of str to float
         What the wire refused, and when in the flight it first did.
+    fault : Fault or None
+        What is wrong on this flight.
     """
+
+    fault: Fault | None = None
 
     def __init__(self, sound: Flight, names: Collection[str]) -> None:
         self._navigators = {name: navigator(name) for name in names}
         self.records = {name: Record(sound.start_ns) for name in names}
         self.refused_s: dict[str, float] = {}
-        self._start_ns = self._next_ns = sound.start_ns
+        self._start_ns = self._next_ns = self._now_ns = sound.start_ns
         self._decoder = Decoder(DecodeRules())
         self._blocks = 0
         groups: list[dict[str, str]] = [{}, {}]
@@ -132,6 +139,7 @@ class Pass:
             session = Session({kind: self._navigators[name] for kind, name in group.items()}, has_truth=True)
             for kind, name in group.items():
                 session.runs[kind].evaluation.listeners.append(self.records[name].add)
+                session.runs[kind].meant = self._meant
             self._sessions.append(session)
 
     def feed(self, arrived: Iterable[Arrived], sound: Flight) -> "Pass":
@@ -141,12 +149,21 @@ class Pass:
                 for session in self._sessions:
                     session.feed_truth(sound.truth[self._blocks])
                 self._blocks += 1
+            self._now_ns = a.at_ns
             while self._next_ns <= a.at_ns:
                 self._poll()
             for measurement in (a.measurement,) if id(a.measurement) in sound.ids else self._over_the_wire(a.measurement):
                 for session in self._sessions:
                     session.feed(measurement)
         return self
+
+    def _meant(self, solution: NavSolution) -> NavSolution | None:
+        """A solution at the time that it means: where a clock is set, that at which it shows its stamp about now, None if it never does."""
+        by_ns = 0 if self.fault is None else round(1e9 * self.fault.clock_s)
+        if not by_ns:
+            return solution
+        times = [t for t in (solution.stamp_ns, solution.stamp_ns - by_ns) if -BEHIND_NS <= t - self._now_ns <= AHEAD_NS]
+        return replace(solution, stamp_ns=times[0]) if times else None
 
     def finish(self) -> "Pass":
         """End the pass."""
@@ -176,9 +193,12 @@ def flown(seed: int, fault: Fault | None, outage: bool, names: Collection[str]) 
     sound = flight(seed)
     arrived = inject(sound.arrived, fault, seed) if fault else without_gps(sound.arrived) if outage else sound.arrived
     if fault is None or fault.start_s < START_S:
-        return Pass(sound, names).feed(arrived, sound).finish()
-    first = bisect_left(arrived, sound.start_ns + round(1e9 * START_S), key=lambda a: a.at_ns)
-    return deepcopy(_before_the_fault(seed, outage, tuple(names))).feed(arrived[first:], sound).finish()
+        made = Pass(sound, names)
+    else:
+        first = bisect_left(arrived, sound.start_ns + round(1e9 * START_S), key=lambda a: a.at_ns)
+        arrived, made = arrived[first:], deepcopy(_before_the_fault(seed, outage, tuple(names)))
+    made.fault = fault
+    return made.feed(arrived, sound).finish()
 
 
 @cache
