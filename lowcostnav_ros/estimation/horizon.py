@@ -53,7 +53,7 @@ class FusionHorizon:
     clocks : Clocks
         The time base and the clocks of all inputs.
     passed_ns : int or None
-        Up to where measurements were handed over; only inertial samples of before may still be held.
+        Up to where measurements are handed over, or will be when :meth:`take` is called next: what is not later than this is late.
     is_idle : bool
         Whether the measurement handed over last moves nothing, so that the state need not have come to its stamp.
     """
@@ -125,7 +125,8 @@ class FusionHorizon:
         ``moves`` tells of a measurement whether anything may come of it.  So that the answer does not depend on how much has arrived, no
         run of inertial samples that has no hole may change it from no to yes, or back.
         """
-        limit = self._limit_ns()
+        self.move_on()
+        limit = self.passed_ns
         if limit is None:
             return
         while self._waiting and self._waiting[0][0] <= limit:
@@ -134,7 +135,11 @@ class FusionHorizon:
             yield self._pop()
         if self.inertial is not None and self._is_due(limit):
             yield from self._inertial_until(limit, split=False)
-        if self.passed_ns is None or limit > self.passed_ns:
+
+    def move_on(self) -> None:
+        """Pass what is old enough, once a measurement has been taken in: from then on it is too late for others, handed over or not."""
+        limit = self._limit_ns()
+        if limit is not None and (self.passed_ns is None or limit > self.passed_ns):
             self.passed_ns = limit
 
     def _inertial_before(self, stamp: int, item: Measurement, moves: Callable[[Measurement], bool] | None) -> Iterator[ImuBlock]:

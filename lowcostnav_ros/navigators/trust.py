@@ -184,7 +184,7 @@ class Trust:
         of_gps = (held for check in self.checks.receivers for held in check.held() if held.name == DISAGREE)
         own = () if self.led_away is None else (self.led_away,)
         found = next(chain(of_gps, own, self._unresolved()), None)
-        return "" if found is None else found.words(self.host.horizon.passed_ns or found.since_ns)
+        return "" if found is None else found.words(max(self.host.core.t_ns, found.since_ns))
 
     def doubt(self, stamp_ns: int) -> np.ndarray:
         """What contradictions add to the covariance (9, 9) of position, velocity and attitude NED: m, m/s, rad.
