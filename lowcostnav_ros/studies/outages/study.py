@@ -257,7 +257,7 @@ def stream_outages(
 
 
 def runs_of(windows: Sequence[Window], first_ns: int, count: int) -> list[Sequence[Window]]:
-    """Windows, in order, as ``count`` runs of as good as the same work: each flies from ``first_ns`` on to its last loss, and its windows."""
+    """Windows, in order, as ``count`` runs of nearly the same work: each flies from ``first_ns`` to its last loss, and its windows."""
     least, most = 0, sum(w.end_ns - w.start_ns for w in windows) + windows[-1].start_ns - first_ns
     while least + NS < most:
         runs = _runs_within(windows, first_ns, (least + most) // 2)
