@@ -21,8 +21,8 @@ PERIOD_NS = 1_000_000_000
 
 
 @kernel
-def shake(stamps, force, rate, at, total, means, power):
-    """Take samples in, in place, the same however they are cut into blocks.
+def shake(stamps, force, rate, first, end, at, total, means, power):
+    """Take samples ``first`` up to ``end`` in, in place, the same however they are cut into blocks.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def shake(stamps, force, rate, at, total, means, power):
     power : ndarray, shape (6,)
         Mean square of fourth differences.
     """
-    for k in range(stamps.shape[0]):
+    for k in range(first, end):
         now = stamps[k] // BIN_NS
         if now != at[0]:
             at[1] = at[1] + 1 if total[6] > 0.0 else 0
@@ -84,8 +84,8 @@ class Vibration:
 
     def take(self, block: ImuBlock, first: int = 0, end: int | None = None) -> None:
         """Take in samples ``first`` up to ``end``."""
-        stamps, force, rate = (column[first:end] for column in (block.stamps_ns, block.specific_force_b, block.angular_rate_b))
-        shake(stamps, force, rate, self._at, self._total, self._means, self._power)
+        samples = block.stamps_ns, block.specific_force_b, block.angular_rate_b, first, len(block) if end is None else end
+        shake(*samples, self._at, self._total, self._means, self._power)
 
     def look(self, t_ns: int) -> bool:
         """Find the factors anew, once a second; return whether they have changed."""
