@@ -92,8 +92,8 @@ class Vibration:
         if t_ns // PERIOD_NS == self._looked:
             return False
         self._looked, before = t_ns // PERIOD_NS, (self.accel, self.gyro)
-        shaken = SHARE * self.shaking() / self._declared
-        self.accel, self.gyro = max(1.0, float(shaken[:3].max())), max(1.0, float(shaken[3:].max()))
+        shaken = (SHARE * self.shaking() / self._declared).tolist()
+        self.accel, self.gyro = max(1.0, *shaken[:3]), max(1.0, *shaken[3:])
         return before != (self.accel, self.gyro)
 
     def shaking(self) -> np.ndarray:

@@ -47,10 +47,13 @@ class AgainstAir:
     def _lasted_s(self, t_ns: int) -> float:
         return 0.0 if self._since_ns is None else 1e-9 * (t_ns - self._since_ns + UNNOTICED_NS)
 
-    def doubt(self, t_ns: int, speed_mps: float) -> np.ndarray | None:
-        """What is added to the covariance (9, 9) of position, velocity and attitude, m, m/s, rad; None for nothing."""
-        if self._accel == 0.0:
-            return None
+    @property
+    def is_straying(self) -> bool:
+        """Whether there is one."""
+        return self._accel != 0.0
+
+    def doubt(self, t_ns: int, speed_mps: float) -> np.ndarray:
+        """What is added to the covariance (9, 9) of position, velocity and attitude, m, m/s, rad."""
         off = COVERED * self._accel * self._lasted_s(t_ns)
         sigma = np.zeros(CORE)
         sigma[POS], sigma[VEL] = 0.5 * off * self._lasted_s(t_ns), off

@@ -529,8 +529,7 @@ class InertialNavigator(Navigator):
         if is_over or self.recovery.is_lost:
             doubt = doubt.copy()
             doubt[ATT, ATT] += UPSIDE_DOWN if is_over else np.diag(self.recovery.seen()[ATT] ** 2)
-        astray = self.against_air.doubt(t_ns, self.core.speed_mps)
-        return doubt if astray is None else doubt + astray
+        return doubt + self.against_air.doubt(t_ns, self.core.speed_mps) if self.against_air.is_straying else doubt
 
     def _sigmas(self) -> dict[str, float]:
         if not self._aligned:
