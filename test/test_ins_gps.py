@@ -300,6 +300,21 @@ def test_a_step_back_of_all_clocks_starts_over_and_is_right_again(truth, step_s)
     assert score.max() < 36.0
 
 
+def test_many_at_once_are_taken_as_one_by_one_where_messages_are_late_and_the_clocks_step_back(truth):
+    start, stream = truth.stamps_ns[0], measurements(truth[:7000], 6, rate_hz=5.0)
+    late = [0.3e9 * (k % 11 == 0 and not isinstance(m, ImuBlock)) for k, m in enumerate(stream)]
+    arrival = sorted(range(len(stream)), key=lambda k: stream[k].stamp_ns + late[k])
+    moved = [restamped(stream[k], -9_000_000_000 if stream[k].stamp_ns - start > 30e9 else 0) for k in arrival]
+    together, at_once = fed(moved)
+    alone = InsGps(GPS_ONLY)
+    one_by_one = [solution for m in moved for solution in alone.feed(m)]
+    rejected = [{source: dict(record.rejected) for source, record in n.input_status.items()} for n in (together, alone)]
+    assert rejected[0] == rejected[1] and any(rejected[0].values()) and together.restarts["time base jumped"] == 1
+    assert [s.stamp_ns for s in at_once] == [s.stamp_ns for s in one_by_one] and len(at_once) > 500
+    assert all(np.array_equal(a.cov_pos, b.cov_pos) and a.place == b.place for a, b in zip(at_once, one_by_one, strict=True))
+    assert [s.health and s.health.reason for s in at_once] == [s.health and s.health.reason for s in one_by_one]
+
+
 def _steps_back(solutions):
     return [k for k in range(1, len(solutions)) if solutions[k].stamp_ns < solutions[k - 1].stamp_ns]
 

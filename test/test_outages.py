@@ -23,7 +23,7 @@ from lowcostnav_ros.replay.withhold import NS, Window, Withhold
 from lowcostnav_ros.studies.outages.flight import Losses
 from lowcostnav_ros.studies.outages.parts import parts_of
 from lowcostnav_ros.studies.outages.result import End, Outage, OutageStudy, statistics_of
-from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, StudyAlong, study_outages
+from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, StudyAlong, runs_of, study_outages
 
 REFERENCE = Path(__file__).resolve().parent.parent / "bags" / "reference"
 GPS = ("gps/fix", "gps/vel")
@@ -124,6 +124,15 @@ def test_windows_stand_on_the_clock_each_of_the_greatest_length_that_fits():
     windows = Plan((10.0, 60.0), 20.0, 30.0, until_s=125.0).windows(5 * NS, 500 * NS, GPS)
     assert [((w.start_ns / NS) - 5.0, (w.end_ns - w.start_ns) / NS) for w in windows] == [(30, 60), (50, 60), (70, 10), (90, 10), (110, 10)]
     assert Plan((10.0,)).windows(0, 60 * NS, GPS) == []
+
+
+def test_runs_of_windows_are_all_of_them_in_order_and_of_nearly_the_same_work():
+    windows = Plan((60.0,), 13.0, 20.0).windows(0, 600 * NS, GPS)
+    runs = runs_of(windows, 0, 3)
+    assert [window for run in runs for window in run] == windows
+    work_s = [run[-1].start_ns / NS + 60.0 * len(run) for run in runs]
+    assert max(work_s) - min(work_s) < 80.0
+    assert [len(run) for run in runs_of(windows[:1], 0, 3)] == [1, 0, 0]
 
 
 def losses_over(items, every_s=10.0):

@@ -32,14 +32,18 @@ from lowcostnav_ros.estimation.satellite_integrity import (
     slots_of,
 )
 from lowcostnav_ros.estimation.satellite_model import (
+    ABSURD,
     UNUSABLE,
     Observations,
+    believed,
     common_part,
     failed,
-    mean_innovation,
-    noise_covariance,
+    gathered,
+    lower_middle,
     satellite_model,
     scalar_variances,
+    screened,
+    summary,
 )
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.gnss.signals import name
@@ -55,10 +59,8 @@ CLOCK_SIGMA_M, CLOCK_SIGMA_MPS = 100.0, 10.0
 UNKNOWN_DRIFT_MPS = 1000.0
 """1-sigma of the drift of a clock not yet measured: three parts in a million, a common crystal."""
 NOTHING = np.zeros(0, dtype=np.int64)
-SUDDEN, USUAL_EPOCHS = 1.0 / 3.0, 10.0
-"""A stated sigma counts for no less than this share of what was usual over so many epochs: a receiver does not get better at once."""
-ABSURD = SUDDEN**2
-"""A stated sigma below this share of the usual one is none: the usual one stays."""
+USUAL_EPOCHS = 10.0
+"""A stated sigma is usual that was stated over so many epochs."""
 JUMP_SIGMAS = 8.0
 """A clock jump moves most satellites together by more than this many sigmas, and apart by less."""
 
@@ -100,6 +102,14 @@ class Receiver:
         self._host: Host | None = None
         self.lever_b = np.zeros(3)
         self.clock_known = [False, False]
+        self._numbered: tuple[GnssEpoch | None, np.ndarray, np.ndarray] = (None, NOTHING, NOTHING)
+
+    def numbers(self, epoch: GnssEpoch) -> tuple[np.ndarray, np.ndarray]:
+        """Of all satellites of an epoch whether their system is used, bool (n,), and their numbers (:func:`.slots_of`)."""
+        if self._numbered[0] is not epoch:
+            wanted = np.array([system in self._settings.systems for system in epoch.system.tolist()], dtype=bool)
+            self._numbered = epoch, wanted, slots_of(epoch)
+        return self._numbered[1:]
 
     def attach(self, host: Host) -> None:
         """Take the antenna of a host and test against its inertial sensors, if it has any."""
@@ -175,7 +185,7 @@ class SatelliteAid(Aid):
         obs = self.observations(measurement, host)
         if not obs.rows.size:
             return "no usable satellite"
-        return Innovation(obs.y, obs.H, noise_covariance(obs.r, obs.common), np.array([float(len(obs.rows))]))
+        return Innovation(obs.y, obs.H, obs.R, np.array([float(len(obs.rows))]))
 
     def seen_by(self, host: Host, measurement: GnssEpoch) -> Innovation | str:
         """Those satellites that were used; a clock that was sought, or has jumped, is moved alike."""
@@ -197,26 +207,25 @@ class SatelliteAid(Aid):
         self.count(measurement, obs.excluded)
         if not obs.rows.size:
             return self.refuse("no usable satellite")
-        if not np.isfinite(obs.y).all():
+        if not math.isfinite(sum(obs.y.tolist())):
             return self.refuse(aiding.NOT_FINITE)
-        slots = slots_of(measurement, obs.rows)
+        slots = self.receiver.numbers(measurement)[1][obs.rows]
         excluded = integrity.is_excluded(slots)
         if integrity.distrusted or excluded.all():
             return self.refuse("satellites not used since the alarm" if integrity.distrusted else EXCLUDED_BY_TEST)
         self._seed(obs, host)
-        S = scalar_variances(host.P, obs.H, obs.r)
-        if not np.isfinite(S).all():
+        S, ratios, is_finite = screened(host.P, obs.y, obs.H, obs.r, self.threshold)
+        if not is_finite:
             return self.refuse(aiding.NOT_FINITE)
-        ratios = obs.y**2 / (S * self.threshold) if self.settings.screening else np.zeros(len(S))
+        if not self.settings.screening:
+            ratios = np.zeros(len(S))
         if host.offsets is not None and middle(ratios) > 1.0:
             late = host.offsets.uncertainty(self, obs, host).diagonal()
             widened = obs.y**2 / ((S + late) * self.threshold)
             if middle(widened) <= 1.0 and host.offsets.is_likely(self.source):
                 obs.late, ratios = late, widened
-        self._report(obs, ratios, ~excluded, host)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
-        ordered = np.sort(ratios[~excluded])
-        middle_ratio = float(ordered[(len(ordered) - 1) // 2])
+        middle_ratio = self._report(obs, ratios, excluded, host)
         self.scatter, self.observed = middle_ratio * self.threshold, obs
         decision, reason = self.control(measurement.stamp_ns, middle_ratio, host)
         self.decision = decision
@@ -249,25 +258,28 @@ class SatelliteAid(Aid):
             return passed
         shared = self.shared(obs)
         sats = Satellites(epoch, obs.rows, slots)
-        good = integrity.compare(self.kind, sats, obs.y, shared, noise_covariance(obs.r, obs.common), passed)
-        if integrity.watches and good.any():
-            S = kalman.innovation_covariance(host.P, obs.H[good], obs.covariance(good))
-            integrity.check_against_inertial(self.kind, epoch.stamp_ns, obs.y[good], shared[good, :4], S)
+        good = integrity.compare(self.kind, sats, obs.y, shared, obs.R, passed)
+        if good.any() and integrity.is_watching(self.kind, epoch.stamp_ns):
+            left = obs.part(good)
+            S = kalman.innovation_covariance(host.P, left.H, left.R)
+            integrity.check_against_inertial(self.kind, epoch.stamp_ns, left.y, shared[good, :4], S)
         return good
 
     def _apply(self, obs: Observations, good: np.ndarray, host: Host) -> None:
-        y, H, R = obs.y[good], obs.H[good], obs.covariance(good)
-        late = None if obs.late is None else np.diag(obs.late[good])
-        self.applied = Innovation(y, H, R, np.array([float(len(y))]), late=late)
+        left = obs.part(good)
+        y, H, R = left.y, left.H, left.R
+        self.applied = Innovation(y, H, R, np.array([float(len(y))]), late=None if left.late is None else np.diag(left.late))
         _, _, self.epoch_nis, _ = kalman.tested(host.P, y, H, R)
         self.epoch_dof = len(y)
         self.fuse(self.applied, host)
 
-    def _report(self, obs: Observations, ratios: np.ndarray, shown: np.ndarray, host: Host) -> None:
-        count, mean, variance = mean_innovation(host.P, obs.y, obs.H, obs.r, obs.common, shown)
+    def _report(self, obs: Observations, ratios: np.ndarray, excluded: np.ndarray, host: Host) -> float:
+        """Fill the record in; return the lower median of the ratios."""
+        count, mean, variance, worst, lower = summary(host.P, obs.y, obs.H, obs.r, obs.common, excluded, ratios)
         status = self.status
         status.observation, status.innovation, status.innovation_variance = np.array([count]), np.array([mean]), np.array([variance])
-        status.nis, status.test_ratio = mean**2 / variance, float(ratios[shown].max())
+        status.nis, status.test_ratio = mean**2 / variance, worst
+        return lower
 
     def _seed(self, obs: Observations, host: Host) -> None:
         """Move the clock (or its drift) where it was unknown or has jumped, and forget how well it was known."""
@@ -291,7 +303,7 @@ class SatelliteAid(Aid):
 
     def believed(self, stated: np.ndarray) -> np.ndarray:
         """Sigmas (n,) as far as the stated ones can be."""
-        return np.where(stated < ABSURD * self._usual, self._usual, np.maximum(stated, SUDDEN * self._usual))
+        return believed(stated, self._usual)
 
     def _stepped(self, obs: Observations, host: Host) -> Observations:
         """Observations with the step of the clock they ask for."""
@@ -308,7 +320,7 @@ class SatelliteAid(Aid):
         if not y.size:
             return None
         known = self.receiver.clock_known[self.clock_state]
-        if known and abs(float(np.sort(y)[(len(y) - 1) // 2])) < JUMP_SIGMAS * math.sqrt(r.min()):
+        if known and abs(lower_middle(y)) < JUMP_SIGMAS * math.sqrt(r.min()):
             return None  # nearly always; the tests below cost time
         common = middle(y)
         if not known:
@@ -328,10 +340,9 @@ class SatelliteAid(Aid):
         The other rows come second, each with its reason.
         """
         settings, found = self.settings, np.empty(len(epoch), dtype=np.int64)
-        wanted = np.array([system in settings.systems for system in epoch.system.tolist()], dtype=bool)
+        wanted, _ = self.receiver.numbers(epoch)
         least = math.sin(settings.mask_deg * DEGREE), settings.minimum_cn0
-        seen, cn0 = (np.ascontiguousarray(column, dtype=float) for column in (observed, epoch.cn0))
-        if failed(np.ascontiguousarray(valid, dtype=bool), seen, wanted, sin_elevation, cn0, *least, found):
+        if failed(np.ascontiguousarray(valid, dtype=bool), plain(observed), wanted, sin_elevation, plain(epoch.cn0), *least, found):
             return np.arange(len(epoch)), []
         others = [(row, UNUSABLE[found[row]]) for row in np.argsort(found, kind="stable").tolist() if found[row] >= 0]
         return np.flatnonzero(found < 0), others
@@ -355,17 +366,17 @@ class RangeAid(SatelliteAid):
         """y = pseudorange - (range + clock + system offset); a jump of the whole clock is followed first."""
         ranges, _, H, _, sin_elevation = self.receiver.predicted(epoch, host)
         rows, others = self.usable(epoch, epoch.pseudorange_m, epoch.range_valid, sin_elevation)
-        H = H[rows]
-        H[:, self._clock] = 1.0
-        y = epoch.pseudorange_m[rows] - ranges[rows] - host.core.estimate[self._clock]
+        clock, scale = self._clock, self.settings.range_sigma_scale
+        y, H, r, stated = gathered(
+            *(ranges, H, plain(epoch.pseudorange_m), plain(epoch.sigma_m)),
+            *(rows, host.core.estimate[clock], clock, scale, self._usual),
+        )
         if self._offset is not None:
             offset = self._offset.start
             H[:, offset] = epoch.system[rows] == "E"
             y -= H[:, offset] * host.core.estimate[offset]
-        sigma = self.believed(epoch.sigma_m[rows])
-        r = (self.settings.range_sigma_scale * sigma) ** 2
         common = common_part(r, sin_elevation[rows]) if self.settings.common_error else np.zeros(len(rows))
-        return self._stepped(Observations(rows, y, H, r, common, others, stated=epoch.sigma_m[rows]), host)
+        return self._stepped(Observations(rows, y, H, r, common, others, stated=stated), host)
 
     def usable_at(self, epoch: GnssEpoch, host: Host) -> np.ndarray:
         """Rows of an epoch whose pseudoranges can be used at the state of a navigator, which may have no receiver clock."""
@@ -397,18 +408,23 @@ class RangeRateAid(SatelliteAid):
         _, rates, _, H, sin_elevation = self.receiver.predicted(epoch, host)
         rows, others = self.usable(epoch, epoch.doppler_mps, epoch.doppler_valid, sin_elevation)
         drift, lever_b = self._clock + 1, self.receiver.lever_b
-        H = H[rows]
-        H[:, drift] = 1.0
+        scale = self.settings.doppler_sigma_scale
+        y, H, r, stated = gathered(
+            *(rates, H, plain(epoch.doppler_mps), plain(epoch.sigma_mps)),
+            *(rows, host.core.estimate[drift], drift, scale, self._usual),
+        )
         if lever_b.any():
             host.layout.fill(H, Kind.GYRO_BIAS, H[:, VEL] @ quat_to_dcm(host.core.nav[6:10]) @ skew(lever_b))
-        y = epoch.doppler_mps[rows] - rates[rows] - host.core.estimate[drift]
-        sigma = self.believed(epoch.sigma_mps[rows])
-        r = (self.settings.doppler_sigma_scale * sigma) ** 2
-        return self._stepped(Observations(rows, y, H, r, np.zeros(len(rows)), others, stated=epoch.sigma_mps[rows]), host)
+        return self._stepped(Observations(rows, y, H, r, np.zeros(len(rows)), others, stated=stated), host)
 
     def shared(self, obs: Observations) -> np.ndarray:
         """Velocity and clock drift."""
         return obs.H[:, [3, 4, 5, self._clock + 1]]
+
+
+def plain(column: np.ndarray) -> np.ndarray:
+    """A column of an epoch as compiled code takes it."""
+    return np.ascontiguousarray(column, dtype=float)
 
 
 def receiver_aids(settings: GnssSettings, key: str, stations: Any) -> list[Aid]:

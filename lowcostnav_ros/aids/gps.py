@@ -215,7 +215,7 @@ class VelocityAid(ReceiverAid):
             stated = status.innovation_variance - (self._factor - 1.0) * self.noise(measurement).diagonal()
             bend = self._bends.take(status.stamp_ns, status.innovation, stated)
             if bend is not None:
-                passes = float(np.sum(status.innovation**2 / stated)) <= self.threshold
+                passes = sum((status.innovation**2 / stated).tolist()) <= self.threshold
                 self._passing += min(bend[0] / PASSING_S, 1.0) * (passes - self._passing)
                 self.scatter.take(status.stamp_ns, *bend, counts=self._passing < FEW or self.scatter.held is not None)
         return used
@@ -304,7 +304,7 @@ class Bends:
         (t0, y0), (t1, y1), _ = points
         share = (stamp_ns - t1) / (t1 - t0)
         bend2 = (y - y1 - share * (y1 - y0)) ** 2 / (2.0 * (1.0 + share + share * share))
-        return 1e-9 * (stamp_ns - t1), float(np.mean(bend2 / variance))
+        return 1e-9 * (stamp_ns - t1), sum((bend2 / variance).tolist()) / len(y)
 
 
 GPS_VELOCITY = Sensor("gps", GpsVelocitySettings, each(VelocityAid))

@@ -222,10 +222,11 @@ def gather(sums, q, f, w, dt):
 
 
 @kernel
-def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, stamps, f_m, w_m, start, step_ns, output_ns):
+def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, stamps, f_m, w_m, start, step_ns, output_ns, seen):
     """Carry mean and covariance through inertial samples ``start``...; stop after the one on which an output falls due.
 
-    Returns the index of the next sample and the stamp reached.  Covariance steps fall on a grid of stamps, never on the cut of a block.
+    Returns the index of the next sample and the stamp reached; that one sample goes, its errors taken out, into ``seen`` (2, 3).
+    Covariance steps fall on a grid of stamps, never on the cut of a block.
     """
     errors, f, w = sensor_errors(estimate, kind, axis), np.empty(3), np.empty(3)
     for k in range(start, stamps.shape[0]):
@@ -241,6 +242,9 @@ def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, 
             errors = sensor_errors(estimate, kind, axis)
         t_ns = stamps[k]
         if due:
+            for r in range(3):
+                seen[0, r] = (f_m[k, r] - errors[0, r]) / (1.0 + errors[2, r])
+                seen[1, r] = (w_m[k, r] - errors[1, r]) / (1.0 + errors[3, r])
             return k + 1, t_ns
     return stamps.shape[0], t_ns
 
@@ -324,7 +328,7 @@ class InertialCore:
     P : ndarray (n, n)
     t_ns : int
     force_b, rate_b : ndarray (3,)
-        Specific force, m/s^2, and rate, rad/s, of a late sample, sensor errors taken out (:meth:`note`).
+        Specific force, m/s^2, and rate, rad/s, of a late sample, sensor errors taken out: of that of an output, or by :meth:`note`.
     """
 
     velocity_rows, attitude_rows = VEL, ATT
@@ -360,12 +364,14 @@ class InertialCore:
 
     def advance(self, block: ImuBlock, start: int, output_ns: int) -> int:
         """Run samples of an ImuBlock from index ``start``; return the next index (an output is due when short of the end)."""
-        layout, self._motion = self.layout, None
+        layout, self._motion, seen = self.layout, None, np.empty((2, 3))
         track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
         following, t_ns = run_block(
             *(self.t_ns, self.nav, self._last, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd, track),
-            *(block.stamps_ns, block.specific_force_b, block.angular_rate_b, start, COVARIANCE_STEP_NS, output_ns),
+            *(block.stamps_ns, block.specific_force_b, block.angular_rate_b, start, COVARIANCE_STEP_NS, output_ns, seen),
         )
+        if t_ns // output_ns != self.t_ns // output_ns:
+            self.force_b, self.rate_b = seen
         self.t_ns = int(t_ns)
         if self.history is not None:
             self.history.end(self.P)
@@ -478,8 +484,9 @@ class InertialCore:
         nav, sums, P, estimate = self.nav.copy(), self._sums.copy(), self.P.copy(), self.estimate.copy()
         kinds = layout.kind, layout.axis, layout.rate, layout.psd, kalman.NO_TRACK
         if block is not None:
-            samples = block.stamps_ns, block.specific_force_b, block.angular_rate_b
-            _, t_ns = run_block(t_ns, nav, self._last.copy(), sums, P, estimate, *kinds, *samples, 0, COVARIANCE_STEP_NS, NO_OUTPUT_NS)
+            samples, last = (block.stamps_ns, block.specific_force_b, block.angular_rate_b), self._last.copy()
+            steps = 0, COVARIANCE_STEP_NS, NO_OUTPUT_NS, np.empty((2, 3))
+            _, t_ns = run_block(t_ns, nav, last, sums, P, estimate, *kinds, *samples, *steps)
         covariance_step(nav, sums, P, estimate, *kinds)
         return int(t_ns), nav, P
 

@@ -151,6 +151,8 @@ class Clocks:
         The time base: newest stamp that agreed.
     refused : list of (str, str)
         Source and reason of held messages that were dropped; the caller empties it.
+    is_quiet : bool
+        Whether all inputs keep time: nothing is held, and nothing is known against any clock.
     """
 
     def __init__(self, lag_ns: int, jump_ns: int, anchor: str | None = None) -> None:
@@ -166,6 +168,7 @@ class Clocks:
         self._held: list[Measurement] = []
         self._released: list[Measurement] = []
         self._serial = 0
+        self.is_quiet = True
 
     def pieces(self, measurement: Measurement) -> list[Measurement]:
         """A measurement as it is judged: at the time that its stamp is taken for.
@@ -201,9 +204,11 @@ class Clocks:
         if not ahead and not passed and stamp >= base - self.lag_ns - QUEUE_NS:
             clock.agreed(first, stamp, count, self._serial)
             self.time_ns = max(base, stamp)
-            if self._held:
+            if not self.is_quiet:
                 self._drop()
+                self.is_quiet = not any(c.out or c.steady or c.shift_ns for c in self._clocks.values())
             return ""
+        self.is_quiet = False
         clock.left_at(first, stamp, count, base, self._serial, self._near_ns)
         self._serial += count - 1
         if self._outvotes(clock, stamp, ahead, base):
@@ -228,6 +233,8 @@ class Clocks:
 
     def contradictions(self) -> tuple[Contradiction, ...]:
         """Inputs whose clocks are off, each with the input it is compared with, and by how much."""
+        if self.is_quiet:
+            return ()
         off = [c for c in self._clocks.values() if (c.steady and c.is_off) or c.shift_ns]
         return tuple([self._contradiction(c) for c in off]) if off else ()
 

@@ -53,7 +53,7 @@ class FusionHorizon:
     clocks : Clocks
         The time base and the clocks of all inputs.
     passed_ns : int or None
-        Up to where measurements were handed over; only inertial samples of before may still be held.
+        Up to where measurements are handed over, or will be when :meth:`take` is called next: what is not later than this is late.
     is_idle : bool
         Whether the measurement handed over last moves nothing, so that the state need not have come to its stamp.
     """
@@ -73,7 +73,7 @@ class FusionHorizon:
         self._waiting: list = []
         self._keys: set = set()
         self._sequence = 0
-        self._imu: ImuBlock | None = None
+        self._parts: list[ImuBlock] = []  # inertial samples, in order; :meth:`_held` joins them
         self._imu_newest_ns: int | None = None
         self._carried_ns: int | None = None  # up to where inertial samples were handed over
         self.is_idle = False
@@ -125,7 +125,8 @@ class FusionHorizon:
         ``moves`` tells of a measurement whether anything may come of it.  So that the answer does not depend on how much has arrived, no
         run of inertial samples that has no hole may change it from no to yes, or back.
         """
-        limit = self._limit_ns()
+        self.move_on()
+        limit = self.passed_ns
         if limit is None:
             return
         while self._waiting and self._waiting[0][0] <= limit:
@@ -134,7 +135,11 @@ class FusionHorizon:
             yield self._pop()
         if self.inertial is not None and self._is_due(limit):
             yield from self._inertial_until(limit, split=False)
-        if self.passed_ns is None or limit > self.passed_ns:
+
+    def move_on(self) -> None:
+        """Pass what is old enough, once a measurement has been taken in: from then on it is too late for others, handed over or not."""
+        limit = self._limit_ns()
+        if limit is not None and (self.passed_ns is None or limit > self.passed_ns):
             self.passed_ns = limit
 
     def _inertial_before(self, stamp: int, item: Measurement, moves: Callable[[Measurement], bool] | None) -> Iterator[ImuBlock]:
@@ -148,7 +153,7 @@ class FusionHorizon:
 
     def _has_hole(self, stamp: int) -> bool:
         """Whether the samples held may leave a hole between the last one handed over and the first at ``stamp`` or later."""
-        held, carried = self._imu, self._carried_ns
+        held, carried = self._held(), self._carried_ns
         if carried == stamp:
             return False
         if held is None or carried is None or held.stamp_ns < stamp:
@@ -157,7 +162,7 @@ class FusionHorizon:
 
     def _is_due(self, limit: int) -> bool:
         """Whether a sample held, up to ``limit``, is beyond a multiple of the output period that the ones before it were not."""
-        held, carried = self._imu, self._carried_ns
+        held, carried = self._held(), self._carried_ns
         if held is None or carried is None or limit - carried > HOLE_NS:
             return True
         n = int(held.stamps_ns.searchsorted(limit, side="right"))
@@ -165,7 +170,7 @@ class FusionHorizon:
 
     def ahead(self) -> tuple[ImuBlock | None, list[Measurement]]:
         """What is held beyond the horizon: inertial samples and the other measurements in order, for the output predictor."""
-        return self._imu, [entry[-1] for entry in sorted(self._waiting, key=lambda e: e[:4])]
+        return self._held(), [entry[-1] for entry in sorted(self._waiting, key=lambda e: e[:4])]
 
     def _limit_ns(self) -> int | None:
         newest = self.newest_ns
@@ -182,29 +187,33 @@ class FusionHorizon:
         return measurement
 
     def _push_imu(self, block: ImuBlock) -> str:
-        held, floor = self._imu, self.passed_ns
+        floor, parts = self.passed_ns, self._parts
         if floor is not None and block.stamps_ns[0] <= floor:
             keep = block.stamps_ns > floor
             if not keep.any():
                 return LATE
             block = block[keep]
-        if held is None:
-            self._imu = block
-        elif len(held) + len(block) > MAX_WAITING:
+        count = sum(map(len, parts))
+        if count and count + len(block) > MAX_WAITING:
             return "too many samples at once"
-        elif block.stamps_ns[0] > held.stamp_ns:
-            self._imu = _joined(held, block)
-        else:
-            merged = _joined(held, block)
+        parts.append(block)
+        if count and block.stamps_ns[0] <= parts[-2].stamp_ns:
+            merged = ImuBlock.joined(parts)
             stamps, first = np.unique(merged.stamps_ns, return_index=True)
-            self._imu = merged[first]
-            if len(stamps) == len(held):
+            self._parts = [merged[first]]
+            if len(stamps) == count:
                 return "duplicate stamp"
-        self._imu_newest_ns = max(self._imu.stamp_ns, self._imu_newest_ns or 0)
+        self._imu_newest_ns = max(self._parts[-1].stamp_ns, self._imu_newest_ns or 0)
         return ""
 
+    def _held(self) -> ImuBlock | None:
+        """The inertial samples held."""
+        if len(self._parts) > 1:
+            self._parts = [ImuBlock.joined(self._parts)]
+        return self._parts[0] if self._parts else None
+
     def _inertial_until(self, stamp: int, *, split: bool) -> Iterator[ImuBlock]:
-        held = self._imu
+        held = self._held()
         if held is None:
             return
         stamps = held.stamps_ns
@@ -219,9 +228,9 @@ class FusionHorizon:
         elif n:
             yield from unbroken(held[:n])
         if n == len(stamps):
-            self._imu = None
+            self._parts = []
         elif n:
-            self._imu = held[n:]
+            self._parts = [held[n:]]
 
 
 def unbroken(block: ImuBlock) -> list[ImuBlock]:
@@ -230,12 +239,3 @@ def unbroken(block: ImuBlock) -> list[ImuBlock]:
         return [block]
     cuts = np.flatnonzero(np.diff(block.stamps_ns) > HOLE_NS) + 1
     return [block[a:b] for a, b in pairwise([0, *cuts.tolist(), len(block)])]
-
-
-def _joined(a: ImuBlock, b: ImuBlock) -> ImuBlock:
-    return ImuBlock.of(
-        b.source,
-        np.concatenate((a.stamps_ns, b.stamps_ns)),
-        np.concatenate((a.specific_force_b, b.specific_force_b)),
-        np.concatenate((a.angular_rate_b, b.angular_rate_b)),
-    )

@@ -179,15 +179,16 @@ class GnssIntegrity:
         good = passed & judged
         return good, found if np.array_equal(good, judged) else windows.judge(slots, good, G, R)
 
-    def check_against_inertial(self, kind: str, stamp_ns: int, y: np.ndarray, G: np.ndarray, S: np.ndarray) -> None:
-        """Test all satellites together against the prediction: innovations y (n,), columns G (n, 4), covariance S (n, n)."""
-        watch = self.watches.get(kind)
+    def is_watching(self, kind: str, stamp_ns: int) -> bool:
+        """Whether satellites are tested against the prediction now: not right after a start, nor any more once there is an alarm."""
         if self._first_ns is None:
             self._first_ns = stamp_ns
         settled = stamp_ns - self._first_ns >= 1e9 * self.settings.inertial_after_s
-        if watch is None or self.status.alarm or not settled:
-            return
-        found = watch.observe(stamp_ns, y, G, S)
+        return settled and kind in self.watches and not self.status.alarm
+
+    def check_against_inertial(self, kind: str, stamp_ns: int, y: np.ndarray, G: np.ndarray, S: np.ndarray) -> None:
+        """Test all satellites together against the prediction: innovations y (n,), columns G (n, 4), covariance S (n, n)."""
+        found = self.watches[kind].observe(stamp_ns, y, G, S)
         if found is not None:
             self.apart = kind, found.offset[:3]
             self._alarm(stamp_ns, sentence(kind, found))
@@ -271,9 +272,9 @@ def sentence(kind: str, found: Disagreement) -> str:
     )
 
 
-def slots_of(epoch: GnssEpoch, rows: np.ndarray) -> np.ndarray:
-    """Number of each satellite among all, int (n,)."""
-    return epoch.sat_id[rows] % (SLOTS // 2) + np.where(epoch.system[rows] == GALILEO, SLOTS // 2, 0)
+def slots_of(epoch: GnssEpoch) -> np.ndarray:
+    """Number of each satellite of an epoch among all, int (n,)."""
+    return epoch.sat_id % (SLOTS // 2) + np.where(epoch.system == GALILEO, SLOTS // 2, 0)
 
 
 def name_of(epoch: GnssEpoch, row: int) -> str:

@@ -96,6 +96,63 @@ def noise_covariance(r, common):
     return R
 
 
+SUDDEN = 1.0 / 3.0
+"""A stated sigma counts for no less than this share of what is usual: a receiver does not get better at once."""
+ABSURD = SUDDEN**2
+"""A stated sigma below this share of the usual one is none: the usual one stays."""
+
+
+@kernel
+def believed(stated, usual):
+    """Sigmas (n,) as far as the stated ones (n,) can be."""
+    return np.where(stated < ABSURD * usual, usual, np.maximum(stated, SUDDEN * usual))
+
+
+@kernel
+def gathered(predicted, jacobian, observed, stated, rows, clock, column, scale, usual):
+    """What the usable satellites ``rows`` (m,) of an epoch say: ``observed`` less ``predicted`` (n,) and less the clock's error.
+
+    Returns
+    -------
+    y : ndarray (m,)
+    H : ndarray (m, states)
+        Their rows of ``jacobian`` with 1 in the column of the clock.
+    r, sigma : ndarray (m,)
+        Variance, of the sigma that is believed, times ``scale`` squared; and the sigma that is stated.
+    """
+    m, n = rows.shape[0], jacobian.shape[1]
+    y, H, sigma = np.empty(m), np.empty((m, n)), np.empty(m)
+    for k in range(m):
+        row = rows[k]
+        y[k] = observed[row] - predicted[row] - clock
+        for j in range(n):
+            H[k, j] = jacobian[row, j]
+        H[k, column] = 1.0
+        sigma[k] = stated[row]
+    return y, H, (scale * believed(sigma, usual)) ** 2, sigma
+
+
+@kernel
+def lower_middle(column):
+    """Median of an array (n,), n > 0, the lower of two."""
+    return np.sort(column)[(column.shape[0] - 1) // 2]
+
+
+@kernel
+def screened(P, y, H, r, threshold):
+    """Of each satellite alone the innovation variance (m,) and the normalised square over a threshold (m,); and whether all are finite."""
+    S = scalar_variances(P, H, r)
+    return S, y**2 / (S * threshold), np.isfinite(S.sum() + y.sum())
+
+
+@kernel
+def summary(P, y, H, r, common, excluded, ratios):
+    """Of the satellites that are not excluded: number, mean innovation and its variance, largest ratio and the lower median of them."""
+    count, mean, variance = mean_innovation(P, y, H, r, common, ~excluded)
+    shown = ratios[~excluded]
+    return count, mean, variance, shown.max(), lower_middle(shown)
+
+
 @kernel
 def mean_innovation(P, y, H, r, common, shown):
     """Number, mean innovation and its variance of the satellites to be shown."""
@@ -162,8 +219,21 @@ class Observations:
         """Covariance of the noise of some of them (rows or a mask), (k, k)."""
         return noise_covariance(self.r[rows], self.common[rows])
 
+    def part(self, good: np.ndarray) -> "Observations":
+        """Those of a mask (m,), all that innovations are made of; nearly always the whole."""
+        if good.all():
+            return self
+        late = None if self.late is None else self.late[good]
+        return Observations(self.rows[good], self.y[good], self.H[good], self.r[good], self.common[good], late=late)
 
-def common_part(variance: np.ndarray, sin_elevation: np.ndarray) -> np.ndarray:
+    @property
+    def R(self) -> np.ndarray:
+        """Covariance of the noise of all of them, (m, m)."""
+        return noise_covariance(self.r, self.common)
+
+
+@kernel
+def common_part(variance, sin_elevation):
     """What a common error is in each satellite, (m,) m, of stated variances (m,) m^2: f sigma/sqrt(8), f = 1.1/(sin El + 0.1) (2-40)."""
     f = 1.1 / (np.maximum(sin_elevation, 0.0) + 0.1)
     return f * np.sqrt(COMMON_SHARE * variance / (1.0 - COMMON_SHARE + COMMON_SHARE * f * f))

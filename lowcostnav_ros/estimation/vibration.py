@@ -30,8 +30,8 @@ PERIOD_NS = 1_000_000_000
 
 
 @kernel
-def shake(stamps, force, rate, begun, row, total, means, power):
-    """Take samples in, in place, the same however they are cut into blocks.
+def shake(stamps, force, rate, first, end, begun, row, total, means, power):
+    """Take samples ``first`` up to ``end`` in, in place, the same however they are cut into blocks.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def shake(stamps, force, rate, begun, row, total, means, power):
     power : ndarray, shape (2, 6)
         Mean square of fourth differences, as a density: times the length of an interval.
     """
-    for k in range(stamps.shape[0]):
+    for k in range(first, end):
         for s in range(2):
             spent = stamps[k] - begun[s, 0]
             if spent >= SPANS_NS[s]:
@@ -96,8 +96,8 @@ class Vibration:
 
     def take(self, block: ImuBlock, first: int = 0, end: int | None = None) -> None:
         """Take in samples ``first`` up to ``end``."""
-        stamps, force, rate = (column[first:end] for column in (block.stamps_ns, block.specific_force_b, block.angular_rate_b))
-        shake(stamps, force, rate, self._begun, self._row, self._total, self._means, self._power)
+        samples = block.stamps_ns, block.specific_force_b, block.angular_rate_b, first, len(block) if end is None else end
+        shake(*samples, self._begun, self._row, self._total, self._means, self._power)
 
     def look(self, t_ns: int) -> bool:
         """Find the factors anew, once a second; return whether they have changed."""
@@ -106,8 +106,8 @@ class Vibration:
         self._looked, before = t_ns // PERIOD_NS, (self.accel, self.gyro)
         if self._row[1, 0] > 0:  # not of a hole
             self._share = 1.0 if self._begun[1, 1] > SPARSE_NS else SHARE
-        shaken = self._share * self.shaking() / self._declared
-        self.accel, self.gyro = max(1.0, float(shaken[:3].max())), max(1.0, float(shaken[3:].max()))
+        shaken = (self._share * self.shaking() / self._declared).tolist()
+        self.accel, self.gyro = max(1.0, *shaken[:3]), max(1.0, *shaken[3:])
         return before != (self.accel, self.gyro)
 
     def shaking(self) -> np.ndarray:

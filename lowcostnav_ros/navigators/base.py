@@ -36,6 +36,8 @@ SILENT_NS = 2_000_000_000
 """A navigator that puts out nothing for longer than this is not healthy, whatever its mode."""
 ALL_REFUSED = 100
 """Nor is one that has refused so many messages in a row."""
+TOGETHER = 64
+"""Measurements that are taken in before what the horizon has passed is fused, where many are given at once."""
 
 AidType = TypeVar("AidType", bound=Aid)
 HEALTH_NS = 1_000_000_000
@@ -191,6 +193,7 @@ class Navigator(ABC):
         self.on_aid: Callable[[AidStatus], None] | None = None
         self._out: list[NavSolution] = []
         self._out_ns: int | None = None
+        self._is_lost = False
         self._refused_in_row = 0
         self._said: tuple[int, str, Level, str] | None = None
         calibration = getattr(settings, "magnetometer", None)
@@ -413,9 +416,23 @@ class Navigator(ABC):
 
     def feed(self, measurement: Measurement) -> list[NavSolution]:
         """Take one measurement (or block of inertial samples) in; return the fused solutions that became final, oldest first."""
+        self._receive(measurement)
+        return self._fused()
+
+    def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
+        """Take many in; return all fused solutions, the same as of one by one."""
+        out: list[NavSolution] = []
+        for count, measurement in enumerate(measurements, 1):
+            self._receive(measurement)
+            if count % TOGETHER == 0 or not self.horizon.clocks.is_quiet:
+                out += self._fused()
+        return out + self._fused()
+
+    def _receive(self, measurement: Measurement) -> None:
+        """Take a measurement in, to be fused in its order."""
         record = self.input_status.get(measurement.source)
         if record is None:
-            return []
+            return
         record.received += len(measurement) if isinstance(measurement, ImuBlock) else 1
         if isinstance(measurement, ImuBlock):
             measurement = self._in_body_axes(measurement)
@@ -423,6 +440,10 @@ class Navigator(ABC):
             measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
+        self.horizon.move_on()
+
+    def _fused(self) -> list[NavSolution]:
+        """Fuse what the horizon has passed; return the solutions that became final."""
         for item in self.horizon.take(self.moves):
             refusal = self.refusal(item) or self.trust.take(item)
             if refusal:
@@ -431,11 +452,10 @@ class Navigator(ABC):
                 self._screened(item)
             elif not self.horizon.is_idle:
                 self._fuse(item)
+            if self._is_lost:
+                self._is_lost = False
+                self.realign("solution not finite")
         out, self._out = self._out, []
-        if out:
-            if not all(map(is_sound, out)):
-                out = self._lost(out)
-            self._out_ns = out[-1].stamp_ns if out else self._out_ns
         return out
 
     def _in_body_axes(self, block: ImuBlock) -> ImuBlock:
@@ -449,8 +469,9 @@ class Navigator(ABC):
         """Give a measurement to the horizon; count what is refused."""
         refusal = self.horizon.push(measurement)
         if refusal == TIME_JUMPED:
+            before = self._fused()
             self.reset("time base jumped")
-            refusal = self.horizon.push(measurement)
+            self._out, refusal = before, self.horizon.push(measurement)
         if self.horizon.clocks.refused:
             for source, reason in self.horizon.clocks.refused:
                 self.input_status[source].reject(reason)
@@ -502,18 +523,9 @@ class Navigator(ABC):
             return None
         return self.spikes.preview(unbroken(block)[0])
 
-    def _lost(self, out: list[NavSolution]) -> list[NavSolution]:
-        """Begin anew after a solution that is none; what was sound before it still goes out."""
-        self.realign("solution not finite")
-        return [solution for solution in out if is_sound(solution)]
-
     def refusal(self, item: Measurement) -> str:
         """Why the next measurement in order of time is none; empty for nothing."""
         return ""
-
-    def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
-        """Feed many; return all fused solutions."""
-        return [solution for m in measurements for solution in self.feed(m)]
 
     @property
     def newest_ns(self) -> int | None:
@@ -586,7 +598,11 @@ class Navigator(ABC):
             self._take(self.core)
 
     def publish(self, solution: NavSolution) -> None:
-        """Give out the fused solution of the present state, with what there is to say of it."""
+        """Give out the fused solution of the present state, with what there is to say of it; begin anew soon where it is none."""
+        if not is_sound(solution):
+            self._is_lost = True
+            return
+        self._out_ns = solution.stamp_ns
         news = solution.stamp_ns // HEALTH_NS, self.mode, self._level(), self.reason
         if news != self._said and (self._said is None or news[:3] != self._said[:3] or _phrase(news[3]) != _phrase(self._said[3])):
             self._said, solution = news, replace(solution, health=self._health(solution.stamp_ns))

@@ -248,7 +248,7 @@ class InertialNavigator(Navigator):
             aid.rejecting_since_ns = aid.unresolved = None
 
     def _run(self, block: ImuBlock) -> None:
-        first = 0
+        first, end = 0, len(block)
         self.trust.witness.take(block)
         in_hole = self._aligned and not self._levelling_until_ns and block.stamps_ns[0] - self._sampled_ns > GAP_NS
         if in_hole and self._coast(int(block.stamps_ns[0])):
@@ -261,13 +261,12 @@ class InertialNavigator(Navigator):
         if not self._aligned:
             self.vibration.take(block)
             return
-        while first < len(block):
+        while first < end:
             self.headings.advance(block, first, self.output_period_ns)
             begun, first = first, self.core.advance(block, first, self.output_period_ns)
             self.vibration.take(block, begun, first)
             self._sampled_ns = self.core.t_ns
             if self.core.t_ns // self.output_period_ns != self._emitted:
-                self.core.note(block, first - 1)
                 self.axes.take(self.core.t_ns, self.core.force_b[2])
                 self._put_out()
         self.core.passed(block)

@@ -163,9 +163,15 @@ class Trust:
         clocks, checked, unresolved = self.host.horizon.clocks.contradictions(), self.checks.held(), self._unresolved()
         return (*clocks, *checked, *unresolved, *own) if checked or unresolved or own else clocks  # nearly always nothing
 
+    def _is_contradicted(self) -> bool:
+        """Whether what a receiver said last contradicted the state."""
+        return any(aid.unresolved is not None for aid in self.receivers)
+
     def _unresolved(self) -> list[Contradiction]:
         """GPS that the state contradicts, and no check can tell which of them is wrong."""
-        found = []
+        found: list[Contradiction] = []
+        if not self._is_contradicted():
+            return found
         for aid in self.receivers:
             since_ns = aid.rejecting_since_ns
             if aid.unresolved is None or since_ns is None or aid.unresolved[0] - since_ns < DISAGREES_NS or self.host.excluded(aid):
@@ -184,7 +190,7 @@ class Trust:
         of_gps = (held for check in self.checks.receivers for held in check.held() if held.name == DISAGREE)
         own = () if self.led_away is None else (self.led_away,)
         found = next(chain(of_gps, own, self._unresolved()), None)
-        return "" if found is None else found.words(self.host.horizon.passed_ns or found.since_ns)
+        return "" if found is None else found.words(max(self.host.core.t_ns, found.since_ns))
 
     def doubt(self, stamp_ns: int) -> np.ndarray:
         """What contradictions add to the covariance (9, 9) of position, velocity and attitude NED: m, m/s, rad.
@@ -193,7 +199,7 @@ class Trust:
         """
         added = self._added
         late = None if self.host.offsets is None else self.host.offsets.doubt()
-        if late is None and self.away is None and all(aid.unresolved is None for aid in self.receivers):
+        if late is None and self.away is None and not self._is_contradicted():
             return added
         added = added.copy()
         if late is not None:
@@ -233,7 +239,7 @@ class Trust:
             self._heard_ns, self._recoveries = now_ns, host.recoveries()
             self._far = FAR if self._drift() > 1.0 else 1.0  # what was refused at first is not taken after all
             self._hear(now_ns)
-        elif not host.inertial_is_suspect and host.gps_good(now_ns) and not host.gps_alarm() and since_ns is None:
+        elif since_ns is None and not host.inertial_is_suspect and host.gps_good(now_ns) and not host.gps_alarm():
             self._good_ns, self._good_since_ns = now_ns, now_ns if self._good_since_ns is None else self._good_since_ns
             if now_ns - self._good_since_ns >= SETTLED_NS and all(aid.rejecting_since_ns is None for aid in self.receivers):
                 self.witness.keep(host.core)
@@ -243,14 +249,15 @@ class Trust:
 
     def _suspected_since(self, now_ns: int) -> int | None:
         """Since when GPS is under suspicion, None where it is not."""
-        since = [found.since_ns for found in self._unresolved()]
-        if self.told or self.host.gps_alarm() or self._drift() > 1.0:
-            since.append(now_ns - SLOW_NS)
-        return min(since) if since else None
+        is_slow = self.told or self.host.gps_alarm() or self._drift() > 1.0
+        return min([found.since_ns for found in self._unresolved()] + [now_ns - SLOW_NS] * is_slow, default=None)
 
     def _drift(self) -> float:
         """By how much what is taken from GPS differs from the prediction over some seconds, 1: as it rarely does."""
-        return max([aid.drift for aid in self._watched]) if self._watched else 0.0
+        most = 0.0
+        for aid in self._watched:
+            most = max(most, aid.drift)
+        return most
 
     def _hear(self, now_ns: int) -> None:
         """Compare the navigator's state with the witness."""

@@ -5,6 +5,7 @@ The model holds the core field only: local anomalies of some hundred nanotesla (
 """
 
 import functools
+import itertools
 import math
 from datetime import UTC, datetime
 from datetime import date as Date
@@ -204,6 +205,12 @@ class MagneticModel:
         self.year = decimal_year(date)
         self.name = model_name(date)
         self._node = functools.lru_cache(maxsize=4096)(self._evaluate_node)
+        self._cell = functools.lru_cache(maxsize=256)(self._nodes_of_cell)
+
+    def _nodes_of_cell(self, i: int, j: int, k: int) -> list[list[float]]:
+        """Field at the eight corners of a cell."""
+        corners = itertools.product((i, i + 1), (j, j + 1), (k, k + 1))
+        return [self._node(north, east % (360 * _CELLS_PER_DEGREE), up).tolist() for north, east, up in corners]
 
     def _evaluate_node(self, i: int, j: int, k: int) -> np.ndarray:
         return _evaluate(self.name, self.year, i / _CELLS_PER_DEGREE, j / _CELLS_PER_DEGREE, k * _CELL_HEIGHT)
@@ -211,14 +218,14 @@ class MagneticModel:
     def field_n(self, lat: float, lon: float, height: float) -> np.ndarray:
         """Field, tesla, NED, shape (3,), within 0.2 nT of :func:`field_n`; rad, rad, m above the ellipsoid."""
         _check_place(lat, lon, height)
-        x, y, z = math.degrees(lat) * _CELLS_PER_DEGREE, math.degrees(lon) * _CELLS_PER_DEGREE, height / _CELL_HEIGHT
+        x, y, z = math.degrees(lat) * _CELLS_PER_DEGREE, math.degrees(lon) * _CELLS_PER_DEGREE, float(height) / _CELL_HEIGHT
         i, j, k = math.floor(x), math.floor(y), math.floor(z)
-        field = np.zeros(3)
-        for di, wi in ((0, 1.0 - (x - i)), (1, x - i)):
-            for dj, wj in ((0, 1.0 - (y - j)), (1, y - j)):
-                for dk, wk in ((0, 1.0 - (z - k)), (1, z - k)):
-                    field += wi * wj * wk * self._node(i + di, (j + dj) % (360 * _CELLS_PER_DEGREE), k + dk)
-        return field
+        weights = itertools.product((1.0 - (x - i), x - i), (1.0 - (y - j), y - j), (1.0 - (z - k), z - k))
+        north = east = down = 0.0
+        for (wi, wj, wk), node in zip(weights, self._cell(i, j, k), strict=True):
+            w = wi * wj * wk
+            north, east, down = north + w * node[0], east + w * node[1], down + w * node[2]
+        return np.array([north, east, down])
 
     def declination(self, lat: float, lon: float, height: float) -> float:
         """Declination, rad, east positive."""

@@ -2,7 +2,7 @@
 
 import copy
 import itertools
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from time import perf_counter
 from typing import Any
 
@@ -59,10 +59,10 @@ class Link:
         self._origin: Any = None
         self.seconds = 0.0
 
-    def feed(self, measurement: Measurement) -> list[NavSolution]:
+    def feed(self, measurements: Sequence[Measurement]) -> list[NavSolution]:
         """Feed the navigator, and note the time it takes; one that takes :data:`COMPILES_S` is the compiler's, of a first run."""
         start = perf_counter()
-        solutions = self.navigator.feed(measurement)
+        solutions = self.navigator.feed(measurements[0]) if len(measurements) == 1 else self.navigator.feed_all(measurements)
         taken_s = perf_counter() - start
         self.seconds += taken_s if taken_s < COMPILES_S else 0.0
         return solutions
@@ -142,11 +142,25 @@ class Chain:
 
     def feed(self, measurement: Measurement) -> Iterator[tuple[str, NavSolution]]:
         """Feed one measurement to all that take its source; yield name and solution in order."""
+        for piece in self._fed(measurement):
+            yield from self._distribute(piece)
+
+    def feed_all(self, measurements: Sequence[Measurement]) -> Iterator[tuple[str, NavSolution]]:
+        """The same of many: where no navigator takes another's solution, each takes them at once, which is sooner done."""
+        if self._is_linked:
+            yield from (found for measurement in measurements for found in self.feed(measurement))
+            return
+        fed = [piece for measurement in measurements for piece in self._fed(measurement)]
+        for name, link in self.links.items():
+            taken = [piece for piece in fed if piece.source in link.navigator.inputs]
+            yield from ((name, solution) for solution in (link.feed(taken) if taken else ()))
+
+    def _fed(self, measurement: Measurement) -> Iterator[Measurement]:
+        """What becomes of a measurement before it is fed, in order."""
         if self.takes(measurement):
-            for piece in _pieces(measurement) if self._is_linked else (measurement,):
-                yield from self._distribute(piece)
+            yield from _pieces(measurement) if self._is_linked else (measurement,)
             for velocity in () if self.air_data is None else self.air_data.feed(measurement):
-                yield from self._distribute(self._as_received(velocity))
+                yield self._as_received(velocity)
 
     def _as_received(self, velocity: Measurement) -> Measurement:
         """What subscribers of the air data computer's node receive."""
@@ -166,7 +180,7 @@ class Chain:
     def _distribute(self, measurement: Measurement) -> Iterator[tuple[str, NavSolution]]:
         for name, link in self.links.items():
             if measurement.source in link.navigator.inputs:
-                for solution in link.feed(measurement):
+                for solution in link.feed((measurement,)):
                     message = link.message(solution) if name in self._sending else None
                     yield name, solution
                     if message is not None:

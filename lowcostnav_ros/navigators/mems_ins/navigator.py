@@ -7,6 +7,7 @@ position, velocity and the errors of the reference in one filter (:mod:`~lowcost
 """
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -127,6 +128,10 @@ class MemsIns(ReckoningNavigator):
         for solution in out:
             self.rates.take(self.name, solution.stamp_ns)
         return out
+
+    def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
+        """As every navigator; one by one, since it matters when each has arrived."""
+        return [solution for measurement in measurements for solution in self.feed(measurement)]
 
     def _restart(self) -> None:
         self._start_over(self._new_core(self.layout))

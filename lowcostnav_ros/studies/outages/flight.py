@@ -18,6 +18,9 @@ SETTLED_NS = 2_000_000_000
 BEFORE_NS = 3_000_000_000
 """Solutions from this long before a loss are kept, so that there is one on either side of it."""
 
+TOGETHER_NS = 500_000_000
+"""Measurements of so long are fed at once."""
+
 STEADY_NS = 10_000_000_000
 """GPS must have been there for so long to be lost; right after an outage the navigators still recover from that one."""
 
@@ -48,18 +51,44 @@ class Loss:
     kept: Solutions = field(default_factory=dict)
     is_whole: bool = False
     _withheld: Window = field(init=False)
+    _fed: "Gathered" = field(init=False)
 
     def __post_init__(self) -> None:
         self._withheld = replace(self.window, end_ns=2**62)  # what comes after its end must not pull at the error there
+        self._fed = Gathered(self.chain)
 
     def feed(self, measurement: Measurement) -> int:
         """Feed the copy all but what is withheld from the start of the window on; return the newest stamp of its solutions."""
         given, _ = split(measurement, (self._withheld,))
+        return self._take(self._fed.add(given)) if given is not None else -(2**62)
+
+    def end(self) -> None:
+        """Feed what has been gathered."""
+        self._take(self._fed.rest())
+
+    def _take(self, solutions: Iterable[tuple[str, NavSolution]]) -> int:
         newest_ns = -(2**62)
-        for name, solution in self.chain.feed(given) if given is not None else ():
+        for name, solution in solutions:
             self.lost[name].append(solution)
             newest_ns = max(newest_ns, solution.stamp_ns)
         return newest_ns
+
+
+class Gathered:
+    """Measurements for a chain, given to it as they come, those of :data:`TOGETHER_NS` at once."""
+
+    def __init__(self, chain: Chain) -> None:
+        self.chain, self._waiting = chain, list[Measurement]()
+
+    def add(self, measurement: Measurement) -> Iterable[tuple[str, NavSolution]]:
+        """Take a measurement; return name and solution of what comes out now."""
+        self._waiting.append(measurement)
+        return self.rest() if abs(measurement.stamp_ns - self._waiting[0].stamp_ns) >= TOGETHER_NS else ()
+
+    def rest(self) -> Iterable[tuple[str, NavSolution]]:
+        """Give the chain what is there."""
+        waiting, self._waiting = self._waiting, []
+        return self.chain.feed_all(waiting)
 
 
 class Losses:
@@ -91,14 +120,22 @@ class Losses:
 
     def fly(self, measurements: Iterable[Measurement]) -> Iterator[Loss]:
         """Feed a recording, as far as there are windows; yield each when it is over, or with the recording."""
+        fed = Gathered(self.chain)
         for measurement in measurements:
+            if self._may_lose(measurement):
+                self._take_all(fed.rest())
             self.before(measurement)
-            for name, solution in self.chain.feed(measurement) if self._waiting or self.to_the_end else ():
-                self.take(name, solution)
+            if self._waiting or self.to_the_end:
+                self._take_all(fed.add(measurement))
             yield from self.over()
             if self.is_done:
                 return
+        self._take_all(fed.rest())
         yield from self.rest()
+
+    def _take_all(self, solutions: Iterable[tuple[str, NavSolution]]) -> None:
+        for name, solution in solutions:
+            self.take(name, solution)
 
     def before(self, measurement: Measurement) -> None:
         """Lose GPS where a window begins, and feed the copies; the navigators take the measurement afterwards."""
@@ -124,6 +161,11 @@ class Losses:
         yield from self._over(2**62)
         self.is_done = True
 
+    def _may_lose(self, measurement: Measurement) -> bool:
+        """Whether a window may begin with a measurement."""
+        window = self._waiting[0] if self._waiting else None
+        return window is not None and measurement.source in window.sources and measurement.stamp_ns >= window.start_ns
+
     def _lose(self, measurement: Measurement) -> None:
         """Copy the navigators for every window that this measurement is the first to be held back by."""
         while self._waiting and self._newest_ns > self._waiting[0].start_ns + GAP_NS:
@@ -145,6 +187,7 @@ class Losses:
     def _over(self, now_ns: int) -> Iterator[Loss]:
         done = [loss for loss in self._flying if loss.window.end_ns + SETTLED_NS <= now_ns]
         for loss in done:
+            loss.end()
             span = loss.window.start_ns - BEFORE_NS, loss.window.end_ns
             loss.lost, loss.kept, loss.is_whole = _within(loss.lost, *span), _within(self._kept, *span), now_ns < 2**62
             yield loss

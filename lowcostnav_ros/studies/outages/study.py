@@ -69,7 +69,7 @@ class Plan:
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """A pass: a recording, navigators with their settings, and every ``of``-th window from the ``share``-th on."""
+    """A pass: a recording, navigators with their settings, and the ``share``-th of ``of`` runs of windows (:func:`runs_of`)."""
 
     bag: Path
     plan: Plan
@@ -138,7 +138,7 @@ class _Flight:
             span = f"the recording lasts {cast.reader.duration_s:.0f} s and the first loss is to come after {case.plan.after_s:g} s"
             raise OutageError(f"No outage of {min(case.plan.lengths_s):g} s fits: {span}; shorten one of them.")
         self.settings = {name: settings_hash(navigator.settings) for name, navigator in cast.navigators.items()}
-        self.losses = Losses(chain, windows[case.share :: case.of], not self.reference.is_whole)
+        self.losses = Losses(chain, runs_of(windows, first_ns, case.of)[case.share], not self.reference.is_whole)
 
     def judge(self, loss: Loss) -> dict[str, Outage]:
         """Judge a window that is over: outages by navigator."""
@@ -254,6 +254,27 @@ def stream_outages(
     losses = Losses(Chain(navigators), windows, not reference.is_whole)
     flown = losses.fly(reference.watch(m) for m in measurements)
     return _by_navigator(losses, [judge(loss, reference, plan.lengths_s, first_ns) for loss in flown])
+
+
+def runs_of(windows: Sequence[Window], first_ns: int, count: int) -> list[Sequence[Window]]:
+    """Windows, in order, as ``count`` runs of nearly the same work: each flies from ``first_ns`` to its last loss, and its windows."""
+    least, most = 0, sum(w.end_ns - w.start_ns for w in windows) + windows[-1].start_ns - first_ns
+    while least + NS < most:
+        runs = _runs_within(windows, first_ns, (least + most) // 2)
+        least, most = (least, (least + most) // 2) if len(runs) <= count else ((least + most) // 2, most)
+    runs = _runs_within(windows, first_ns, most)
+    return runs + [()] * (count - len(runs))
+
+
+def _runs_within(windows: Sequence[Window], first_ns: int, most_ns: int) -> list[Sequence[Window]]:
+    """Runs that each take no more than ``most_ns`` of flight, or are one window."""
+    cuts, flown = [0], 0
+    for k, window in enumerate(windows):
+        flown += window.end_ns - window.start_ns
+        if k > cuts[-1] and window.start_ns - first_ns + flown > most_ns:
+            cuts.append(k)
+            flown = window.end_ns - window.start_ns
+    return [windows[a:b] for a, b in itertools.pairwise([*cuts, len(windows)])]
 
 
 def settings_label(config: Path | None, reader: BagReader) -> str:
