@@ -52,7 +52,7 @@ def test_the_studied_step_is_the_one_the_live_navigator_takes(heading_deg):
     heading = math.radians(heading_deg)
     navigator = DeadReckoning(settings)
     state = navigator.core
-    held = state.held = HeldInputs(q_nb=euler_to_quat(0.0, 0.0, heading), vel_b=np.array([46.3, 0.0, 0.0]))
+    held = state.held = HeldInputs(q_nb=euler_to_quat(0.0, 0.0, heading), cov_att=np.zeros((3, 3)), vel_b=np.array([46.3, 0.0, 0.0]))
     held.airborne, held.attitude_ns, held.air_ns, held.speed = True, 0, 0, 46.3
     state.start(0, np.array([0.6, -2.1, 0.0]), np.diag([4.0, 4.0, 100.0]))
     layout, step = reckoning.dead_reckoning_step(settings, heading=heading)

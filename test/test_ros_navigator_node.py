@@ -32,6 +32,7 @@ class Standstill:
     inertial = None
 
     def __init__(self, settings) -> None:
+        self.settings = settings
         self.inputs, self.kinds, self.frames = {"imu/data_raw": True, "gps/fix": False}, {}, {}
         self.lat = np.radians(settings.lat_deg)
         self.origin, self.count, self.stamp_ns, self.mode, self.reason = None, 0, 0, "initialising", "waiting"

@@ -261,7 +261,8 @@ class VelocityAid(ReceiverAid):
             return ""
         since_ns, first, _ = self._stepped
         change, variance = self.status.innovation - first, self.status.innovation_variance
-        drifted = float(np.mean(change**2 / variance)) > STEADY**2  # by more than a sound prediction may have drifted since
+        # by more than a sound prediction may have drifted since, or than it stepped: whose sigma has been widened since tells nothing
+        drifted = float(np.mean(change**2 / variance)) > STEADY**2 or change @ change > first @ first
         lasting = not drifted and stamp_ns - since_ns < 1e9 * LONGER * self.settings.memory_s
         return STEPPED if lasting else ""
 
