@@ -46,7 +46,10 @@ def test_errors_against_truth_are_those_of_the_closed_form():
     assert flight_errors["error_over_sigma"]["north_m"] == pytest.approx(3.0 / 5.0, rel=1e-3)
     assert flight_errors["velocity_mps"]["max"] == pytest.approx(0.0, abs=1e-3)
     assert found["errors"]["without_gps"] is None
-    assert found["aids"]["gps_position"]["innovation_rms"] == {"north_m": 3.0, "east_m": 4.0, "down_m": 0.0}
+    aid = found["aids"]["gps_position"]
+    assert aid["innovation_rms"] == {"north_m": 3.0, "east_m": 4.0, "down_m": 0.0}
+    always_the_same = (aid["tested"] - 1) / aid["tested"]
+    assert aid["innovation_correlation"] == pytest.approx({"north_m": always_the_same, "east_m": always_the_same, "down_m": 0.0})
 
 
 def test_a_withheld_window_grows_the_error_as_the_aircraft_flies_on():

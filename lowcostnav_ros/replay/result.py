@@ -230,7 +230,10 @@ class StampSummary:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class AidSummary:
-    """Use of one aid; the statistics of its innovations are None when none was formed."""
+    """Use of one aid; the statistics of its innovations are None when none was formed.
+
+    ``innovation_correlation`` is that of one with the next.
+    """
 
     used: int
     not_used_or_limited: dict[str, int]
@@ -238,6 +241,7 @@ class AidSummary:
     nis_per_dof: float | None = _omitted()
     innovation_mean: dict[str, float] | None = _omitted()
     innovation_rms: dict[str, float] | None = _omitted()
+    innovation_correlation: dict[str, float] | None = _omitted()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -35,6 +35,8 @@ class AidStatistics:
     nis_sum: float = 0.0
     innovation_sum: np.ndarray | float = 0.0
     innovation_squares: np.ndarray | float = 0.0
+    innovation_products: np.ndarray | float = 0.0
+    before: np.ndarray | float = 0.0
 
     def add(self, status: AidStatus, computed: bool) -> None:
         """Count one use of the aid."""
@@ -47,13 +49,17 @@ class AidStatistics:
             self.nis_sum += status.nis
             self.innovation_sum = self.innovation_sum + status.innovation
             self.innovation_squares = self.innovation_squares + status.innovation**2
+            self.innovation_products = self.innovation_products + status.innovation * self.before
+            self.before = status.innovation
 
     def result(self, labels: tuple[str, ...]) -> AidSummary:
         """Counts, and the statistics of the innovations by their labels."""
         counts = self.used, dict(sorted(self.rejected.items())), self.tested
         if not self.tested:
             return AidSummary(*counts)
-        moments = self.innovation_sum / self.tested, np.sqrt(self.innovation_squares / self.tested)
+        squares = np.asarray(self.innovation_squares)
+        correlation = self.innovation_products / np.where(squares > 0.0, squares, 1.0)
+        moments = self.innovation_sum / self.tested, np.sqrt(squares / self.tested), correlation
         named = (dict(zip(labels, np.asarray(values).tolist(), strict=True)) for values in moments)
         return AidSummary(*counts, self.nis_sum / self.tested / self.components, *named)
 

@@ -227,17 +227,22 @@ def interval_table(result: ReplayResult) -> Table:
 
 
 def aid_table(result: ReplayResult) -> Table:
-    """Use of the aids: NIS per degree of freedom near 1 says that the predicted innovations are consistent."""
+    """Use of the aids: NIS per degree of freedom near 1 says that the predicted innovations are consistent.
 
-    def rms(row: Sequence[Any]) -> str:
-        return ", ".join(f"{label} {number(value)}" for label, value in (row[2].innovation_rms or {}).items())
+    Innovations of a filter that has all that they tell are white: a correlation with the one before of much more than 0 is an error that
+    lasts (of the sensor, or of a state that moves more than the filter believes), of much less one that is corrected too far.
+    """
+
+    def named(values: dict[str, float] | None) -> str:
+        return ", ".join(f"{label} {number(value)}" for label, value in (values or {}).items())
 
     columns = (
         _NAVIGATOR,
         Column("aid", itemgetter(1), left=True),
         Column("used", lambda row: str(row[2].used)),
         Column("NIS per degree of freedom", lambda row: number(row[2].nis_per_dof), "", "NIS/dof"),
-        Column("RMS innovation", rms, page_only=True),
+        Column("RMS innovation", lambda row: named(row[2].innovation_rms), page_only=True),
+        Column("correlation with the one before", lambda row: named(row[2].innovation_correlation), page_only=True),
         Column("not used, or limited", lambda row: counted(row[2].not_used_or_limited) or "-", left=True),
     )
     rows = [(name, aid, found) for name, navigator in result.navigators.items() for aid, found in navigator.aids.items()]
