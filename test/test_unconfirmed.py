@@ -40,3 +40,17 @@ def test_a_pitot_that_reads_backwards_does_not_fly():
     assert held.airborne
     held.take_air(AirVelocity(2 * SECOND, "air/velocity", np.array([-15.0, 0.0, 0.0]), cov), AirspeedSettings())
     assert not held.airborne and held.fastest == 30.0
+
+
+@pytest.mark.parametrize(
+    ("stamps_s", "fresh_s", "late_s"),
+    [((0, 1, 2), 2.0, 2.1), ((0, 3, 6), 4.4, 4.6), ((0, 3, 60), 4.4, 4.6), ((0, 60, 120), 9.9, 10.1)],
+)
+def test_an_airspeed_that_comes_slowly_is_waited_for_and_a_gap_is_no_custom(stamps_s, fresh_s, late_s):
+    held = HeldInputs(cov_att=np.zeros((3, 3)))
+    cov = np.diag([1.0, UNKNOWN_VARIANCE, UNKNOWN_VARIANCE])
+    for stamp_s in stamps_s:
+        held.take_air(AirVelocity(stamp_s * SECOND, "air/velocity", np.array([30.0, 0.0, 0.0]), cov), AirspeedSettings())
+    held.attitude_ns, last_ns = stamps_s[-1] * SECOND, stamps_s[-1] * SECOND
+    assert held.timed_out(last_ns + round(fresh_s * SECOND), 30.0, AirspeedSettings().timeout_s) == ""
+    assert held.timed_out(last_ns + round(late_s * SECOND), 30.0, AirspeedSettings().timeout_s).startswith("no airspeed for")

@@ -36,6 +36,8 @@ UNNOTICED_S = 10.0
 """A heading was wrong for about so long before its reference became unsure of it."""
 INCIDENCE_MPS, CHANGE_SHARE = 5.0, 0.7
 """Vertical component of the air-relative velocity that incidence may hide, m/s; share of a change beyond it that may be wrong."""
+PATIENCE, MOST_PATIENCE = 1.5, 5.0
+"""Steps of an airspeed that comes slowly, and times its limit at most, after which it has timed out."""
 STEADY_S = 2.0
 """Airspeed is averaged over this time where its change is wanted: that of its noise is none."""
 LANDED = 0.8
@@ -67,7 +69,9 @@ class AirspeedSettings:
     incidence_deg: float = setting(0.0, "Incidence in level flight, used without a vane.", unit="deg", minimum=-20.0, maximum=20.0)
     slip_deg: float = setting(0.0, "Steady sideslip, air from the right positive, no vane.", unit="deg", minimum=-20.0, maximum=20.0)
     minimum_mps: float = setting(8.0, "Below this airspeed the aircraft counts as on the ground.", unit="m/s", minimum=0.1, maximum=100.0)
-    timeout_s: float = setting(2.0, "Airspeed older than this has timed out.", unit="s", minimum=0.05, maximum=30.0)
+    timeout_s: float = setting(
+        2.0, "Airspeed older than this, or one and a half of its steps, has timed out.", unit="s", minimum=0.05, maximum=30.0
+    )
 
 
 @dataclass(frozen=True)
@@ -149,13 +153,15 @@ class HeldInputs(HeldAttitude):
     steady_b: np.ndarray = field(default_factory=lambda: np.zeros(3))  # vel_b, averaged
     speed: float = 0.0
     air_ns: int | None = None
+    air_steps_ns: tuple[int, int] = (0, 0)  # between the last three
     airborne: bool = False
     fastest: float = 0.0  # while airborne and since GPS last saw the aircraft on the ground, m/s
 
     def take_air(self, air: AirVelocity, settings: AirspeedSettings) -> None:
         """Hold a new air-relative velocity and decide whether the aircraft flies."""
-        self.vel_b = body_velocity(air, settings)
-        share = 1.0 if self.air_ns is None else min(1e-9 * max(air.stamp_ns - self.air_ns, 0) / STEADY_S, 1.0)
+        self.vel_b, step_ns = body_velocity(air, settings), 0 if self.air_ns is None else max(air.stamp_ns - self.air_ns, 0)
+        self.air_steps_ns = self.air_steps_ns[1], step_ns
+        share = 1.0 if self.air_ns is None else min(1e-9 * step_ns / STEADY_S, 1.0)
         self.steady_b = self.steady_b + share * (self.vel_b - self.steady_b)
         self.speed, self.air_ns = math.sqrt(self.vel_b @ self.vel_b), air.stamp_ns
         self.airborne = self.speed >= settings.minimum_mps * (LANDED if self.airborne else 1.0) and self.vel_b[0] > 0.0
@@ -174,7 +180,9 @@ class HeldInputs(HeldAttitude):
 
     def timed_out(self, t_ns: int, attitude_s: float, air_s: float) -> str:
         """Which input is older than it may be at ``t_ns``, or knows nothing, in words; empty when both are fresh."""
-        late = outdated("attitude", self.attitude_ns, t_ns, attitude_s) or outdated("airspeed", self.air_ns, t_ns, air_s)
+        usual_s = 1e-9 * min(self.air_steps_ns)  # the lesser of two: a gap is not usual
+        patience_s = min(max(air_s, PATIENCE * usual_s), MOST_PATIENCE * air_s)
+        late = outdated("attitude", self.attitude_ns, t_ns, attitude_s) or outdated("airspeed", self.air_ns, t_ns, patience_s)
         return late or (UNKNOWN if self.cov_att[2, 2] > UNKNOWN_HEADING**2 else "")
 
 
