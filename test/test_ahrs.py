@@ -1,12 +1,13 @@
 """The attitude reference against closed-form turns and simulated flights: accuracy, honesty, repeatability, modes and reasons."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 from ahrs_flights import DEG, T0, Turn, settings
 
-from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, MagneticField
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, GpsPosition, GpsVelocity, ImuBlock, MagneticField
 from lowcostnav_ros.base.settings import SettingsError, from_mapping, to_mapping
 from lowcostnav_ros.catalogue.config_files import config_dir, load_settings, yaml_of
 from lowcostnav_ros.navigators.ahrs.navigator import Ahrs, AhrsSettings
@@ -208,6 +209,23 @@ def test_without_a_heading_it_says_so_and_then_takes_the_track():
     solution = navigator.feed_all(flying.measurements(0.0, 40.0, ("gps",)))[-1]
     assert np.abs(attitude_error_deg(flying, solution)).max() < 1.0
     assert math.sqrt(solution.cov_att[2, 2]) < 6.0 * DEG  # from 12 at the start: in turns acceleration shows the heading
+
+
+def test_a_receiver_without_vertical_velocity_aligns_as_well():
+    flying, navigator = Turn(20.0), Ahrs(settings())
+
+    def flat(item):
+        if not isinstance(item, GpsVelocity):
+            return item
+        cov = item.cov_n.copy()
+        cov[2, 2] = UNKNOWN_VARIANCE
+        return dataclasses.replace(item, vel_n=item.vel_n * [1.0, 1.0, 0.0], cov_n=cov)
+
+    solutions = navigator.feed_all(map(flat, flying.measurements(0.0, 10.0, ("gps", "mag"))))
+    first = solutions[0]
+    sigma_deg = np.sqrt(np.diag(first.cov_att)) / DEG
+    assert first.mode != "failed" and sigma_deg[:2].max() < 3.0
+    assert (np.abs(attitude_error_deg(flying, first)) < 3.0 * sigma_deg[[0, 0, 2]]).all()
 
 
 def test_unknown_declination_is_not_zero():

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lowcostnav_ros.aids.magnetic import DECLINATION_UNKNOWN
-from lowcostnav_ros.base.measurements import AirVelocity, Attitude, GpsVelocity, ImuBlock, MagneticField, Measurement
+from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirVelocity, Attitude, GpsVelocity, ImuBlock, MagneticField, Measurement
 from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.imu_errors import ImuSettings, typical
@@ -28,7 +28,21 @@ UNAIDED_WINDOWS = 1.5
 STALE_WINDOWS = 4.0
 """An end of the window that has not come after so many windows will not come."""
 FIELD_AGE_NS = 1_000_000_000
+HEAVE = 1.0
+"""Vertical acceleration of an aircraft over a window, m/s^2, sigma, where no receiver measures it."""
 _PASSES = 8
+
+
+def change_sigma(cov_n: np.ndarray, force_n: np.ndarray, span_s: float) -> float:
+    """Sigma per axis, m/s, of a change between two velocities whose covariances add to ``cov_n`` (3, 3), NED, as far as it tilts.
+
+    A receiver that measures no vertical velocity is as good: what is unknown of it only stretches gravity, and tilts as far as the force
+    ``force_n`` (3,), m/s^2, leans.
+    """
+    if cov_n[2, 2] < UNKNOWN_VARIANCE:
+        return float(np.sqrt(max(cov_n.trace(), 0.0) / 3.0))
+    level = math.sqrt(max(float(cov_n[0, 0] + cov_n[1, 1]), 0.0) / 2.0)
+    return math.hypot(level, HEAVE * span_s * math.hypot(force_n[0], force_n[1]) / STANDARD_GRAVITY)
 
 
 @dataclass(frozen=True)
@@ -139,7 +153,7 @@ class Alignment:
             return None
         span_s = self._window.seconds
         force_n = (measurement.vel_n - begun.vel_n) / span_s - np.array([0.0, 0.0, STANDARD_GRAVITY])
-        noise = np.sqrt(max(measurement.cov_n.trace() + begun.cov_n.trace(), 0.0) / 3.0) / (span_s * STANDARD_GRAVITY)
+        noise = change_sigma(measurement.cov_n + begun.cov_n, force_n, span_s) / (span_s * STANDARD_GRAVITY)
         first = self._solve(self._window.force_b0 / span_s, force_n, float(np.hypot(noise, 0.3 * DEGREE)), local, measurement)
         if first is None:
             self._begin(measurement)
