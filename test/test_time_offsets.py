@@ -139,6 +139,16 @@ def test_an_offset_that_is_declared_is_corrected_from_the_start(turning):
     assert not any(aid.status.rejected for aid in navigator.aids)
 
 
+def test_what_an_offset_cannot_do_to_an_aircraft_teaches_nothing(turning):
+    stream = measurements(turning, 1)
+    navigator, _ = flown(stream[: len(stream) // 2])
+    navigator.offsets.V[:] = 1e80
+    solutions = navigator.feed_all(stream[len(stream) // 2 :])
+    (gps,) = navigator.offsets.known.values()
+    assert gps.late_s == 0.0 and abs(gps.rest_s) < 4.0 * gps.sigma_s and np.abs(navigator.offsets.V).max() < 1e3
+    assert all(np.isfinite(s.cov_pos).all() for s in solutions)
+
+
 def test_straight_flight_tells_nothing():
     truth = build(standard("demo", kind="segments", mission=["straight duration_s=90"], duration_s=90.0)).table()
     navigator, _ = flown(late(measurements(truth, 1, rate_hz=5.0), LATE_S))

@@ -30,6 +30,8 @@ MEMORY_S = 300.0
 """What was learned fades over this time: an offset may change."""
 SETTLING_NS = 20_000_000_000
 """Nothing is learned for so long after a start."""
+BEYOND = 1e6
+"""What a second of offset cannot do to any state of an aircraft, in its unit: m, m/s, rad."""
 UNKNOWN_S = 0.5
 """Sigma of an offset before anything is known."""
 LONGEST_S = 1.0
@@ -389,12 +391,21 @@ class TimeOffsets:
         span = stamp_ns // round(1e9 * SPAN_S)
         if span == self._span or not self.known:
             return []
-        if self._span is not None:
+        if not np.abs(self.V).max() < BEYOND:
+            self._forget(stamp_ns)
+        elif self._span is not None:
             self._sum_up()
         changed = [offset for offset in self.known.values() if corrects and self._changed(offset, host)]
         self._look()
         self._span, self._begun = span, self._learned.copy()
         return changed
+
+    def _forget(self, stamp_ns: int) -> None:
+        """What an offset does to the state has grown beyond anything that flies: the state was none, and nothing was learned of it."""
+        for offset in self.known.values():
+            offset.squares = offset.spans = 0.0
+        self._learned[:] = self._scatter[:] = 0.0
+        self.rest(stamp_ns)
 
     def _sum_up(self) -> None:
         """Solve the regression, with what this span has added to the scatter."""
