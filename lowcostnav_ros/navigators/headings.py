@@ -131,8 +131,6 @@ class Headings:
         if aid.decision is Decision.RECOVER:  # the state was wrong, whatever the heading
             aid.recover(measurement, innovation, cast(Host, host))
             return math.nan
-        if aid.decision is Decision.LIMIT:
-            innovation.y = innovation.y / math.sqrt(aid.status.test_ratio)
         R = aid.applied.R if aid.applied.late is None else aid.applied.R + aid.applied.late
         score, _ = kalman.log_likelihood(core.P, innovation.y, innovation.H, R)
         free = np.ones(len(core.P)) if aid.applied.free is None else aid.applied.free
