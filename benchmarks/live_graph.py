@@ -73,6 +73,7 @@ class Probe:
         self.arrived: dict[str, dict[int, int]] = {"imu/data_raw": {}, self.solution: {}}
 
         def listen(kind, topic: str) -> None:
+            """Note when each stamp of a topic arrives."""
             table = self.arrived[topic]
 
             def heard(raw: bytes, info: dict) -> None:

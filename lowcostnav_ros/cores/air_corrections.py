@@ -161,9 +161,7 @@ class AirCorrectionsCore(ReckoningCore):
         self._all = columns_of(layout)
         self.ranging[3] = 1.0  # no vertical velocity is there
         self.column = self._all
-        headings = np.flatnonzero(self._all == model.ZETA + 2)
-        self._heading, self._along = headings[:1], np.flatnonzero(self._all == model.BIAS)[:1]
-        self._expected = self._stated = float(np.sum(layout.sigma0[headings] ** 2)) if len(headings) else math.inf
+        self._expect(self._all == model.ZETA + 2, self._all == model.BIAS)
 
     def learn(self, vel_n: np.ndarray, noise: np.ndarray) -> None:
         """As dead reckoning, by its plainer model of the same wind and heading; a vertical wind is none of it."""

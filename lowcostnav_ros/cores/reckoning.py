@@ -242,10 +242,7 @@ class ReckoningCore:
         self.ranging = (layout.kind != Kind.HELD).astype(float)
         self.ranging[2:CORE] = 0.0
         self._down_mps: float | None = None
-        headings = np.flatnonzero(layout.kind == int(Kind.HEADING_BIAS))
-        self._heading, self._along = headings[:1], np.flatnonzero(layout.kind == int(Kind.AIRSPEED_BIAS))[:1]
-        self._least_stated = math.inf
-        self._expected = self._stated = float(np.sum(layout.sigma0[headings] ** 2)) if len(headings) else math.inf
+        self._expect(layout.kind == int(Kind.HEADING_BIAS), layout.kind == int(Kind.AIRSPEED_BIAS))
 
     def start(self, t_ns: int, nav: np.ndarray, cov_n: np.ndarray) -> None:
         """Begin at a position (lat, lon [rad], height [m]) with its covariance (3, 3), NED m^2."""
@@ -326,6 +323,12 @@ class ReckoningCore:
         if self.history is not None:
             self.history.end(self.P)
 
+    def _expect(self, headings: np.ndarray, along: np.ndarray) -> None:
+        """Note which states, masks (n,), are errors of the heading and of the airspeed: of the heading that much is expected."""
+        self._heading, self._along = np.flatnonzero(headings)[:1], np.flatnonzero(along)[:1]
+        self._least_stated = math.inf
+        self._expected = self._stated = float(np.sum(self.layout.sigma0[headings] ** 2)) if headings.any() else math.inf
+
     def _heed_heading(self, variance: float) -> None:
         """Know the heading no better than the attitude reference does, rad^2, where that is worse than expected and than it has been.
 
@@ -340,16 +343,13 @@ class ReckoningCore:
             return
         self.settle()
         known, fastest = min(variance, UNKNOWN_HEADING**2), self.held.fastest
-        if self.history is not None:
-            self.history.begin(self.P)
         least = np.zeros(self.layout.size)
         least[self._heading], least[self._along] = math.sqrt(known), fastest * -math.expm1(-0.5 * known)
-        kalman.raise_sigmas(self.P, least)
+        kalman.raise_sigmas(self.P, least, self.history)
         if variance > self._stated:
-            self.P[[0, 1], [0, 1]] += (0.5 * fastest * UNNOTICED_S) ** 2 * (variance - self._stated)
+            moved = (0.5 * fastest * UNNOTICED_S) ** 2 * (variance - self._stated)
+            kalman.add_variance(self.P, slice(0, 2), moved, self.history)
             self._stated = variance
-        if self.history is not None:
-            self.history.end(self.P)
 
     def heed_climb(self) -> None:
         """Let the vertical velocity follow attitude and airspeed where they change more than incidence can hide: a dive, a loop.
@@ -370,11 +370,7 @@ class ReckoningCore:
         dx[CLIMB] = change - math.copysign(INCIDENCE_MPS, change)
         self._down_mps += dx[CLIMB]
         self.settle()
-        if self.history is not None:
-            self.history.begin(self.P)
-        self.P[CLIMB, CLIMB] += (CHANGE_SHARE * dx[CLIMB]) ** 2
-        if self.history is not None:
-            self.history.end(self.P)
+        kalman.add_variance(self.P, slice(CLIMB, CLIMB + 1), (CHANGE_SHARE * dx[CLIMB]) ** 2, self.history)
         self.correct(dx)
 
     def correct(self, dx: np.ndarray) -> None:

@@ -73,6 +73,7 @@ class _Mcap(McapWriter):
             self.close_chunk()
 
     def close_chunk(self) -> None:
+        """Write the messages gathered since the last one, whole or not at all: a full disk loses them, counted, and no others."""
         messages = self.chunk.msgs
         super().close_chunk()
         try:

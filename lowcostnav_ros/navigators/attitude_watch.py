@@ -39,7 +39,7 @@ class AttitudeWatch:
 
     def __init__(self, navigator: Any) -> None:
         self.navigator = navigator
-        velocity = next((aid.source for aid in navigator.aids_of(VelocityAid)), getattr(navigator, "fix_word", "GPS"))
+        velocity = next((aid.source for aid in navigator.aids_of(VelocityAid)), navigator.fix_word)
         self.one_way, self.turned = OneWay(navigator.layout, navigator.inertial, velocity), OwnHeadingCheck(navigator.inertial)
         self._compass = next(iter(navigator.aids_of(MagneticAid)), None)
         self._moved = np.zeros(navigator.layout.size)

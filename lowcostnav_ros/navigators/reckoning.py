@@ -52,8 +52,8 @@ class ReckoningNavigator(Navigator):
         """Know the airspeed less well where it has changed since GPS velocity last confirmed it."""
         confirmed = any(aid.is_fresh(stamp_ns) for aid in self.aids_of(VelocityAid))
         held = self.core.held
-        steady = getattr(held, "steady_speed", held.speed)
-        gained = self._unconfirmed.take(stamp_ns, held.speed if abs(held.speed - steady) > STEP_MPS else steady, confirmed=confirmed)
+        speed = held.speed if abs(held.speed - held.steady_speed) > STEP_MPS else held.steady_speed
+        gained = self._unconfirmed.take(stamp_ns, speed, confirmed=confirmed)
         rows = self.layout.get("airspeed_bias")
         if gained == 0.0 or rows is None:
             return

@@ -83,6 +83,7 @@ class Ahrs(Navigator):
     inertial = IMU
     on_grid = True
     tries_headings = tries_any_heading = False
+    fix_word = "GPS"
     OwnSettings = AhrsOwnSettings
     sensors = (
         GPS_VELOCITY.but(latency_s=0.0),
