@@ -29,6 +29,7 @@ from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.channel import Channel
 from lowcostnav_ros.navigators.headings import UNSEEN, Headings
 from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
+from lowcostnav_ros.navigators.silent_axes import SilentAxes
 from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.navigators.trust import COVERED
 from lowcostnav_ros.physics.earth import displace
@@ -46,7 +47,7 @@ LEVELLING_NS = 4_000_000_000
 """Levelling after a hole takes two GPS velocities a second or two apart."""
 RECENT_NS = 3_000_000_000
 """A refused fix this recent is the reason why there is none; an older one is not."""
-NOTHING = (None,) * 5
+NOTHING = (None,) * 6
 TRANSFER_SPAN_S = 0.2
 """Inertial data of this length is tested before a transfer alignment."""
 
@@ -112,7 +113,7 @@ class InertialNavigator(Navigator):
     def _remember(self, imu: ImuSettings, layout: Layout) -> None:
         """Begin to remember recoveries and corrections of an IMU with these settings."""
         self.recovery = Recovery(imu, layout)
-        self.attitude_watch, self.against_air = AttitudeWatch(self), AgainstAir(layout, IMU)
+        self.attitude_watch, self.against_air, self.silent = AttitudeWatch(self), AgainstAir(layout, IMU), SilentAxes(self)
         self.vibration = Vibration(np.sqrt(np.array(layout.blocks[0].psd[3:])))
 
     def own_inputs(self) -> list[str]:
@@ -155,7 +156,7 @@ class InertialNavigator(Navigator):
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity and with its settings."""
         beyond = self.recovery.contradiction(self.core.estimate) if self._aligned else None
-        own = self.axes.held, *self.attitude_watch.held, self.against_air.held, beyond
+        own = self.axes.held, *self.attitude_watch.held, self.against_air.held, self.silent.held, beyond
         others = super().contradictions()
         return others if own == NOTHING else (*others, *(held for held in own if held is not None))
 
@@ -166,6 +167,7 @@ class InertialNavigator(Navigator):
         self.headings.close()
         self.axes.clear()
         self.against_air.clear()
+        self.silent.clear()
         self.attitude_watch.clear()
         self._began_over = False
         self.recovery.restart()
@@ -323,6 +325,7 @@ class InertialNavigator(Navigator):
             self.layout.set_levels({"core": self.vibration.level()})
         if self.headings.cores:
             self._show_headings()
+        self.silent.look(self.core.t_ns)
         for channel in self.clocked:
             self.use_channel(channel, Measurement(self.core.t_ns, IMU))
         self.trust.look(self.core.t_ns)
@@ -513,6 +516,8 @@ class InertialNavigator(Navigator):
             self.trust.witness.disturb(jolt, self.core.t_ns)
             self.core.disturb(jolt.kick, jolt.variance)
             self.headings.disturb(jolt)
+            if jolt.silent is not None:
+                self.silent.take(self.core.t_ns, jolt.silent)
 
     # outputs -----------------------------------------------------------------------------------------------------------------
 
