@@ -8,6 +8,9 @@ over some seconds
 An accelerometer that drifts is followed by the tilt, through a gyro bias where that is slow; a gyro that drifts is held by it.  Either
 way the tilt is off by no more than c, and half of it covers both.
 
+What is beyond three sigmas but no proof yet is published alone: an attitude that was moved so far may be off by as much, and by a rate more
+each second; that is forgotten within a minute.
+
 Late stamps look the same for as long as an aircraft turns.  An offset of sigma s that is not known yet moves the sum by s sum K U, U being
 what it does to an innovation (:mod:`.time_offsets`): that much of it is no fault of the sensors.
 """
@@ -28,6 +31,8 @@ WINDOWS_S = np.array([5.0, 30.0])
 SIGMAS, NAMED_SIGMAS, NAMED = 5.0, 8.0, 2.0 * DEGREE
 """Corrections beyond so many sigmas are no chance; beyond the second, and of a tilt larger than the third, rad, they are named."""
 HALF = 0.5
+CHANCE, MEMORY_S, FURTHEST = 3.0, 60.0, 60.0 * DEGREE
+"""Sigmas up to which a sum says nothing; for how long what was beyond is not forgotten, s, and the most that it may grow to, rad."""
 ATTITUDE = slice(6, 9)
 FLOOR = (0.02 * DEGREE) ** 2
 """Variance of a tilt, rad^2, that says nothing of the sensors."""
@@ -72,6 +77,11 @@ class OneWay:
         Of an inertial core.
     imu, gps : str
         Parties of the contradiction.
+
+    Attributes
+    ----------
+    moved : ndarray (2,)
+        By how much tilt and heading may be off by what they were moved by lately, rad.
     """
 
     def __init__(self, layout: Layout, imu: str, gps: str) -> None:
@@ -89,6 +99,7 @@ class OneWay:
         self._sums, self._sigmas = np.zeros((3, *self._tilt.shape)), np.zeros(self._tilt.shape)
         self._before, self._after = np.zeros((2, 2, len(self._rows)))
         self._last_ns = 0
+        self.moved = np.zeros(2)
 
     @property
     def held(self) -> Contradiction | None:
@@ -107,6 +118,7 @@ class OneWay:
         look(P, *errors_of(offsets), self._rows, self._after)
         dt, self._last_ns, sigmas = 1e-9 * (stamp_ns - self._last_ns), stamp_ns, self._sigmas
         largest = add(dt, WINDOWS_S, correction, self._rows, self._before, self._after, self._tilt, self._sums, sigmas)
+        self._remember(dt, largest)
         if largest <= SIGMAS and self._latch.held is None:
             self._latch.judge(stamp_ns, False, 0.0)
             return None
@@ -119,6 +131,18 @@ class OneWay:
         least = np.zeros(self._size)
         least[ATTITUDE], least[self._accel], least[self._gyro] = tilt, STANDARD_GRAVITY * tilt, tilt / float(WINDOWS_S[-1])
         return least
+
+    def _remember(self, dt_s: float, largest: float) -> None:
+        """Keep what is beyond chance."""
+        if not self.moved.any() and largest <= CHANCE:
+            return
+        self.moved *= math.exp(-dt_s / MEMORY_S)
+        if largest > CHANCE:
+            beyond = np.abs(self._sums[0]) * np.sqrt(np.maximum(1.0 - (CHANCE / np.maximum(self._sigmas, CHANCE)) ** 2, 0.0))
+            (north, east, down), accel = beyond[:, :3].max(axis=0), beyond[:, 3 : 3 + len(self._accel)].max(initial=0.0)
+            rate = beyond[:, 3 + len(self._accel) :].max(initial=0.0)
+            self.moved += rate * dt_s
+            self.moved = np.minimum(np.maximum(self.moved, [max(north, east, accel / STANDARD_GRAVITY), down]), FURTHEST)
 
 
 def errors_of(offsets: TimeOffsets | None) -> tuple[np.ndarray, np.ndarray]:

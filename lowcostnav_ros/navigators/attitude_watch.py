@@ -42,6 +42,7 @@ class AttitudeWatch:
         velocity = next((aid.source for aid in navigator.aids_of(VelocityAid)), navigator.fix_word)
         self.one_way, self.turned = OneWay(navigator.layout, navigator.inertial, velocity), OwnHeadingCheck(navigator.inertial)
         self._compass = next(iter(navigator.aids_of(MagneticAid)), None)
+        self._by_compass = OneWay(navigator.layout, navigator.inertial, MagneticAid.topic)
         self._moved = np.zeros(navigator.layout.size)
 
     @property
@@ -52,6 +53,7 @@ class AttitudeWatch:
     def clear(self) -> None:
         """Forget all."""
         self.one_way.clear()
+        self._by_compass.clear()
         self.turned.clear()
 
     def note(self, dx: np.ndarray) -> None:
@@ -77,17 +79,26 @@ class AttitudeWatch:
                 tilt, heading = off / max(math.hypot(*seen), off), max(heading, off / max(abs(float(seen[0])), off))
         return tilt, heading
 
+    def moved(self) -> np.ndarray:
+        """By how much tilt and heading (2,) may be off, rad, by what GPS and compass have moved them by lately, one way."""
+        return np.hypot(self.one_way.moved, self._by_compass.moved)
+
     def before(self, aid: Aid) -> bool:
-        """Look at what an aid is about to change; return whether it is to be judged once it has been used: that of GPS is."""
-        if not aid.is_fix and not aid.measures_velocity:
+        """Look at what an aid is about to change; return whether it is to be judged once it has been used: of GPS and compass."""
+        is_gps = aid.is_fix or aid.measures_velocity
+        if not is_gps and aid is not self._compass:
             return False
         self._moved[:] = 0.0
-        self.one_way.before(self.navigator.P, self.navigator.offsets)
+        (self.one_way if is_gps else self._by_compass).before(self.navigator.P, self.navigator.offsets)
         return True
 
     def after(self, aid: Aid, measurement: Measurement, *, used: bool) -> None:
         """Judge what came of a measurement: attitude and sensors are less well known where GPS moves the attitude one way for long."""
         navigator = self.navigator
+        if aid is self._compass:
+            if used and aid.decision is Decision.FUSE:
+                self._by_compass.take(measurement.stamp_ns, self._moved, navigator.P, navigator.offsets)
+            return
         if used and aid.decision is Decision.FUSE:
             named = self.one_way.held is not None
             least = self.one_way.take(measurement.stamp_ns, self._moved, navigator.P, navigator.offsets)

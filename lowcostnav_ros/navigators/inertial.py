@@ -550,10 +550,14 @@ class InertialNavigator(Navigator):
         """As every navigator; of an attitude that may be upside down nothing is known, of another what GPS and compass show of it."""
         doubt, is_over = self.trust.doubt(t_ns), self._began_over and self.axes.held is not None
         tilt, heading = self.attitude_watch.apart(t_ns)
+        moved = self.attitude_watch.moved()
         if is_over or heading or self.recovery.shows:
             doubt = doubt.copy()
             doubt[ATT, ATT] += UPSIDE_DOWN if is_over else np.diag(self.recovery.seen()[ATT] ** 2)
             doubt[ATT, ATT] += np.diag(np.array([tilt, tilt, heading]) ** 2) * COVERED**2
+        if moved.any():
+            doubt = doubt.copy()
+            doubt[ATT, ATT] += np.diag(moved[[0, 0, 1]] ** 2)
         astray = self.against_air.doubt(t_ns, self.core.speed_mps)
         return doubt if astray is None else doubt + astray
 
