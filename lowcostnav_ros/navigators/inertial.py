@@ -47,6 +47,8 @@ LEVELLING_NS = 4_000_000_000
 """Levelling after a hole takes two GPS velocities a second or two apart."""
 RECENT_NS = 3_000_000_000
 """A refused fix this recent is the reason why there is none; an older one is not."""
+UNEXPLAINED = 3.0
+"""Of a unit that contradicts its settings the attitude is known half as well as a filter of biases believes."""
 NOTHING = (None,) * 6
 TRANSFER_SPAN_S = 0.2
 """Inertial data of this length is tested before a transfer alignment."""
@@ -326,6 +328,8 @@ class InertialNavigator(Navigator):
         if self.headings.cores:
             self._show_headings()
         self.silent.look(self.core.t_ns)
+        held = self.gps_good(self.core.t_ns)
+        self.attitude_watch.look(1e-9 * self.output_period_ns, held=held, is_wrong=self.inertial_is_suspect)
         for channel in self.clocked:
             self.use_channel(channel, Measurement(self.core.t_ns, IMU))
         self.trust.look(self.core.t_ns)
@@ -555,9 +559,12 @@ class InertialNavigator(Navigator):
             doubt = doubt.copy()
             doubt[ATT, ATT] += UPSIDE_DOWN if is_over else np.diag(self.recovery.seen()[ATT] ** 2)
             doubt[ATT, ATT] += np.diag(np.array([tilt, tilt, heading]) ** 2) * COVERED**2
-        if moved.any():
+        if moved.any() or self.inertial_is_suspect:
             doubt = doubt.copy()
-            doubt[ATT, ATT] += np.diag(moved[[0, 0, 1]] ** 2)
+            doubt[ATT, ATT] += np.diag(moved[[0, 0, 1]] ** 2) + self.P[ATT, ATT] * (UNEXPLAINED if self.inertial_is_suspect else 0.0)
+            if self.attitude_watch.led_m > 0.0:
+                doubt[VEL, VEL] += self.attitude_watch.slip_mps(moved) ** 2 * np.eye(3)
+                doubt[POS, POS] += self.attitude_watch.led_m**2 * np.eye(3)
         astray = self.against_air.doubt(t_ns, self.core.speed_mps)
         return doubt if astray is None else doubt + astray
 
