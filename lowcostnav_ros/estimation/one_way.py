@@ -93,7 +93,7 @@ class OneWay:
         attitude, (accel, gyro) = np.arange(6, 9), (np.flatnonzero(layout.kind == int(k)) for k in (Kind.ACCEL_BIAS, Kind.GYRO_BIAS))
         self._size, self._accel, self._gyro = layout.size, accel, gyro
         blown = layout.get("wind") if with_wind else None
-        wind = np.arange(layout.size)[blown] if blown is not None else np.zeros(0, dtype=int)
+        wind = np.arange(layout.size)[[*range(3, 6), *range(blown.start, blown.stop)]] if blown is not None else np.zeros(0, dtype=int)
         self._rows = np.concatenate((attitude, accel, gyro, wind))
         self._parts = np.split(np.arange(len(self._rows)), np.cumsum([3, len(accel), len(gyro)]))
         tilts = [np.ones(3), np.full(len(accel), 1.0 / STANDARD_GRAVITY), np.full(len(gyro), HALF), np.full(len(wind), PER_MPS)]

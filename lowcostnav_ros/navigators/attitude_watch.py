@@ -23,6 +23,8 @@ RECENT_NS = 3_000_000_000
 """A magnetic heading this recent says where the nose is."""
 MEMORY_S = 60.0
 """For so long is not forgotten what a compass showed that has been calibrated anew since."""
+BEFORE = 2.0
+"""What led wind and heading one way has led them as far before it stood out."""
 TURNS_S, WRONG = 10.0, 0.5
 """A unit that contradicts its settings is wrong by this share of what it has turned lately."""
 
@@ -110,7 +112,7 @@ class AttitudeWatch:
 
     def slip_mps(self, moved: np.ndarray) -> float:
         """By how much a velocity that air and compass hold is off, m/s, where wind and heading are by ``moved`` (3,)."""
-        return math.hypot(float(moved[2]), self.navigator.core.speed_mps * float(moved[1]))
+        return BEFORE * math.hypot(float(moved[2]), self.navigator.core.speed_mps * float(moved[1]))
 
     def look(self, dt_s: float, *, held: bool, is_wrong: bool) -> None:
         """Note how far it slips and how the unit turns, at every output.
