@@ -13,8 +13,10 @@ from lowcostnav_ros.base.measurements import GpsVelocity, Measurement
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.inertial import VEL
 from lowcostnav_ros.estimation.aiding import Aid, Decision, reset_to
+from lowcostnav_ros.estimation.cross_checks.flow import FlowWatch
 from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, OwnHeadingCheck, crabs, heading_of
 from lowcostnav_ros.estimation.one_way import OneWay
+from lowcostnav_ros.navigators.trust import COVERED
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat, wrap
 
 DOWN, VAGUE_HEADING, STEEPEST = slice(8, 9), 30.0 * DEGREE, 0.9
@@ -23,6 +25,8 @@ RECENT_NS = 3_000_000_000
 """A magnetic heading this recent says where the nose is."""
 MEMORY_S = 60.0
 """For so long is not forgotten what a compass showed that has been calibrated anew since."""
+AGREES_S = 5.0
+"""A nose that points along the way again, and GPS to show it, are believed after so long."""
 BEFORE = 2.0
 """What led wind and heading one way has led them as far before it stood out."""
 TURNS_S, WRONG = 10.0, 0.5
@@ -55,7 +59,7 @@ class AttitudeWatch:
         self._others = {aid: OneWay(navigator.layout, navigator.inertial, aid.source, with_wind=True) for aid in others}
         self._moved = np.zeros(navigator.layout.size)
         self._shown, self._seen_ns, self._turned, self._q_nb = 0.0, 0, 0.0, None
-        self.led_m = 0.0
+        self.flow, self._astray, self.led_m = FlowWatch(), np.zeros(3), 0.0
 
     @property
     def held(self) -> tuple[Contradiction | None, Contradiction | None]:
@@ -69,7 +73,8 @@ class AttitudeWatch:
             other.clear()
         self.turned.clear()
         self._shown, self._turned, self._q_nb = 0.0, 0.0, None
-        self.led_m = 0.0
+        self.flow.clear()
+        self._astray, self.led_m = np.zeros(3), 0.0
 
     def note(self, dx: np.ndarray) -> None:
         """Note a correction (n,) that is injected."""
@@ -108,6 +113,7 @@ class AttitudeWatch:
         """By how much tilt, heading and wind (3,) may be off, rad and m/s: by what moved them lately, and turns of a unit that is wrong."""
         squares = self.one_way.moved**2 + sum(other.moved**2 for other in self._others.values())
         squares[:2] += self._turned**2
+        squares += self._astray**2
         return np.sqrt(squares)
 
     def slip_mps(self, moved: np.ndarray) -> float:
@@ -115,10 +121,15 @@ class AttitudeWatch:
         return BEFORE * math.hypot(float(moved[2]), self.navigator.core.speed_mps * float(moved[1]))
 
     def look(self, dt_s: float, *, held: bool, is_wrong: bool) -> None:
-        """Note how far it slips and how the unit turns, at every output.
+        """Note whether it flies where it points, how far it slips and how the unit turns, at every output.
 
         ``held``: GPS holds the solution; ``is_wrong``: the unit contradicts its settings.
         """
+        core = self.navigator.core
+        self.flow.take(core.t_ns, core.C_nb(), core.nav[VEL])
+        (crab, incidence), before = COVERED * self.flow.off, self._astray * (math.exp(-dt_s / AGREES_S) if held else 1.0)
+        across = core.speed_mps * math.hypot(crab, incidence)
+        self._astray = np.maximum(before, [0.0 if held else incidence, crab, 0.0 if held else across])
         moved = self.moved()
         self.led_m = 0.0 if held else self.led_m + self.slip_mps(moved) * dt_s if moved.any() else self.led_m
         if not is_wrong:
