@@ -29,8 +29,8 @@ AGREES_S = 5.0
 """A nose that points along the way again, and GPS to show it, are believed after so long."""
 BEFORE = 2.0
 """What led wind and heading one way has led them as far before it stood out."""
-TURNS_S, WRONG = 10.0, 0.5
-"""A unit that contradicts its settings is wrong by this share of what it has turned lately."""
+TURNS_S, WRONG, MOST = 10.0, 0.5, 60.0 * DEGREE
+"""A unit that is known to be wrong is so by this share of what it has turned lately, or since GPS was lost, up to so much."""
 
 
 class AttitudeWatch:
@@ -127,9 +127,10 @@ class AttitudeWatch:
         """
         core = self.navigator.core
         self.flow.take(core.t_ns, core.C_nb(), core.nav[VEL])
-        (crab, incidence), before = COVERED * self.flow.off, self._astray * (math.exp(-dt_s / AGREES_S) if held else 1.0)
-        across = core.speed_mps * math.hypot(crab, incidence)
-        self._astray = np.maximum(before, [0.0 if held else incidence, crab, 0.0 if held else across])
+        crab, before = float(COVERED * self.flow.off[0]), self._astray * (math.exp(-dt_s / AGREES_S) if held else 1.0)
+        either = 0.0 if held else COVERED * math.hypot(*self.flow.off)  # GPS shows an incidence as a velocity
+        self._astray = np.maximum(before, [either, max(crab, either), core.speed_mps * either])
+        is_wrong |= not held and self._astray.any()
         moved = self.moved()
         self.led_m = 0.0 if held else self.led_m + self.slip_mps(moved) * dt_s if moved.any() else self.led_m
         if not is_wrong:
@@ -137,7 +138,7 @@ class AttitudeWatch:
             return
         q_nb, before = self.navigator.core.nav[6:10].copy(), self._q_nb
         by = 0.0 if before is None else float(np.linalg.norm(rotvec_from_quat(quat_multiply(q_nb, quat_conjugate(before)))))
-        self._turned, self._q_nb = self._turned * math.exp(-dt_s / TURNS_S) + WRONG * by, q_nb
+        self._turned, self._q_nb = min(self._turned * (math.exp(-dt_s / TURNS_S) if held else 1.0) + WRONG * by, MOST), q_nb
 
     def before(self, aid: Aid) -> bool:
         """Look at what an aid is about to change; return whether it is to be judged once it has been used."""

@@ -14,8 +14,9 @@ from lowcostnav_ros.physics.rotation import wrap
 
 STEEPEST = 0.7
 """Sine of the pitch beyond which nothing is compared."""
-MARGIN = np.array([10.0, 20.0]) * DEGREE
-"""By how much crab and incidence change on a straight leg: sideslip, gusts, what a wing flies with in a pull."""
+MARGIN, NOISE = np.array([8.0, 20.0]) * DEGREE, 2.0 * DEGREE
+"""By how much crab and incidence change on a straight leg: sideslip, gusts, what a wing flies with in a pull.  A track that
+changes by less than the third is no turn."""
 USUAL_S, ALLOWED_S, PAUSE_S = 60.0, 30.0, 5.0
 """What is usual is learnt in the first time; a turn counts for the second; after a pause of the third all begins anew, s."""
 
@@ -45,7 +46,11 @@ class FlowWatch:
             return
         track, climb, dt_s = math.atan2(east, north), math.atan2(-down, speed), 1e-9 * (stamp_ns - self._last_ns)
         seen, turned = np.array([wrap(heading_of(C) - track), -math.asin(C[2, 0]) - climb]), abs(wrap(track - self._track))
-        self._track, self._last_ns = track, stamp_ns
+        self._last_ns = stamp_ns
+        if dt_s > PAUSE_S or turned > NOISE:
+            self._track = track
+        else:
+            turned = 0.0
         if dt_s > PAUSE_S:
             self._usual, self._allowed, self.off = seen, 0.0, np.zeros(2)
             return
