@@ -11,11 +11,12 @@ from lowcostnav_ros.aids.magnetic import MagneticAid
 from lowcostnav_ros.base.contradiction import Contradiction
 from lowcostnav_ros.base.measurements import GpsVelocity, Measurement
 from lowcostnav_ros.base.units import DEGREE
-from lowcostnav_ros.cores.inertial import VEL
+from lowcostnav_ros.cores.inertial import ATT, VEL
 from lowcostnav_ros.estimation.aiding import Aid, Decision, reset_to
 from lowcostnav_ros.estimation.cross_checks.flow import FlowWatch
 from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, OwnHeadingCheck, crabs, heading_of
 from lowcostnav_ros.estimation.one_way import OneWay
+from lowcostnav_ros.navigators.silent_axes import RATE
 from lowcostnav_ros.navigators.trust import COVERED
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotvec_from_quat, wrap
 
@@ -58,7 +59,8 @@ class AttitudeWatch:
         others: list[Aid] = [*navigator.aids_of(MagneticAid), *navigator.aids_of(AirDataAid)]
         self._others = {aid: OneWay(navigator.layout, navigator.inertial, aid.source, with_wind=True) for aid in others}
         self._moved = np.zeros(navigator.layout.size)
-        self._shown, self._seen_ns, self._turned, self._q_nb = 0.0, 0, 0.0, None
+        self._shown, self._seen_ns, self._turned = 0.0, 0, 0.0
+        self._q_nb: np.ndarray | None = None
         self.flow, self._astray, self.led_m = FlowWatch(), np.zeros(3), 0.0
 
     @property
@@ -120,24 +122,27 @@ class AttitudeWatch:
         """By how much a velocity that air and compass hold is off, m/s, where wind and heading are by ``moved`` (3,)."""
         return BEFORE * math.hypot(float(moved[2]), self.navigator.core.speed_mps * float(moved[1]))
 
-    def look(self, dt_s: float, *, held: bool, is_wrong: bool) -> None:
+    def look(self, dt_s: float, *, held: bool, is_wrong: bool, blind_s: float = 0.0) -> None:
         """Note whether it flies where it points, how far it slips and how the unit turns, at every output.
 
-        ``held``: GPS holds the solution; ``is_wrong``: the unit contradicts its settings.
+        ``held``: GPS holds the solution; ``is_wrong``: the unit contradicts its settings; ``blind_s``: since when no
+        gyro has said anything, s.
         """
         core = self.navigator.core
-        self.flow.take(core.t_ns, core.C_nb(), core.nav[VEL])
+        self.flow.take(core.t_ns, core.C_nb(), core.nav[VEL], self.navigator.P[VEL.start : ATT.stop, VEL.start : ATT.stop])
         crab, before = float(COVERED * self.flow.off[0]), self._astray * (math.exp(-dt_s / AGREES_S) if held else 1.0)
-        either = 0.0 if held else COVERED * math.hypot(*self.flow.off)  # GPS shows an incidence as a velocity
+        either = 0.0  # GPS shows an incidence as a velocity
+        if not held:
+            either = max(COVERED * math.hypot(*self.flow.off), min(COVERED * RATE * blind_s, MOST))
         self._astray = np.maximum(before, [either, max(crab, either), core.speed_mps * either])
-        is_wrong |= not held and self._astray.any()
+        is_wrong = is_wrong or (not held and bool(self._astray.any()))
         moved = self.moved()
         self.led_m = 0.0 if held else self.led_m + self.slip_mps(moved) * dt_s if moved.any() else self.led_m
         if not is_wrong:
             self._turned, self._q_nb = 0.0, None
             return
-        q_nb, before = self.navigator.core.nav[6:10].copy(), self._q_nb
-        by = 0.0 if before is None else float(np.linalg.norm(rotvec_from_quat(quat_multiply(q_nb, quat_conjugate(before)))))
+        q_nb, old = core.nav[6:10].copy(), self._q_nb
+        by = 0.0 if old is None else float(np.linalg.norm(rotvec_from_quat(quat_multiply(q_nb, quat_conjugate(old)))))
         self._turned, self._q_nb = min(self._turned * (math.exp(-dt_s / TURNS_S) if held else 1.0) + WRONG * by, MOST), q_nb
 
     def before(self, aid: Aid) -> bool:

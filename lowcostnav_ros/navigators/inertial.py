@@ -328,8 +328,8 @@ class InertialNavigator(Navigator):
         if self.headings.cores:
             self._show_headings()
         self.silent.look(self.core.t_ns)
-        held = self.gps_good(self.core.t_ns)
-        self.attitude_watch.look(1e-9 * self.output_period_ns, held=held, is_wrong=self.inertial_is_suspect)
+        held, blind_s = self.gps_good(self.core.t_ns), self.silent.blind_s(self.core.t_ns)
+        self.attitude_watch.look(1e-9 * self.output_period_ns, held=held, is_wrong=self.inertial_is_suspect, blind_s=blind_s)
         for channel in self.clocked:
             self.use_channel(channel, Measurement(self.core.t_ns, IMU))
         self.trust.look(self.core.t_ns)

@@ -20,6 +20,7 @@ FORCE, RATE = 0.3 * STANDARD_GRAVITY, 5.0 * DEGREE
 """1-sigma of what an axis does not show, m/s^2 and rad/s: a turn, a climb."""
 SLOWEST_MPS = 5.0
 """At rest the values of a coarse sensor may well stay as they are."""
+GYROS = {3, 4, 5}
 NAMES = "accelerometer x", "accelerometer y", "accelerometer z", "gyro x", "gyro y", "gyro z"
 
 
@@ -49,6 +50,10 @@ class SilentAxes:
     def held(self) -> Contradiction | None:
         """The contradiction, while it lasts."""
         return self._latch.held
+
+    def blind_s(self, t_ns: int) -> float:
+        """Since when no gyro has said anything, s; 0 where one does."""
+        return 1e-9 * (t_ns - self._since_ns) if self._silent.keys() >= GYROS else 0.0
 
     def take(self, t_ns: int, silent: np.ndarray) -> None:
         """Take which axes (6,) say nothing from now on."""

@@ -17,6 +17,8 @@ STEEPEST = 0.7
 MARGIN, NOISE = np.array([8.0, 20.0]) * DEGREE, 2.0 * DEGREE
 """By how much crab and incidence change on a straight leg: sideslip, gusts, what a wing flies with in a pull.  A track that
 changes by less than the third is no turn."""
+SIGMAS = 2.0
+"""And by so many sigmas of what is known of attitude and velocity."""
 USUAL_S, ALLOWED_S, PAUSE_S = 60.0, 30.0, 5.0
 """What is usual is learnt in the first time; a turn counts for the second; after a pause of the third all begins anew, s."""
 
@@ -38,8 +40,8 @@ class FlowWatch:
         self.off, self._usual, self._allowed = np.zeros(2), np.zeros(2), 0.0
         self._track, self._last_ns = 0.0, 0
 
-    def take(self, stamp_ns: int, C: np.ndarray, vel_n: np.ndarray) -> None:
-        """Compare an attitude ``C_nb`` (3, 3) with a velocity NED (3,), m/s."""
+    def take(self, stamp_ns: int, C: np.ndarray, vel_n: np.ndarray, P: np.ndarray) -> None:
+        """Compare an attitude ``C_nb`` (3, 3) with a velocity NED (3,), m/s; ``P`` (6, 6) is what is known of velocity and attitude."""
         north, east, down = vel_n.tolist()
         speed = math.hypot(north, east)
         if speed < SLOWEST_MPS or abs(C[2, 0]) > STEEPEST:
@@ -57,4 +59,9 @@ class FlowWatch:
         self._allowed = self._allowed * math.exp(-dt_s / ALLOWED_S) + turned * STRONGEST_WIND_MPS / speed
         off = np.array([wrap(seen[0] - self._usual[0]), seen[1] - self._usual[1]])
         self._usual += off * dt_s / USUAL_S * (np.abs(off) < MARGIN)
-        self.off = np.where(np.abs(off) > MARGIN + [self._allowed, 0.0], np.abs(off), 0.0)
+        if (np.abs(off) <= MARGIN).all():
+            self.off = np.zeros(2)
+            return
+        level, down, tilt, heading = P[0, 0] + P[1, 1], P[2, 2], P[3, 3] + P[4, 4], P[5, 5]
+        vague2 = np.maximum([heading + level / speed**2, tilt + down / speed**2], 0.0)
+        self.off = np.where(np.abs(off) > np.sqrt(MARGIN**2 + SIGMAS**2 * vague2) + [self._allowed, 0.0], np.abs(off), 0.0)
