@@ -78,6 +78,11 @@ class AttitudeWatch:
         self.flow.clear()
         self._astray, self.led_m = np.zeros(3), 0.0
 
+    def begin_anew(self) -> None:
+        """Forget what is of an attitude that was lost."""
+        self.one_way.clear()
+        self.flow.clear()
+
     def note(self, dx: np.ndarray) -> None:
         """Note a correction (n,) that is injected."""
         self._moved += dx
@@ -103,12 +108,12 @@ class AttitudeWatch:
         return tilt, heading
 
     def _remembered(self, compass: MagneticAid, heading: float, now_ns: int) -> float:
-        """What the compass showed before it was calibrated anew, or lost; forgotten at once where it is used again as it was."""
-        forgotten_ns = compass.calibration.forgotten_ns
-        if heading >= self._shown:
+        """What the compass showed before it was calibrated anew: it has followed the gyros since."""
+        if heading > 0.0:
             self._shown, self._seen_ns = heading, now_ns
-        elif compass.decision is Decision.FUSE and (forgotten_ns is None or forgotten_ns < self._seen_ns):
-            self._shown = 0.0
+        forgotten_ns = compass.calibration.forgotten_ns
+        if forgotten_ns is None or forgotten_ns < self._seen_ns:
+            return heading
         return self._shown * math.exp(-1e-9 * (now_ns - self._seen_ns) / MEMORY_S)
 
     def moved(self) -> np.ndarray:
@@ -195,6 +200,7 @@ class AttitudeWatch:
         is_vague = not navigator.tries_headings and variance > max(VAGUE_HEADING, 2.0 * sigma) ** 2
         if apart is not None or is_vague:
             self._shown = 0.0
+            self.flow.clear()
             reset_to(navigator, DOWN, np.array([wrap(track - heading)]), np.array([[sigma**2]]))
         if apart is not None:
             navigator.widen(navigator.turned(stamp_ns, abs(apart)))

@@ -243,7 +243,7 @@ class InertialNavigator(Navigator):
         self.core.start(start.stamp_ns, start.nav, start.covariance)
         if self.offsets is not None:
             self.offsets.restart()
-        self.attitude_watch.one_way.clear()
+        self.attitude_watch.begin_anew()
         self._look_at_axes(start.stamp_ns)
         self.recovery.begin(start.stamp_ns, self.P, moving=self.start.moving)
         self.inertial_is_suspect = True

@@ -17,8 +17,8 @@ STEEPEST = 0.7
 MARGIN, NOISE = np.array([8.0, 20.0]) * DEGREE, 2.0 * DEGREE
 """By how much crab and incidence change on a straight leg: sideslip, gusts, what a wing flies with in a pull.  A track that
 changes by less than the third is no turn."""
-SIGMAS = 2.0
-"""And by so many sigmas of what is known of attitude and velocity."""
+SIGMAS, VAGUE = 2.0, 15.0 * DEGREE
+"""And by so many sigmas of what is known of attitude and velocity; where that is less than the second, nothing is usual yet."""
 USUAL_S, ALLOWED_S, PAUSE_S = 60.0, 30.0, 5.0
 """What is usual is learnt in the first time; a turn counts for the second; after a pause of the third all begins anew, s."""
 
@@ -58,10 +58,10 @@ class FlowWatch:
             return
         self._allowed = self._allowed * math.exp(-dt_s / ALLOWED_S) + turned * STRONGEST_WIND_MPS / speed
         off = np.array([wrap(seen[0] - self._usual[0]), seen[1] - self._usual[1]])
-        self._usual += off * dt_s / USUAL_S * (np.abs(off) < MARGIN)
-        if (np.abs(off) <= MARGIN).all():
-            self.off = np.zeros(2)
-            return
+        self._usual += off * dt_s / USUAL_S
         level, down, tilt, heading = P[0, 0] + P[1, 1], P[2, 2], P[3, 3] + P[4, 4], P[5, 5]
         vague2 = np.maximum([heading + level / speed**2, tilt + down / speed**2], 0.0)
+        if not self.off.any() and (vague2 > VAGUE**2).any():
+            self.clear()
+            return
         self.off = np.where(np.abs(off) > np.sqrt(MARGIN**2 + SIGMAS**2 * vague2) + [self._allowed, 0.0], np.abs(off), 0.0)
