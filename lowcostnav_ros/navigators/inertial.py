@@ -80,8 +80,6 @@ class InertialNavigator(Navigator):
         The cores of several headings while it does not know its own.
     tries_headings : bool
         Whether it ever has several.
-    watches_attitude : bool
-        Whether what GPS does to attitude and heading is watched for an inertial sensor that lies.
     lever_b, imu_arm_b : ndarray (3,)
         GPS antenna relative to the IMU, IMU relative to base_link, m.
     fix_word : str
@@ -92,7 +90,6 @@ class InertialNavigator(Navigator):
     smooths = True
     on_grid = True
     tries_headings = True
-    watches_attitude = True
     fix_word = "GPS fix"
 
     def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
@@ -150,6 +147,11 @@ class InertialNavigator(Navigator):
         if isinstance(aid, MagneticAid) and self.recovery.compass_waits(self.core.t_ns, self.P):
             return "heading comes from GPS"
         return UNSEEN if self.headings.cores and aid.keeps_slots else super().excluded(aid)
+
+    @property
+    def _unexplained(self) -> bool:
+        """Whether the IMU contradicts its settings in a way that wider biases do not explain."""
+        return self.inertial_is_suspect and not self.recovery.explains
 
     def recovery_s(self, aid: Aid, stamp_ns: int) -> float:
         """A second recovery to GPS within a minute comes sooner, and is another one."""
@@ -329,7 +331,7 @@ class InertialNavigator(Navigator):
             self._show_headings()
         self.silent.look(self.core.t_ns)
         held, blind_s = self.gps_good(self.core.t_ns), self.silent.blind_s(self.core.t_ns)
-        self.attitude_watch.look(1e-9 * self.output_period_ns, held=held, is_wrong=self.inertial_is_suspect, blind_s=blind_s)
+        self.attitude_watch.look(1e-9 * self.output_period_ns, held=held, is_wrong=self._unexplained, blind_s=blind_s)
         for channel in self.clocked:
             self.use_channel(channel, Measurement(self.core.t_ns, IMU))
         self.trust.look(self.core.t_ns)
@@ -348,7 +350,7 @@ class InertialNavigator(Navigator):
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """As every navigator; while it tries several headings, each takes the measurement."""
         if not self.headings.cores:
-            is_watched = self.watches_attitude and self.attitude_watch.before(aid)
+            is_watched = self.attitude_watch.before(aid)
             used = super().use_aid(aid, measurement)
             if is_watched:
                 self.attitude_watch.after(aid, measurement, used=used)
@@ -559,9 +561,9 @@ class InertialNavigator(Navigator):
             doubt = doubt.copy()
             doubt[ATT, ATT] += UPSIDE_DOWN if is_over else np.diag(self.recovery.seen()[ATT] ** 2)
             doubt[ATT, ATT] += np.diag(np.array([tilt, tilt, heading]) ** 2) * COVERED**2
-        if moved.any() or self.inertial_is_suspect:
+        if moved.any() or self._unexplained:
             doubt = doubt.copy()
-            doubt[ATT, ATT] += np.diag(moved[[0, 0, 1]] ** 2) + self.P[ATT, ATT] * (UNEXPLAINED if self.inertial_is_suspect else 0.0)
+            doubt[ATT, ATT] += np.diag(moved[[0, 0, 1]] ** 2) + self.P[ATT, ATT] * (UNEXPLAINED if self._unexplained else 0.0)
             if self.attitude_watch.led_m > 0.0:
                 doubt[VEL, VEL] += self.attitude_watch.slip_mps(moved) ** 2 * np.eye(3)
                 doubt[POS, POS] += self.attitude_watch.led_m**2 * np.eye(3)
