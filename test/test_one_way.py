@@ -54,6 +54,22 @@ def test_corrections_that_go_one_way_widen_attitude_and_sensors_and_are_named():
     assert held.name == "GPS corrects the attitude one way" and held.parties == ("imu", "gps")
 
 
+def test_what_is_no_proof_yet_is_remembered_for_a_minute():
+    check, nothing = OneWay(LAYOUT, "imu", "gps"), np.zeros((LAYOUT.size, LAYOUT.size))
+    P = np.diag(np.r_[np.zeros(6), np.full(3, SIGMA**2), np.zeros(LAYOUT.size - 9)])
+    for k in range(8):  # of one sigma each, one way
+        correction = np.zeros(LAYOUT.size)
+        correction[6] = 1.5 * SIGMA
+        check.before(P, None)
+        largest = check.follow(k * SECOND // 2 + SECOND, correction, nothing, None)
+    assert 2.5 < largest < 5.0 and 1.5 * SIGMA < check.moved[0] < 12.0 * SIGMA and not check.moved[1:].any()
+    seen = check.moved[0]
+    for k in range(8, 128):
+        check.before(P, None)
+        check.follow(k * SECOND // 2 + SECOND, np.zeros(LAYOUT.size), nothing, None)
+    assert check.moved[0] == pytest.approx(seen * np.exp(-1.0), rel=0.1)
+
+
 def test_what_late_stamps_may_have_done_is_no_fault_of_the_sensors():
     assert all(least is None for _, least, _ in fed(20.0, drift=0.4 * DEGREE, late=0.1 * DEGREE))
 

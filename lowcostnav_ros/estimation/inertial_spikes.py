@@ -1,4 +1,4 @@
-"""Single inertial samples that cannot be: recognised, replaced, counted; and sensors at their limit.
+"""Single inertial samples that cannot be: recognised, replaced, counted; sensors at their limit, and axes that say nothing.
 
 A sample that differs from the one before by more than an aircraft can do is held back: the last value stands in for it.  The next sample
 decides.  If it is nearer to the value held back, the step was real (a landing shock, an engine that starts), and what was held back, a
@@ -8,6 +8,9 @@ dropped, and the covariance grows by what may have been lost.
 Nothing but the samples before is looked at, so the result does not depend on the order of arrival or the cut of blocks.  A sample may
 come in pieces (the horizon splits it at the stamps of aids); pieces have the same bits and are judged as one.  What counts as a step adapts
 to the differences that are usual (vibration), and to the interval of the samples.
+
+An axis that repeats its value to the bit for longer than chance lets it, by how often it has repeated values so far, says nothing: it is
+stuck, dead, or at its limit.  A unit of coarse steps, or one that is read faster than it measures, repeats values all the time.
 """
 
 from collections.abc import Iterator
@@ -37,13 +40,17 @@ PIECES = 1.5
 RUN, HIGH = 5, np.array([15.0, 15.0, 15.0, 1.0, 1.0, 1.0])
 """So many samples of one value, as large as it ever was and larger than at rest, are a sensor's limit."""
 
-LAST, GOOD, LEVEL, HELD, SUSPECT, PEAK, REPEATED = range(7)
+OFTEN, LEARNT, RARE, SILENT_NS = 0.1, 0.005, 1e-9, 100_000_000
+"""Share of repeated values that is usual at least; what a sample counts for it; the chance of a run, and its length, that say nothing."""
+
+LAST, GOOD, LEVEL, HELD, SUSPECT, PEAK, REPEATED, SHARE, CHANCE, CHANGED, SILENT = range(11)
 NOW, BEGUN, INTERVAL = range(3)
 
 
 @kernel
 def judge(axes, times, stamp, x, out, kick, variance):
-    """Judge one sample ``x`` (6,) into ``out`` (6,); return 1 for a spike dropped before it, 2 for a sensor at its limit, their sum, or 0.
+    """Judge one sample ``x`` (6,) into ``out`` (6,); return 1 for a spike dropped before it, 2 for a sensor at its limit, 4 for axes that
+    fall silent or speak again, their sum, or 0.
 
     ``kick``, ``variance`` (6,): velocity and rotation in b, m/s and rad, that the state gains before this sample, and variances.
     """
@@ -57,6 +64,7 @@ def judge(axes, times, stamp, x, out, kick, variance):
     if times[NOW] == 0 or dt_ns <= 0 or dt_ns > HOLE_NS:
         times[BEGUN], times[INTERVAL] = stamp, 0
         axes[LAST], axes[GOOD], axes[SUSPECT], axes[REPEATED] = x, x, 0.0, 0.0
+        axes[CHANCE], axes[CHANGED] = 1.0, stamp
         times[NOW] = stamp
         return 0
     same = True
@@ -88,7 +96,17 @@ def judge(axes, times, stamp, x, out, kick, variance):
         else:
             axes[GOOD, a] = x[a]
         size = abs(x[a])
-        axes[REPEATED, a] = axes[REPEATED, a] + 1.0 if x[a] == axes[LAST, a] else 0.0
+        if x[a] == axes[LAST, a]:
+            axes[REPEATED, a] += 1.0
+            axes[CHANCE, a] *= max(axes[SHARE, a], OFTEN)
+        else:
+            axes[REPEATED, a], axes[CHANCE, a], axes[CHANGED, a] = 0.0, 1.0, stamp
+        if axes[SILENT, a] == 0.0:
+            axes[SHARE, a] += LEARNT * (min(axes[REPEATED, a], 1.0) - axes[SHARE, a])
+        silent = 1.0 if axes[CHANCE, a] < RARE and stamp - axes[CHANGED, a] >= SILENT_NS else 0.0
+        if silent != axes[SILENT, a]:
+            axes[SILENT, a] = silent
+            found |= 4
         if axes[REPEATED, a] >= RUN and not same and size >= HIGH[a] and size >= axes[PEAK, a]:
             variance[a] += (limit * interval) ** 2
             found |= 2
@@ -116,10 +134,14 @@ def run(axes, times, stamps, force, rate, start, out, kick, variance):
 
 @dataclass(frozen=True, slots=True)
 class Jolt:
-    """What the state gains at once, in b: velocity and rotation (6,), m/s and rad, and their variances (6,)."""
+    """What the state gains at once, in b: velocity and rotation (6,), m/s and rad, and their variances (6,).
+
+    ``silent`` (6,): which axes say nothing from now on, where that changes; else None.
+    """
 
     kick: np.ndarray
     variance: np.ndarray
+    silent: np.ndarray | None = None
 
 
 class InertialSpikes:
@@ -130,7 +152,8 @@ class InertialSpikes:
 
     def clear(self) -> None:
         """Forget the samples seen."""
-        self._axes, self._times = np.zeros((7, 6)), np.zeros(3, dtype=np.int64)
+        self._axes, self._times = np.zeros((11, 6)), np.zeros(3, dtype=np.int64)
+        self._axes[SHARE] = 1.0
 
     def screen(self, block: ImuBlock) -> Iterator[tuple[Jolt | None, ImuBlock, str]]:
         """Pieces of a block with spikes replaced, each after what the state gains before it; and the phrase to count, or an empty text."""
@@ -143,9 +166,10 @@ class InertialSpikes:
                 break
             if done - 1 > begun:
                 yield None, block[begun : done - 1], ""
-            jolt = Jolt(kick, variance) if kick.any() or variance.any() else None
+            silent = self._axes[SILENT] > 0.0 if found & 4 else None
+            jolt = Jolt(kick, variance, silent) if found & 4 or kick.any() or variance.any() else None
             sample = ImuBlock.of(block.source, block.stamps_ns[done - 1 : done], out[None, :3].copy(), out[None, 3:].copy())
-            yield jolt, sample, (SATURATED if found & 2 else SPIKE if found else "")
+            yield jolt, sample, (SATURATED if found & 2 else SPIKE if found & 1 else "")
             begun = done
         if begun < len(block):
             yield None, block[begun:] if begun else block, ""

@@ -8,6 +8,9 @@ over some seconds
 An accelerometer that drifts is followed by the tilt, through a gyro bias where that is slow; a gyro that drifts is held by it.  Either
 way the tilt is off by no more than c, and half of it covers both.
 
+What is beyond two and a half sigmas but no proof yet is published alone: an attitude (or a wind) that was moved so far may be off by as
+much, and by a rate more each second; that is forgotten within a minute.
+
 Late stamps look the same for as long as an aircraft turns.  An offset of sigma s that is not known yet moves the sum by s sum K U, U being
 what it does to an innovation (:mod:`.time_offsets`): that much of it is no fault of the sensors.
 """
@@ -28,6 +31,10 @@ WINDOWS_S = np.array([5.0, 30.0])
 SIGMAS, NAMED_SIGMAS, NAMED = 5.0, 8.0, 2.0 * DEGREE
 """Corrections beyond so many sigmas are no chance; beyond the second, and of a tilt larger than the third, rad, they are named."""
 HALF = 0.5
+CHANCE, MEMORY_S, FURTHEST = 2.5, 60.0, np.array([60.0 * DEGREE, 60.0 * DEGREE, 30.0])
+"""Sigmas up to which a sum says nothing; how long what was beyond is remembered, s; the most that it may grow to, rad, rad, m/s."""
+PER_MPS = 0.02
+"""A wind of 1 m/s counts for the drift that it makes at 50 m/s."""
 ATTITUDE = slice(6, 9)
 FLOOR = (0.02 * DEGREE) ** 2
 """Variance of a tilt, rad^2, that says nothing of the sensors."""
@@ -72,15 +79,25 @@ class OneWay:
         Of an inertial core.
     imu, gps : str
         Parties of the contradiction.
+    with_wind : bool
+        Whether the wind is watched as well.
+
+    Attributes
+    ----------
+    moved : ndarray (3,)
+        By how much tilt, heading and wind may be off by what they were moved by lately, rad and m/s.
     """
 
-    def __init__(self, layout: Layout, imu: str, gps: str) -> None:
+    def __init__(self, layout: Layout, imu: str, gps: str, *, with_wind: bool = False) -> None:
         self._latch = Latch("GPS corrects the attitude one way", (imu, gps), "deg", begin_s=3.0, end_s=10.0)
         attitude, (accel, gyro) = np.arange(6, 9), (np.flatnonzero(layout.kind == int(k)) for k in (Kind.ACCEL_BIAS, Kind.GYRO_BIAS))
         self._size, self._accel, self._gyro = layout.size, accel, gyro
-        self._rows = np.concatenate((attitude, accel, gyro))
-        tilts = [np.ones(3), np.full(len(accel), 1.0 / STANDARD_GRAVITY), np.full(len(gyro), HALF)]
-        self._tilt = np.array([np.concatenate((*tilts[:2], tilts[2] * w)) for w in WINDOWS_S])
+        blown = layout.get("wind") if with_wind else None
+        wind = np.arange(layout.size)[[*range(3, 6), *range(blown.start, blown.stop)]] if blown is not None else np.zeros(0, dtype=int)
+        self._rows = np.concatenate((attitude, accel, gyro, wind))
+        self._parts = np.split(np.arange(len(self._rows)), np.cumsum([3, len(accel), len(gyro)]))
+        tilts = [np.ones(3), np.full(len(accel), 1.0 / STANDARD_GRAVITY), np.full(len(gyro), HALF), np.full(len(wind), PER_MPS)]
+        self._tilt = np.array([np.concatenate((*tilts[:2], tilts[2] * w, tilts[3])) for w in WINDOWS_S])
         self.clear()
 
     def clear(self) -> None:
@@ -89,6 +106,7 @@ class OneWay:
         self._sums, self._sigmas = np.zeros((3, *self._tilt.shape)), np.zeros(self._tilt.shape)
         self._before, self._after = np.zeros((2, 2, len(self._rows)))
         self._last_ns = 0
+        self.moved = np.zeros(3)
 
     @property
     def held(self) -> Contradiction | None:
@@ -104,9 +122,7 @@ class OneWay:
 
         Returns sigmas (n,) that there must be at least, or None.
         """
-        look(P, *errors_of(offsets), self._rows, self._after)
-        dt, self._last_ns, sigmas = 1e-9 * (stamp_ns - self._last_ns), stamp_ns, self._sigmas
-        largest = add(dt, WINDOWS_S, correction, self._rows, self._before, self._after, self._tilt, self._sums, sigmas)
+        largest, sigmas = self.follow(stamp_ns, correction, P, offsets), self._sigmas
         if largest <= SIGMAS and self._latch.held is None:
             self._latch.judge(stamp_ns, False, 0.0)
             return None
@@ -119,6 +135,22 @@ class OneWay:
         least = np.zeros(self._size)
         least[ATTITUDE], least[self._accel], least[self._gyro] = tilt, STANDARD_GRAVITY * tilt, tilt / float(WINDOWS_S[-1])
         return least
+
+    def follow(self, stamp_ns: int, correction: np.ndarray, P: np.ndarray, offsets: TimeOffsets | None) -> float:
+        """The same for what is published alone (:attr:`moved`); return the largest sum in sigmas."""
+        look(P, *errors_of(offsets), self._rows, self._after)
+        dt_s, self._last_ns = 1e-9 * (stamp_ns - self._last_ns), stamp_ns
+        largest = add(dt_s, WINDOWS_S, correction, self._rows, self._before, self._after, self._tilt, self._sums, self._sigmas)
+        if largest > CHANCE or self.moved.any():
+            self.moved *= math.exp(-dt_s / MEMORY_S)
+        if largest > CHANCE:
+            beyond = np.abs(self._sums[0]) * np.sqrt(np.maximum(1.0 - (CHANCE / np.maximum(self._sigmas, CHANCE)) ** 2, 0.0))
+            (north, east, down), *others = (beyond[:, part].max(axis=0, initial=0.0) for part in self._parts)
+            accel, rate, wind = (other.max(initial=0.0) for other in others)
+            self.moved[:2] += rate * dt_s
+            seen = max(north, east, accel / STANDARD_GRAVITY), down, wind
+            self.moved = np.minimum(np.maximum(self.moved, seen), FURTHEST)
+        return largest
 
 
 def errors_of(offsets: TimeOffsets | None) -> tuple[np.ndarray, np.ndarray]:

@@ -29,6 +29,7 @@ from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.channel import Channel
 from lowcostnav_ros.navigators.headings import UNSEEN, Headings
 from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
+from lowcostnav_ros.navigators.silent_axes import SilentAxes
 from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.navigators.trust import COVERED
 from lowcostnav_ros.physics.earth import displace
@@ -46,7 +47,9 @@ LEVELLING_NS = 4_000_000_000
 """Levelling after a hole takes two GPS velocities a second or two apart."""
 RECENT_NS = 3_000_000_000
 """A refused fix this recent is the reason why there is none; an older one is not."""
-NOTHING = (None,) * 5
+UNEXPLAINED = 3.0
+"""Of a unit that contradicts its settings the attitude is known half as well as a filter of biases believes."""
+NOTHING = (None,) * 6
 TRANSFER_SPAN_S = 0.2
 """Inertial data of this length is tested before a transfer alignment."""
 
@@ -77,8 +80,6 @@ class InertialNavigator(Navigator):
         The cores of several headings while it does not know its own.
     tries_headings : bool
         Whether it ever has several.
-    watches_attitude : bool
-        Whether what GPS does to attitude and heading is watched for an inertial sensor that lies.
     lever_b, imu_arm_b : ndarray (3,)
         GPS antenna relative to the IMU, IMU relative to base_link, m.
     fix_word : str
@@ -89,7 +90,6 @@ class InertialNavigator(Navigator):
     smooths = True
     on_grid = True
     tries_headings = True
-    watches_attitude = True
     fix_word = "GPS fix"
 
     def __init__(self, settings: Any, stations: Any = None, latency_s: float = 0.0) -> None:
@@ -112,7 +112,7 @@ class InertialNavigator(Navigator):
     def _remember(self, imu: ImuSettings, layout: Layout) -> None:
         """Begin to remember recoveries and corrections of an IMU with these settings."""
         self.recovery = Recovery(imu, layout)
-        self.attitude_watch, self.against_air = AttitudeWatch(self), AgainstAir(layout, IMU)
+        self.attitude_watch, self.against_air, self.silent = AttitudeWatch(self), AgainstAir(layout, IMU), SilentAxes(self)
         self.vibration = Vibration(np.sqrt(np.array(layout.blocks[0].psd[3:])))
 
     def own_inputs(self) -> list[str]:
@@ -148,6 +148,11 @@ class InertialNavigator(Navigator):
             return "heading comes from GPS"
         return UNSEEN if self.headings.cores and aid.keeps_slots else super().excluded(aid)
 
+    @property
+    def _unexplained(self) -> bool:
+        """Whether the IMU contradicts its settings in a way that wider biases do not explain."""
+        return self.inertial_is_suspect and not self.recovery.explains
+
     def recovery_s(self, aid: Aid, stamp_ns: int) -> float:
         """A second recovery to GPS within a minute comes sooner, and is another one."""
         return self.recovery.patience_s(stamp_ns, aid.gate.recovery_s) if aid in self.trust.receivers else aid.gate.recovery_s
@@ -155,7 +160,7 @@ class InertialNavigator(Navigator):
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity and with its settings."""
         beyond = self.recovery.contradiction(self.core.estimate) if self._aligned else None
-        own = self.axes.held, *self.attitude_watch.held, self.against_air.held, beyond
+        own = self.axes.held, *self.attitude_watch.held, self.against_air.held, self.silent.held, beyond
         others = super().contradictions()
         return others if own == NOTHING else (*others, *(held for held in own if held is not None))
 
@@ -166,6 +171,7 @@ class InertialNavigator(Navigator):
         self.headings.close()
         self.axes.clear()
         self.against_air.clear()
+        self.silent.clear()
         self.attitude_watch.clear()
         self._began_over = False
         self.recovery.restart()
@@ -239,7 +245,7 @@ class InertialNavigator(Navigator):
         self.core.start(start.stamp_ns, start.nav, start.covariance)
         if self.offsets is not None:
             self.offsets.restart()
-        self.attitude_watch.one_way.clear()
+        self.attitude_watch.begin_anew()
         self._look_at_axes(start.stamp_ns)
         self.recovery.begin(start.stamp_ns, self.P, moving=self.start.moving)
         self.inertial_is_suspect = True
@@ -323,6 +329,9 @@ class InertialNavigator(Navigator):
             self.layout.set_levels({"core": self.vibration.level()})
         if self.headings.cores:
             self._show_headings()
+        self.silent.look(self.core.t_ns)
+        held, blind_s = self.gps_good(self.core.t_ns), self.silent.blind_s(self.core.t_ns)
+        self.attitude_watch.look(1e-9 * self.output_period_ns, held=held, is_wrong=self._unexplained, blind_s=blind_s)
         for channel in self.clocked:
             self.use_channel(channel, Measurement(self.core.t_ns, IMU))
         self.trust.look(self.core.t_ns)
@@ -341,7 +350,7 @@ class InertialNavigator(Navigator):
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """As every navigator; while it tries several headings, each takes the measurement."""
         if not self.headings.cores:
-            is_watched = self.watches_attitude and self.attitude_watch.before(aid)
+            is_watched = self.attitude_watch.before(aid)
             used = super().use_aid(aid, measurement)
             if is_watched:
                 self.attitude_watch.after(aid, measurement, used=used)
@@ -513,6 +522,8 @@ class InertialNavigator(Navigator):
             self.trust.witness.disturb(jolt, self.core.t_ns)
             self.core.disturb(jolt.kick, jolt.variance)
             self.headings.disturb(jolt)
+            if jolt.silent is not None:
+                self.silent.take(self.core.t_ns, jolt.silent)
 
     # outputs -----------------------------------------------------------------------------------------------------------------
 
@@ -545,10 +556,17 @@ class InertialNavigator(Navigator):
         """As every navigator; of an attitude that may be upside down nothing is known, of another what GPS and compass show of it."""
         doubt, is_over = self.trust.doubt(t_ns), self._began_over and self.axes.held is not None
         tilt, heading = self.attitude_watch.apart(t_ns)
+        moved = self.attitude_watch.moved()
         if is_over or heading or self.recovery.shows:
             doubt = doubt.copy()
             doubt[ATT, ATT] += UPSIDE_DOWN if is_over else np.diag(self.recovery.seen()[ATT] ** 2)
             doubt[ATT, ATT] += np.diag(np.array([tilt, tilt, heading]) ** 2) * COVERED**2
+        if moved.any() or self._unexplained:
+            doubt = doubt.copy()
+            doubt[ATT, ATT] += np.diag(moved[[0, 0, 1]] ** 2) + self.P[ATT, ATT] * (UNEXPLAINED if self._unexplained else 0.0)
+            if self.attitude_watch.led_m > 0.0:
+                doubt[VEL, VEL] += self.attitude_watch.slip_mps(moved) ** 2 * np.eye(3)
+                doubt[POS, POS] += self.attitude_watch.led_m**2 * np.eye(3)
         astray = self.against_air.doubt(t_ns, self.core.speed_mps)
         return doubt if astray is None else doubt + astray
 

@@ -43,7 +43,6 @@ class PseudoliteIns(InertialNavigator):
     required = (IMU, RAW)
     fix_word = "transmitter"
     tries_headings = False  # ambiguities of carriers are of one state
-    watches_attitude = False  # flown for ins_gps alone
 
     def gps_good(self, stamp_ns: int) -> bool:
         """Whether the solution is held, by GPS or by transmitters."""

@@ -92,7 +92,7 @@ class Recovery:
         self._layout = layout
         self._steps, self._factor, self._worst, self._is_fault = 0, 1.0, 0.0, False
         self._tested_ns: int | None = None
-        self._since_ns, self._is_far = NEVER_NS, False
+        self._since_ns, self._is_far, self._now_ns = NEVER_NS, False, 0
         self._looked, self._looked_steps = -1, 0
         self._found: Contradiction | None = None
         self._sensors = np.isin(layout.kind, [int(kind) for kind in (Kind.ACCEL_BIAS, Kind.GYRO_BIAS, Kind.ACCEL_SCALE, Kind.GYRO_SCALE)])
@@ -112,9 +112,8 @@ class Recovery:
         self._off_since_ns: int | None = None
         self._agreed_ns: int | None = None
         self._accel = self._rate = 0.0
-        self._run = Run()
+        self._run, self._nis, self._strange_ns = Run(), 1.0, self._now_ns
         self._recovered_ns = self._rejected_ns = self._compass_off_ns = NEVER_NS
-        self._now_ns = 0
 
     def acquit(self) -> None:
         """Take the IMU for as good as set: it was GPS that was wrong."""
@@ -126,6 +125,11 @@ class Recovery:
     def is_widened(self) -> bool:
         """Whether the IMU is taken for worse than its settings."""
         return self._steps > 0
+
+    @property
+    def explains(self) -> bool:
+        """Whether velocities have agreed as they should for a while with biases that are larger than set: it is they, and nothing else."""
+        return self._now_ns - self._strange_ns > YOUNG_NS
 
     @property
     def shows(self) -> bool:
@@ -151,6 +155,9 @@ class Recovery:
         self._now_ns = stamp_ns
         if off is not None:
             self._size(stamp_ns, decision, off)
+            self._nis += (min(nis / len(off), MOST) - self._nis) / ENOUGH
+            if self._nis > TOO_MUCH:
+                self._strange_ns = stamp_ns
             if self._steps and decision is not None and stamp_ns - self._since_ns > YOUNG_NS:
                 self._narrow(stamp_ns, nis / len(off))
         if decision in (Decision.REJECT, Decision.RECOVER):
