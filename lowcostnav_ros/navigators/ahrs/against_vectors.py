@@ -6,6 +6,10 @@ is calibrated beside them.  So what a refused witness has shown the attitude to 
     compass           heading off by y, and by dy/dt more each second; without GPS the gyros or the field are wrong, half covers both
     velocity          off by y after T: an acceleration y / T, of gravity; along the flight it may be the airspeed, across it is the tilt
     heading turning   at a rate r that the compass does not see tilts by V r / g what airspeed holds level in turns
+    air data          corrects the tilt one way without GPS (:mod:`.one_way`): an accelerometer is wrong, the tilt has followed it
+    compass           is followed one way, by heading and slow error together: half covers both, gyros that drift and a compass
+
+Of the compass y of variance S, R of it noise, is followed by c = sum (1 - R / S) y of variance sum (S - R)^2 / S.
 
 Once GPS velocity is used again, all this is given to the covariance, so that it teaches attitude and gyro biases.
 """
@@ -26,6 +30,7 @@ from lowcostnav_ros.cores.held import ANY_WAY
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
+from lowcostnav_ros.estimation.one_way import ATTITUDE, HALF, OneWay
 from lowcostnav_ros.navigators.against_air import SLOWEST_MPS, strays
 from lowcostnav_ros.navigators.attitude_watch import DOWN
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
@@ -47,6 +52,8 @@ STRENGTH = 0.1
 """A field is the earth's whose strength is within this share of the model's; a tilt that is off changes the direction alone."""
 STRANGE = 3.0
 """Sigmas of its setting that a slow error of the compass does not reach."""
+FOLLOWED_S, FOLLOWED_SIGMAS, FOLLOWED_CALM = 30.0, 3.0, 1.5 * DEGREE
+"""The compass is followed over so long; one way beyond so many sigmas, of which iron and the scale of the gyros make as much in turns."""
 SEEN = (0.5 * DEGREE, 5.0 * DEGREE)
 """Rate, rad/s, and tilt, rad, of the attitude against two witnesses beyond which it is the gyros that are wrong."""
 
@@ -95,6 +102,8 @@ class AgainstVectors:
     def __init__(self, host: Any) -> None:
         self.host = host
         self._latch = Latch("gyros disagree with compass and velocity", (host.inertial, "compass and velocity"), "deg", begin_s=2.0)
+        self._air = {aid: OneWay(host.layout, host.inertial, aid.source, "air data") for aid in host.aids_of(AirDataAid)}
+        self._moved = np.zeros(host.layout.size)
         self.clear()
 
     def clear(self) -> None:
@@ -103,18 +112,35 @@ class AgainstVectors:
         self._compass, self._velocities = Refused(), dict[str, Refused]()
         self._heading = self._turning = self._tilt = self._first = 0.0
         self._seen_ns = self._agreeing_ns = 0
+        self._drift = self._sum = self._variance = 0.0
+        self._sum_ns = 0
+        for watch in self._air.values():
+            watch.clear()
         self._followed = False  # what the compass says now says nothing of what it contradicted
 
     @property
-    def held(self) -> Contradiction | None:
-        """The contradiction of the gyros with two witnesses, while it lasts."""
-        return self._latch.held
+    def held(self) -> tuple[Contradiction | None, ...]:
+        """The contradictions of the gyros with two witnesses, and of the accelerometers with air data, while they last."""
+        return self._latch.held, *(watch.held for watch in self._air.values())
+
+    def before(self, aid: Aid) -> None:
+        """Look at the state before an aid is used."""
+        watch = self._air.get(aid)
+        if watch is not None:
+            self._moved[:] = 0.0
+            watch.before(self.host.P, self.host.offsets)
+
+    def note(self, dx: np.ndarray) -> None:
+        """Note a correction (n,) that is injected."""
+        self._moved += dx
 
     def take(self, aid: Aid, measurement: Measurement) -> None:
         """Take what became of a measurement."""
         status = aid.status
         if self.host.excluded(aid):
             return
+        if aid.decision is Decision.FUSE and aid in self._air:
+            self._follow_air(self._air[aid], status.stamp_ns)
         if isinstance(aid, MagneticAid) and isinstance(measurement, MagneticField):
             self._take_field(aid, measurement)
         elif isinstance(aid, VelocityAid | AirDataAid) and aid.decision is not None and status.innovation is not None:
@@ -126,9 +152,29 @@ class AgainstVectors:
         if both or self._latch.held is not None:
             self._latch.judge(status.stamp_ns, both, max(self.heading(status.stamp_ns), self._tilt) / DEGREE, self.host.inertial)
 
+    def _follow_air(self, watch: OneWay, stamp_ns: int) -> None:
+        """Doubt a tilt that air data without GPS corrects one way."""
+        least = watch.take(stamp_ns, self._moved, self.host.P, self.host.offsets)
+        if least is not None and not self.host.gps_good(stamp_ns):
+            self._tilt = max(self._tilt, float(least[ATTITUDE].max()) / HALF)
+
+    def _follow_compass(self, aid: MagneticAid) -> None:
+        """Doubt a heading while what was followed of the compass goes one way; without GPS for good."""
+        y, S, stamp_ns = aid.status.innovation, aid.status.innovation_variance, aid.status.stamp_ns
+        if y is None or S is None or aid.applied is None:
+            return
+        dt_s, self._sum_ns = 1e-9 * (stamp_ns - self._sum_ns), stamp_ns
+        keep, known = math.exp(-dt_s / FOLLOWED_S), max(1.0 - float(aid.applied.R[0, 0]) / float(S[0]), 0.0)
+        self._sum, self._variance = keep * self._sum + known * float(y[0]), keep**2 * self._variance + known**2 * float(S[0])
+        far = abs(self._sum) > FOLLOWED_SIGMAS * math.hypot(math.sqrt(self._variance), FOLLOWED_CALM)
+        drift = abs(self._sum) if far else 0.0
+        self._drift = drift if self.host.gps_good(stamp_ns) else max(drift, self._drift)
+
     def _take_field(self, aid: MagneticAid, measurement: MagneticField) -> None:
         """Take a field; one as strong as the earth's in another direction speaks against the attitude, though no heading is taken of it."""
         y, stamp_ns, refused = aid.status.innovation, measurement.stamp_ns, aid.decision in (Decision.REJECT, Decision.RECOVER)
+        if aid.decision is Decision.FUSE:
+            self._follow_compass(aid)
         if aid.decision is not None and y is not None:
             own, sigma = self._slow_error(aid)
             strange = abs(own) > STRANGE * sigma  # it has followed the gyros
@@ -225,5 +271,5 @@ class AgainstVectors:
     def sigmas(self, t_ns: int) -> np.ndarray:
         """What is added to the sigmas (3,) of the attitude, NED, rad."""
         swing = max(self.host.core.speed_mps, SLOWEST_MPS) * self._turning / STANDARD_GRAVITY
-        tilt, heading = min(math.hypot(self._tilt, COVERED * swing), ANY_WAY), min(COVERED * self.heading(t_ns), ANY_WAY)
+        tilt, heading = min(math.hypot(self._tilt, COVERED * swing), ANY_WAY), min(COVERED * max(self.heading(t_ns), self._drift), ANY_WAY)
         return np.array([tilt, tilt, math.hypot(heading, 0.5 * tilt)])
