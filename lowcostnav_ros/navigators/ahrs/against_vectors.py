@@ -44,8 +44,8 @@ UNNOTICED_S = 1.0
 """An error works so long before it shows."""
 SILENT_NS = 10_000_000_000
 """A velocity of GPS after so long shows the heading, too: by it the velocity was carried."""
-COVERED = 0.5
-"""Sigma of a heading as a share of what compass and gyros are apart, whichever is wrong."""
+COVERED = math.sqrt(0.5)
+"""Sigma of a heading as a share of what compass and gyros are apart: one as likely wrong as the other."""
 NOISE = 2.0 * DEGREE
 """Of a magnetic heading: what changes by less is no rate."""
 STRENGTH = 0.1

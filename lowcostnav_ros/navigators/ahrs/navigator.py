@@ -56,6 +56,7 @@ from lowcostnav_ros.starts.first_attitude import Alignment, FirstAttitude
 
 FIX = "gps/fix"
 HEADING_TIMEOUT_S = 5.0
+TILT = np.array([1.0, 1.0, 0.0])
 POSITION_HELD_NS = 10_000_000_000
 ANY_RATE = 10.0 * DEGREE
 """Sigma of a rate that no gyro measures, rad/s: that of a steep turn."""
@@ -170,6 +171,8 @@ class Ahrs(Navigator):
     def doubt(self, stamp_ns: int) -> np.ndarray:
         """As every navigator; of an attitude that may be upside down nothing is known, of one that is contradicted what that shows."""
         doubt, sigmas = super().doubt(stamp_ns), self.against_vectors.sigmas(stamp_ns)
+        if self.attitude_watch is not None and self.attitude_watch.one_way.tilt > 0.0:
+            sigmas = np.hypot(sigmas, self.attitude_watch.one_way.tilt * TILT)
         if self.axes.held is None and not sigmas.any():
             return doubt
         doubt = doubt.copy()
