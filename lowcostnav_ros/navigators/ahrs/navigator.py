@@ -45,7 +45,7 @@ from lowcostnav_ros.navigators.ahrs.filter import IMU
 from lowcostnav_ros.navigators.ahrs.settings import FILTERS, AhrsOwnSettings
 from lowcostnav_ros.navigators.attitude_watch import AttitudeWatch
 from lowcostnav_ros.navigators.base import Navigator
-from lowcostnav_ros.navigators.recovery import TURNED_S
+from lowcostnav_ros.navigators.recovery import turned_by
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.settings import kind_of, listed
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
@@ -188,9 +188,7 @@ class Ahrs(Navigator):
 
     def turned(self, stamp_ns: int, apart: float) -> np.ndarray:
         """Sigmas (n,) of gyros that have turned the heading by ``apart``, rad, beyond what wind explains."""
-        least = np.zeros(self.layout.size)
-        least[self.layout["gyro_bias"]] = apart / TURNED_S
-        return least
+        return turned_by(self.layout, apart)
 
     def correct(self, dx: np.ndarray) -> None:
         """As every navigator; what goes one way is watched."""
