@@ -30,7 +30,6 @@ from lowcostnav_ros.cores.held import ANY_WAY
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
-from lowcostnav_ros.estimation.one_way import ATTITUDE, HALF, OneWay
 from lowcostnav_ros.navigators.against_air import SLOWEST_MPS, strays
 from lowcostnav_ros.navigators.attitude_watch import DOWN
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
@@ -102,8 +101,6 @@ class AgainstVectors:
     def __init__(self, host: Any) -> None:
         self.host = host
         self._latch = Latch("gyros disagree with compass and velocity", (host.inertial, "compass and velocity"), "deg", begin_s=2.0)
-        self._air = {aid: OneWay(host.layout, host.inertial, aid.source, "air data") for aid in host.aids_of(AirDataAid)}
-        self._moved = np.zeros(host.layout.size)
         self.clear()
 
     def clear(self) -> None:
@@ -114,33 +111,18 @@ class AgainstVectors:
         self._seen_ns = self._agreeing_ns = 0
         self._drift = self._sum = self._variance = 0.0
         self._sum_ns = 0
-        for watch in self._air.values():
-            watch.clear()
         self._followed = False  # what the compass says now says nothing of what it contradicted
 
     @property
     def held(self) -> tuple[Contradiction | None, ...]:
         """The contradictions of the gyros with two witnesses, and of the accelerometers with air data, while they last."""
-        return self._latch.held, *(watch.held for watch in self._air.values())
-
-    def before(self, aid: Aid) -> None:
-        """Look at the state before an aid is used."""
-        watch = self._air.get(aid)
-        if watch is not None:
-            self._moved[:] = 0.0
-            watch.before(self.host.P, self.host.offsets)
-
-    def note(self, dx: np.ndarray) -> None:
-        """Note a correction (n,) that is injected."""
-        self._moved += dx
+        return (self._latch.held,)
 
     def take(self, aid: Aid, measurement: Measurement) -> None:
         """Take what became of a measurement."""
         status = aid.status
         if self.host.excluded(aid):
             return
-        if aid.decision is Decision.FUSE and aid in self._air:
-            self._follow_air(self._air[aid], status.stamp_ns)
         if isinstance(aid, MagneticAid) and isinstance(measurement, MagneticField):
             self._take_field(aid, measurement)
         elif isinstance(aid, VelocityAid | AirDataAid) and aid.decision is not None and status.innovation is not None:
@@ -151,12 +133,6 @@ class AgainstVectors:
         both = self._heading > 0.0 and self._turning > rate and self._tilt > tilt
         if both or self._latch.held is not None:
             self._latch.judge(status.stamp_ns, both, max(self.heading(status.stamp_ns), self._tilt) / DEGREE, self.host.inertial)
-
-    def _follow_air(self, watch: OneWay, stamp_ns: int) -> None:
-        """Doubt a tilt that air data without GPS corrects one way."""
-        least = watch.take(stamp_ns, self._moved, self.host.P, self.host.offsets)
-        if least is not None and not self.host.gps_good(stamp_ns):
-            self._tilt = max(self._tilt, float(least[ATTITUDE].max()) / HALF)
 
     def _follow_compass(self, aid: MagneticAid) -> None:
         """Doubt a heading while what was followed of the compass goes one way; without GPS for good."""

@@ -37,7 +37,6 @@ from lowcostnav_ros.cores.imu_errors import bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, InertialCore
 from lowcostnav_ros.estimation.aiding import Aid
 from lowcostnav_ros.estimation.cross_checks.axes import UPSIDE_DOWN, AxesCheck
-from lowcostnav_ros.estimation.cross_checks.still_axis import StillAxisCheck
 from lowcostnav_ros.estimation.error_state import Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.navigators.ahrs.against_vectors import AgainstVectors
@@ -48,6 +47,7 @@ from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.navigators.recovery import turned_by
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.settings import kind_of, listed
+from lowcostnav_ros.navigators.silent_axes import SilentAxes
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference
 from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, wrap
@@ -56,10 +56,7 @@ from lowcostnav_ros.starts.first_attitude import Alignment, FirstAttitude
 
 FIX = "gps/fix"
 HEADING_TIMEOUT_S = 5.0
-TILT = np.array([1.0, 1.0, 0.0])
 POSITION_HELD_NS = 10_000_000_000
-ANY_RATE = 10.0 * DEGREE
-"""Sigma of a rate that no gyro measures, rad/s: that of a steep turn."""
 FAR = 0.01
 """Change of latitude or longitude, rad, at which no aircraft flies from one fix to the next; such a place must last for that time."""
 NUMBERS = {GpsVelocity: ("vel_n", "cov_n"), AirVelocity: ("vel_b", "cov_b"), Attitude: ("q_nb", "cov_att"), MagneticField: ("field_b",)}
@@ -117,7 +114,7 @@ class Ahrs(Navigator):
         slowest_mps = None if air is None else air.settings.minimum_mps
         self.alignment = Alignment(settings.alignment, settings.imu, settings.level, heading_deg, slowest_mps)
         self.filter, self.axes, self.against_vectors = self._kind(self), AxesCheck(IMU), AgainstVectors(self)
-        self.still = StillAxisCheck(IMU)
+        self.silent = SilentAxes(self)
         self.attitude_watch = AttitudeWatch(self) if self._kind.is_full else None
         self._restart()
 
@@ -145,7 +142,6 @@ class Ahrs(Navigator):
         """As every navigator, with the covariance brought to the time of the mean first."""
         self.core.settle()
         self.filter.before(aid, measurement)
-        self.against_vectors.before(aid)
         watch = self.attitude_watch
         is_watched = watch is not None and watch.before(aid)
         used = super().use_aid(aid, measurement)
@@ -165,14 +161,15 @@ class Ahrs(Navigator):
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity, of its gyros with what else shows the attitude."""
         watched = () if self.attitude_watch is None else self.attitude_watch.held
-        own = [held for held in (self.axes.held, self.still.held, *self.against_vectors.held, *watched) if held is not None]
+        own = [held for held in (self.axes.held, self.silent.held, *self.against_vectors.held, *watched) if held is not None]
         return (*super().contradictions(), *own)
 
     def doubt(self, stamp_ns: int) -> np.ndarray:
         """As every navigator; of an attitude that may be upside down nothing is known, of one that is contradicted what that shows."""
         doubt, sigmas = super().doubt(stamp_ns), self.against_vectors.sigmas(stamp_ns)
-        if self.attitude_watch is not None and self.attitude_watch.one_way.tilt > 0.0:
-            sigmas = np.hypot(sigmas, self.attitude_watch.one_way.tilt * TILT)
+        if self.attitude_watch is not None:
+            tilt, heading, _ = self.attitude_watch.moved().tolist()
+            sigmas = np.hypot(sigmas, [tilt, tilt, heading])
         if self.axes.held is None and not sigmas.any():
             return doubt
         doubt = doubt.copy()
@@ -193,14 +190,13 @@ class Ahrs(Navigator):
     def correct(self, dx: np.ndarray) -> None:
         """As every navigator; what goes one way is watched."""
         super().correct(dx)
-        self.against_vectors.note(dx)
         if self.attitude_watch is not None:
             self.attitude_watch.note(dx)
 
     def _restart(self) -> None:
         self._aligned = False
         self.axes.clear()
-        self.still.clear()
+        self.silent.clear()
         self._forget_doubts()
         self._imu_ns: int | None = None
         self._far_since_ns: int | None
@@ -269,8 +265,6 @@ class Ahrs(Navigator):
     def _run(self, block: ImuBlock) -> None:
         block, start = self._finite(block), 0
         self.trust.witness.take(block)
-        if len(block):
-            self.still.take(block)
         while start < len(block):
             if self._in_gap(block, start):
                 start += 1
@@ -366,25 +360,20 @@ class Ahrs(Navigator):
         if now - self._position_held_ns >= POSITION_HELD_NS:
             self._position_held_ns = now
             hold_position(self.core, self.magnetic.place)
-        if self.still.held is not None:
-            self._hold_by_vectors()
+        self.silent.look(now)
         self.filter.keep(now)
         for channel in self.clocked:
             self.use_channel(channel, Measurement(now, IMU))
         self.trust.look(now)
         self._judge()
 
-    def _hold_by_vectors(self) -> None:
-        """An axis of the gyros that is dead may turn at any rate: vectors hold the attitude about it."""
-        least = np.zeros(self.layout.size)
-        least[self.layout["gyro_bias"].start + self.still.axes] = ANY_RATE
-        self.widen(least)
-
     def _disturb(self, jolt: Jolt) -> None:
         """As every navigator, once aligned."""
         if self._aligned:
             self.trust.witness.disturb(jolt, self.core.t_ns)
             self.core.disturb(jolt.kick, jolt.variance)
+            if jolt.silent is not None:
+                self.silent.take(self.core.t_ns, jolt.silent)
 
     # outputs -----------------------------------------------------------------------------------------------------------------
 
