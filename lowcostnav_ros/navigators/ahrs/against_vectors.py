@@ -123,6 +123,8 @@ class AgainstVectors:
         status = aid.status
         if self.host.excluded(aid):
             return
+        if aid.decision is Decision.FUSE and not self.host.gps_good(measurement.stamp_ns):
+            self._keep()
         if isinstance(aid, MagneticAid) and isinstance(measurement, MagneticField):
             self._take_field(aid, measurement)
         elif isinstance(aid, VelocityAid | AirDataAid) and aid.decision is not None and status.innovation is not None:
@@ -133,6 +135,13 @@ class AgainstVectors:
         both = self._heading > 0.0 and self._turning > rate and self._tilt > tilt
         if both or self._latch.held is not None:
             self._latch.judge(status.stamp_ns, both, max(self.heading(status.stamp_ns), self._tilt) / DEGREE, self.host.inertial)
+
+    def _keep(self) -> None:
+        """Keep what tilt and heading were moved by without GPS: an error that is there to stay moves nothing any more."""
+        watch = self.host.attitude_watch
+        if watch is not None:
+            tilt, heading, _ = watch.moved().tolist()
+            self._tilt, self._drift = max(self._tilt, tilt), max(self._drift, heading / COVERED)
 
     def _follow_compass(self, aid: MagneticAid) -> None:
         """Doubt a heading while what was followed of the compass goes one way; without GPS for good."""
