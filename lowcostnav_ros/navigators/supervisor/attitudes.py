@@ -1,4 +1,9 @@
-"""The attitude of a solution against that of the attitude reference: they share gyros and little else, and nobody knows which is wrong."""
+"""The attitude of a solution against that of the attitude reference: they share gyros and little else, and nobody knows which is wrong.
+
+A reference that has lost its tilt for what compass, airspeed and velocity say of the gyros says so of the gyros of both.
+"""
+
+import math
 
 import numpy as np
 
@@ -9,6 +14,8 @@ from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, rotve
 
 COVERED, NAMED = chi_square.threshold(0.99, 3), chi_square.threshold(0.99999, 3)
 """Squared difference of two attitudes over both covariances, from which on both are covered; and named, if it lasts."""
+LOST = 20.0 * DEGREE
+"""Sigma of a tilt that is lost."""
 KEPT_NS = 5_000_000_000
 """What was found is covered for so long: an error does not end where chance takes it below the limit."""
 
@@ -18,8 +25,8 @@ class AttitudeCheck(Latch):
 
     Attributes
     ----------
-    offset_n : ndarray (3,)
-        By how much they contradict each other, rad in n; zero where they do not.
+    covered : ndarray (3, 3)
+        What is added to the covariance of either in n, rad^2; zero where they agree.
     """
 
     def __init__(self, solution: str, reference: str) -> None:
@@ -28,14 +35,21 @@ class AttitudeCheck(Latch):
     def clear(self) -> None:
         """Forget all."""
         super().clear()
-        self.offset_n, self._seen_ns = np.zeros(3), 0
+        self.covered, self._seen_ns = np.zeros((3, 3)), 0
 
-    def compare(self, stamp_ns: int, q_nb: np.ndarray, reference: np.ndarray, covariance: np.ndarray) -> None:
-        """Compare an attitude (4,) with that of the reference (4,), both at a stamp; ``covariance`` (3, 3), rad^2, is the sum of theirs."""
-        offset = rotvec_from_quat(quat_multiply(q_nb, quat_conjugate(reference)))
-        squared = float(offset @ np.linalg.solve(covariance, offset))
-        if squared > COVERED:
-            self.offset_n, self._seen_ns = offset, stamp_ns
+    def compare(self, stamp_ns: int, own: tuple[np.ndarray, np.ndarray], reference: tuple[np.ndarray, np.ndarray]) -> None:
+        """Compare an attitude with that of the reference, each (4,) with its covariance (3, 3), rad^2, both at a stamp."""
+        (q_nb, P), (q_reference, P_reference) = own, reference
+        offset = rotvec_from_quat(quat_multiply(q_nb, quat_conjugate(q_reference)))
+        squared = float(offset @ np.linalg.solve(P + P_reference, offset))
+        if _tilt(P) < LOST < _tilt(P_reference):
+            self.covered, self._seen_ns = P_reference, stamp_ns
+        elif squared > COVERED:
+            self.covered, self._seen_ns = np.outer(offset, offset), stamp_ns
         elif stamp_ns - self._seen_ns > KEPT_NS:
-            self.offset_n = np.zeros(3)
+            self.covered = np.zeros((3, 3))
         self.judge(stamp_ns, squared > NAMED, float(np.linalg.norm(offset)) / DEGREE)
+
+
+def _tilt(covariance: np.ndarray) -> float:
+    return math.sqrt(max(float(covariance[0, 0]), float(covariance[1, 1]), 0.0))

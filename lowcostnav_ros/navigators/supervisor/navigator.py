@@ -308,7 +308,7 @@ class Supervisor(Navigator):
             self._attitudes.clear()
             return
         q_nb, sigma = self._motion.attitude(now_ns)
-        self._attitudes.compare(now_ns, own, q_nb, solution.cov_att + reference.cov_att + sigma**2 * np.eye(3))
+        self._attitudes.compare(now_ns, (own, solution.cov_att), (q_nb, reference.cov_att + sigma**2 * np.eye(3)))
 
     def _is_fresh(self, item: Measurement, now_ns: int) -> bool:
         return now_ns - item.stamp_ns <= 1e9 * self.settings.solution_timeout_s
@@ -416,8 +416,7 @@ class Supervisor(Navigator):
     def _outgoing(self, source: NavSolution) -> NavSolution:
         """What is published of a solution: with the offsets that die away, and covering what contradicts it."""
         out = self._blend.applied(source)
-        turned = self._attitudes.offset_n
-        cov_att = None if out.cov_att is None else out.cov_att + np.outer(turned, turned)
+        cov_att = None if out.cov_att is None else out.cov_att + self._attitudes.covered
         return replace(out, source=self.name, mode=self.mode, cov_pos=out.place_cov + self._covered, cov_att=cov_att, health=None)
 
     def _with_attitude(self, source: NavSolution, attitude: Attitude | None, motion: Motion) -> NavSolution:
