@@ -112,6 +112,8 @@ def test_a_receiver_whose_clock_is_off_is_named_and_silences_nobody(offset_s, fr
     assert max(np.diff(stamps[-1500:])) <= 20 * MS
     is_corrected = offset_s in (1.0, 2.0, 18.0, 3600.0, -18.0)  # one that lies a second behind may be late
     assert found["gps/fix"].advice.endswith("corrected" if is_corrected else "not used")
+    if offset_s == -1.0:  # delay or clock, it says what to set for either
+        assert "latency_s: 1.2 waits" in found["gps/fix"].advice and "late_s: -1.0" in found["gps/fix"].advice
     fixes = [t - START for source, t in flown.out if source == "gps/fix" and t > START + 20 * SECOND]
     if is_corrected:
         assert fixes == [t for t, source in flight(0, 40) if source == "gps/fix" and 20 * SECOND < t <= fixes[-1]]

@@ -14,6 +14,7 @@ An input that is off by whole seconds for good (a wrong second, leap seconds, a 
 that is off by anything else is not used: read off the order of arrival, an offset is uncertain by the delay.
 """
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -247,7 +248,17 @@ class Clocks:
         return [self._sentence(clock) for clock in self._clocks.values() if clock.is_off or clock.shift_ns]
 
     def _sentence(self, clock: Clock) -> str:
-        return f"{self.words(clock)}: {'not used' if clock.is_off or not clock.shift_ns else 'corrected'}"
+        if not clock.is_off and clock.shift_ns:
+            return f"{self.words(clock)}: corrected"
+        return f"{self.words(clock)}{self._remedy(clock)}: not used"
+
+    def _remedy(self, clock: Clock) -> str:
+        """What to set for one that lies behind by what may be delay: nobody can tell which of the two it is."""
+        behind_s = -self._offset_s(clock)
+        if not 0.0 < behind_s <= 1e-9 * LATENCY_NS:
+            return ""
+        wait_s = math.ceil(10.0 * behind_s + 2.0) / 10.0
+        return f" (latency_s: {wait_s:.1f} waits for what comes late, late_s: {-behind_s:.1f} as well sets a slow clock right)"
 
     def words(self, clock: Clock) -> str:
         """Size of an offset, for people: ``gps/fix is 1.0 s ahead of imu/data_raw``."""

@@ -55,6 +55,11 @@ SETTINGS = "its settings"
 LOOK_NS = 1_000_000_000
 
 
+def turned_by(layout: Layout, apart: float) -> np.ndarray:
+    """Sigmas (n,) of gyros that have turned a heading by ``apart``, rad, unseen, rad/s: turn-on and drift, either may be it."""
+    return np.where(layout.kind == int(Kind.GYRO_BIAS), apart / TURNED_S, 0.0)
+
+
 class Run:
     """Innovations (3,) of velocities that were rejected one after the other."""
 
@@ -220,9 +225,7 @@ class Recovery:
     def turned(self, stamp_ns: int, apart: float) -> np.ndarray:
         """Note a heading that is off by ``apart``, rad, as a recovery; sigmas (n,) that the gyro biases must have at least, rad/s."""
         self.note(stamp_ns, Decision.RECOVER)
-        least = np.zeros(self._layout.size)
-        least[self._rows[Kind.GYRO_BIAS]] = apart / TURNED_S
-        return least
+        return turned_by(self._layout, apart)
 
     def seen(self) -> np.ndarray:
         """Sigmas (n,) that there must be at least of attitude and sensor errors, by what GPS has shown them to be off by."""

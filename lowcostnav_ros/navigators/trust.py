@@ -46,6 +46,7 @@ BEYOND_SPOOFING_MPS = 50.0
 """Nobody is led away at such a speed unnoticed: a prediction that is off by so much is a fault of what it is made of."""
 NEARER = 0.6
 """GPS that is so much nearer to the witness than the state is is back."""
+LEVEL = slice(0, 2)
 ROWS, FLOORS = {"m": slice(0, 3), "m/s": slice(3, 6)}, {"m": 3.0, "m/s": 0.3}
 """Rows of a motion; and sigma of fixes and velocities as far as the witness is concerned."""
 
@@ -104,6 +105,7 @@ class Trust:
         self.led_away: Contradiction | None = None
         self._good_since_ns: int | None = None
         self._good_ns = self._heard_ns = self._recoveries = 0
+        self._was_told = False
         self._back_since_ns: int | None = None
         self._unit, self._largest, self._far = "m", 0.0, FAR
         self._apart, self._added = np.zeros(9), np.zeros((9, 9))
@@ -266,7 +268,7 @@ class Trust:
         if witness.core is None:
             self.forget_state()
             return
-        suspected = self._suspected_since(now_ns) is not None
+        suspected, self._was_told = self._suspected_since(now_ns) is not None, self._was_told or self.told
         if suspected:
             self._heard_ns = now_ns
         own, other = host.core.motion(), witness.core.motion()
@@ -287,16 +289,20 @@ class Trust:
                 check.forget()
                 aid.rejecting_since_ns = aid.unresolved = None
             self.forget_state()
-        elif self._is_settled(now_ns, ratio, size):
+        elif self._is_settled(now_ns, size if ratio < APART else np.inf, own.P[LEVEL, LEVEL]):
             self.forget_state()
 
     def _gps(self) -> str:
         return next((aid.source for aid in self.receivers), EPOCHS)
 
-    def _is_settled(self, now_ns: int, ratio: float, size: float) -> bool:
-        """Whether the witness need not be heard any longer."""
+    def _is_settled(self, now_ns: int, size: float, covariance: np.ndarray) -> bool:
+        """Whether the witness need not be heard any longer: it says nothing that the solution's own ``covariance`` (2, 2) does not cover.
+
+        A witness that knows its place poorly never contradicts one that was led away; whoever told of it has not taken it back.
+        """
         quiet_ns = now_ns - self._heard_ns
-        together = self.led_away is None or (ratio < APART and size < BACK * self._largest)
+        together = self.led_away is None or size < BACK * self._largest
+        together &= not self._was_told or normalised(self._apart[LEVEL], covariance) < APART
         return (together and quiet_ns > LOOKS_NS) or self._is_explained() or quiet_ns > LASTS_NS
 
     def _is_explained(self) -> bool:

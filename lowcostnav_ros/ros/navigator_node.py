@@ -20,6 +20,7 @@ from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.ros.diagnostics import navigator_rows
 from lowcostnav_ros.ros.input_monitor import Status
 from lowcostnav_ros.ros.node_base import NodeBase, OriginGate, ResetRefusedError
+from lowcostnav_ros.ros.output_grid import OutputGrid
 from lowcostnav_ros.ros.warm_up import warm_up
 
 SILENT_S = 2.0  # without a solution, once there were some
@@ -29,7 +30,6 @@ NAV = "nav"
 JOINED_NS = 1_000_000_000  # a map frame announced so long before this node heard anything is older than this process
 SETTLING_NS = 10_000_000_000  # it may take so long until that is heard of
 FARTHEST_M = 100_000.0  # from the origin of a map frame that is taken over
-RESTART_NS = 10_000_000_000  # a stamp this much older is a time base that started again (a bag played twice)
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class NavigatorNode(NodeBase):
         # inertial samples need a quick answer; fused solutions are tenths of a second old anyway
         self.poll_period_s = 0.01 if self.navigator.inertial is None else 0.0025
         warm_up(make(self.parameters.settings[0]), self.decoder.rules)
-        self._set_rate(self.parameters.settings[1])
+        self._grid = OutputGrid(round(1e9 / self.parameters.settings[1].output.rate_hz))
         self._topics, self._aiding = topics_of(name, self.get_name()), label_of(name).aiding
         self._is_attitude_only = topics.spec(self._topics[0]).msgtype == topics.IMU
         self._magnetometer = None
@@ -90,7 +90,6 @@ class NavigatorNode(NodeBase):
 
             self._magnetometer = MagnetometerService(self, self.navigator, Path(self.parameters.settings[1].output.folder))
         self._room = self._topics[0].rpartition("/")[0]
-        self._next_output_ns = 0
         self._published_at = 0.0
         self._origin = None
         self._first_ns: int | None = None
@@ -122,7 +121,7 @@ class NavigatorNode(NodeBase):
     def _unless_silent(self, row: Status) -> Status:
         """The navigator's row; a navigator that has published and now puts out nothing is not well, whatever its mode."""
         silent_s = time.monotonic() - self._published_at
-        if not self._published_at or silent_s < max(SILENT_S, 3e-9 * self._output_period_ns):
+        if not self._published_at or silent_s < max(SILENT_S, 3e-9 * self._grid.period_ns):
             return row
         words = f"no solution for {silent_s:.1f} s"
         return row._replace(level=Level.ERROR, message=f"{words}; {row.message}", values=row.values | {"silent_s": f"{silent_s:.1f}"})
@@ -138,7 +137,7 @@ class NavigatorNode(NodeBase):
             raise ResetRefusedError(f"{words}; ask again within {CONFIRM_S:.0f} s to do it all the same.")
         self._reset_at, self._asked_at = now, -math.inf
         self.navigator.reset(reason)
-        self._next_output_ns = 0
+        self._grid.clear()
         return f"{self.get_name()} was reset: {self.navigator.mode}, {self.navigator.reason}."
 
     def _would_be_lost(self) -> bool:
@@ -150,10 +149,7 @@ class NavigatorNode(NodeBase):
 
     def on_settings(self, settings: list) -> None:
         """Take over a new output rate."""
-        self._set_rate(settings[1])
-
-    def _set_rate(self, settings: NavigatorNodeSettings) -> None:
-        self._output_period_ns = round(1e9 / settings.output.rate_hz)
+        self._grid.period_ns = round(1e9 / settings[1].output.rate_hz)
 
     def _feed(self, measurement: Measurement) -> None:
         if self._magnetometer is not None:
@@ -179,21 +175,14 @@ class NavigatorNode(NodeBase):
 
     def _publish_output(self, measurement: Measurement) -> None:
         """Publish the low-latency solution when it is time: by the inertial stamps, or by its own where nothing inertial drives it."""
-        inertial, newest_ns = self.navigator.inertial, self.navigator.newest_ns
-        if inertial is not None:
-            newest_ns = measurement.stamp_ns if measurement.source == inertial else None
-        if newest_ns is None or not self._is_due(newest_ns):
+        inertial, base_ns = self.navigator.inertial, self.navigator.newest_ns
+        if base_ns is None or inertial not in (None, measurement.source):
+            return
+        if not self._grid.is_due(base_ns if inertial is None else measurement.stamp_ns, base_ns):
             return
         solution = self.navigator.output()
         if solution is not None:
             self._publish(solution, "")
-
-    def _is_due(self, stamp_ns: int) -> bool:
-        """Decimate by stamps, on multiples of the period, so that neither jitter nor a late measurement changes the spacing."""
-        if stamp_ns < self._next_output_ns and self._next_output_ns - stamp_ns < RESTART_NS:
-            return False
-        self._next_output_ns = (stamp_ns // self._output_period_ns + 1) * self._output_period_ns
-        return True
 
     def _keep_the_map(self) -> None:
         """Take over the map frame of the solution that is flown where that is older than this process: it has been started again."""

@@ -6,6 +6,10 @@ is calibrated beside them.  So what a refused witness has shown the attitude to 
     compass           heading off by y, and by dy/dt more each second; without GPS the gyros or the field are wrong, half covers both
     velocity          off by y after T: an acceleration y / T, of gravity; along the flight it may be the airspeed, across it is the tilt
     heading turning   at a rate r that the compass does not see tilts by V r / g what airspeed holds level in turns
+    air data          corrects the tilt one way without GPS (:mod:`.one_way`): an accelerometer is wrong, the tilt has followed it
+    compass           is followed one way, by heading and slow error together: half covers both, gyros that drift and a compass
+
+Of the compass y of variance S, R of it noise, is followed by c = sum (1 - R / S) y of variance sum (S - R)^2 / S.
 
 Once GPS velocity is used again, all this is given to the covariance, so that it teaches attitude and gyro biases.
 """
@@ -39,14 +43,16 @@ UNNOTICED_S = 1.0
 """An error works so long before it shows."""
 SILENT_NS = 10_000_000_000
 """A velocity of GPS after so long shows the heading, too: by it the velocity was carried."""
-COVERED = 0.5
-"""Sigma of a heading as a share of what compass and gyros are apart, whichever is wrong."""
+COVERED = math.sqrt(0.5)
+"""Sigma of a heading as a share of what compass and gyros are apart: one as likely wrong as the other."""
 NOISE = 2.0 * DEGREE
 """Of a magnetic heading: what changes by less is no rate."""
 STRENGTH = 0.1
 """A field is the earth's whose strength is within this share of the model's; a tilt that is off changes the direction alone."""
 STRANGE = 3.0
 """Sigmas of its setting that a slow error of the compass does not reach."""
+FOLLOWED_S, FOLLOWED_SIGMAS, FOLLOWED_CALM = 30.0, 3.0, 1.5 * DEGREE
+"""The compass is followed over so long; one way beyond so many sigmas, of which iron and the scale of the gyros make as much in turns."""
 SEEN = (0.5 * DEGREE, 5.0 * DEGREE)
 """Rate, rad/s, and tilt, rad, of the attitude against two witnesses beyond which it is the gyros that are wrong."""
 
@@ -103,18 +109,22 @@ class AgainstVectors:
         self._compass, self._velocities = Refused(), dict[str, Refused]()
         self._heading = self._turning = self._tilt = self._first = 0.0
         self._seen_ns = self._agreeing_ns = 0
+        self._drift = self._sum = self._variance = 0.0
+        self._sum_ns = 0
         self._followed = False  # what the compass says now says nothing of what it contradicted
 
     @property
-    def held(self) -> Contradiction | None:
-        """The contradiction of the gyros with two witnesses, while it lasts."""
-        return self._latch.held
+    def held(self) -> tuple[Contradiction | None, ...]:
+        """The contradictions of the gyros with two witnesses, and of the accelerometers with air data, while they last."""
+        return (self._latch.held,)
 
     def take(self, aid: Aid, measurement: Measurement) -> None:
         """Take what became of a measurement."""
         status = aid.status
         if self.host.excluded(aid):
             return
+        if aid.decision is Decision.FUSE and not self.host.gps_good(measurement.stamp_ns):
+            self._keep()
         if isinstance(aid, MagneticAid) and isinstance(measurement, MagneticField):
             self._take_field(aid, measurement)
         elif isinstance(aid, VelocityAid | AirDataAid) and aid.decision is not None and status.innovation is not None:
@@ -126,9 +136,30 @@ class AgainstVectors:
         if both or self._latch.held is not None:
             self._latch.judge(status.stamp_ns, both, max(self.heading(status.stamp_ns), self._tilt) / DEGREE, self.host.inertial)
 
+    def _keep(self) -> None:
+        """Keep what tilt and heading were moved by without GPS: an error that is there to stay moves nothing any more."""
+        watch = self.host.attitude_watch
+        if watch is not None:
+            tilt, heading, _ = watch.moved().tolist()
+            self._tilt, self._drift = max(self._tilt, tilt), max(self._drift, heading / COVERED)
+
+    def _follow_compass(self, aid: MagneticAid) -> None:
+        """Doubt a heading while what was followed of the compass goes one way; without GPS for good."""
+        y, S, stamp_ns = aid.status.innovation, aid.status.innovation_variance, aid.status.stamp_ns
+        if y is None or S is None or aid.applied is None:
+            return
+        dt_s, self._sum_ns = 1e-9 * (stamp_ns - self._sum_ns), stamp_ns
+        keep, known = math.exp(-dt_s / FOLLOWED_S), max(1.0 - float(aid.applied.R[0, 0]) / float(S[0]), 0.0)
+        self._sum, self._variance = keep * self._sum + known * float(y[0]), keep**2 * self._variance + known**2 * float(S[0])
+        far = abs(self._sum) > FOLLOWED_SIGMAS * math.hypot(math.sqrt(self._variance), FOLLOWED_CALM)
+        drift = abs(self._sum) if far else 0.0
+        self._drift = drift if self.host.gps_good(stamp_ns) else max(drift, self._drift)
+
     def _take_field(self, aid: MagneticAid, measurement: MagneticField) -> None:
         """Take a field; one as strong as the earth's in another direction speaks against the attitude, though no heading is taken of it."""
         y, stamp_ns, refused = aid.status.innovation, measurement.stamp_ns, aid.decision in (Decision.REJECT, Decision.RECOVER)
+        if aid.decision is Decision.FUSE:
+            self._follow_compass(aid)
         if aid.decision is not None and y is not None:
             own, sigma = self._slow_error(aid)
             strange = abs(own) > STRANGE * sigma  # it has followed the gyros
@@ -225,5 +256,5 @@ class AgainstVectors:
     def sigmas(self, t_ns: int) -> np.ndarray:
         """What is added to the sigmas (3,) of the attitude, NED, rad."""
         swing = max(self.host.core.speed_mps, SLOWEST_MPS) * self._turning / STANDARD_GRAVITY
-        tilt, heading = min(math.hypot(self._tilt, COVERED * swing), ANY_WAY), min(COVERED * self.heading(t_ns), ANY_WAY)
+        tilt, heading = min(math.hypot(self._tilt, COVERED * swing), ANY_WAY), min(COVERED * max(self.heading(t_ns), self._drift), ANY_WAY)
         return np.array([tilt, tilt, math.hypot(heading, 0.5 * tilt)])

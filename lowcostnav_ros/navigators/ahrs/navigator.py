@@ -44,18 +44,21 @@ from lowcostnav_ros.navigators.ahrs.filter import IMU
 from lowcostnav_ros.navigators.ahrs.settings import FILTERS, AhrsOwnSettings
 from lowcostnav_ros.navigators.attitude_watch import AttitudeWatch
 from lowcostnav_ros.navigators.base import Navigator
-from lowcostnav_ros.navigators.recovery import TURNED_S
+from lowcostnav_ros.navigators.recovery import turned_by
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.settings import kind_of, listed
+from lowcostnav_ros.navigators.silent_axes import SilentAxes
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.magnetic_heading import FieldAtPlace, MagneticReference
-from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler
+from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, wrap
 from lowcostnav_ros.starts.attitude_core import begin_core, hold_position, sensor_rows
 from lowcostnav_ros.starts.first_attitude import Alignment, FirstAttitude
 
 FIX = "gps/fix"
 HEADING_TIMEOUT_S = 5.0
 POSITION_HELD_NS = 10_000_000_000
+FAR = 0.01
+"""Change of latitude or longitude, rad, at which no aircraft flies from one fix to the next; such a place must last for that time."""
 NUMBERS = {GpsVelocity: ("vel_n", "cov_n"), AirVelocity: ("vel_b", "cov_b"), Attitude: ("q_nb", "cov_att"), MagneticField: ("field_b",)}
 """What of a measurement must be finite.  The aids see to it, too, but the first attitude and the reset of a velocity use no aid."""
 
@@ -111,6 +114,7 @@ class Ahrs(Navigator):
         slowest_mps = None if air is None else air.settings.minimum_mps
         self.alignment = Alignment(settings.alignment, settings.imu, settings.level, heading_deg, slowest_mps)
         self.filter, self.axes, self.against_vectors = self._kind(self), AxesCheck(IMU), AgainstVectors(self)
+        self.silent = SilentAxes(self)
         self.attitude_watch = AttitudeWatch(self) if self._kind.is_full else None
         self._restart()
 
@@ -157,12 +161,15 @@ class Ahrs(Navigator):
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity, of its gyros with what else shows the attitude."""
         watched = () if self.attitude_watch is None else self.attitude_watch.held
-        own = [held for held in (self.axes.held, self.against_vectors.held, *watched) if held is not None]
+        own = [held for held in (self.axes.held, self.silent.held, *self.against_vectors.held, *watched) if held is not None]
         return (*super().contradictions(), *own)
 
     def doubt(self, stamp_ns: int) -> np.ndarray:
         """As every navigator; of an attitude that may be upside down nothing is known, of one that is contradicted what that shows."""
         doubt, sigmas = super().doubt(stamp_ns), self.against_vectors.sigmas(stamp_ns)
+        if self.attitude_watch is not None:
+            tilt, heading, _ = self.attitude_watch.moved().tolist()
+            sigmas = np.hypot(sigmas, [tilt, tilt, heading])
         if self.axes.held is None and not sigmas.any():
             return doubt
         doubt = doubt.copy()
@@ -178,9 +185,7 @@ class Ahrs(Navigator):
 
     def turned(self, stamp_ns: int, apart: float) -> np.ndarray:
         """Sigmas (n,) of gyros that have turned the heading by ``apart``, rad, beyond what wind explains."""
-        least = np.zeros(self.layout.size)
-        least[self.layout["gyro_bias"]] = apart / TURNED_S
-        return least
+        return turned_by(self.layout, apart)
 
     def correct(self, dx: np.ndarray) -> None:
         """As every navigator; what goes one way is watched."""
@@ -191,10 +196,12 @@ class Ahrs(Navigator):
     def _restart(self) -> None:
         self._aligned = False
         self.axes.clear()
+        self.silent.clear()
         self._forget_doubts()
         self._imu_ns: int | None = None
+        self._far_since_ns: int | None
         self.filter.used_ns = {}
-        self._position_held_ns = -(10**18)
+        self._position_held_ns, self._far_since_ns = -(10**18), None
         self._kept: tuple[np.ndarray, np.ndarray] | None = None
         self.restart_channels()
         self.core.rest()
@@ -242,9 +249,18 @@ class Ahrs(Navigator):
         if not (abs(fix.lat) < 0.5 * math.pi and math.isfinite(fix.lon) and math.isfinite(fix.height)):
             self.input_status[fix.source].reject("not a place on earth")
             return
+        if self._leaps(fix):
+            return
         self.magnetic.place = (fix.lat, fix.lon, fix.height)
         if self._aligned:
             hold_position(self.core, self.magnetic.place)
+
+    def _leaps(self, fix: GpsPosition) -> bool:
+        """Whether a fix is far from the place held, and not yet for long."""
+        place = self.magnetic.place
+        is_near = place is None or max(abs(fix.lat - place[0]), abs(wrap(fix.lon - place[1]))) < FAR
+        self._far_since_ns = None if is_near else self._far_since_ns or fix.stamp_ns
+        return self._far_since_ns is not None and fix.stamp_ns - self._far_since_ns < POSITION_HELD_NS
 
     def _run(self, block: ImuBlock) -> None:
         block, start = self._finite(block), 0
@@ -344,6 +360,7 @@ class Ahrs(Navigator):
         if now - self._position_held_ns >= POSITION_HELD_NS:
             self._position_held_ns = now
             hold_position(self.core, self.magnetic.place)
+        self.silent.look(now)
         self.filter.keep(now)
         for channel in self.clocked:
             self.use_channel(channel, Measurement(now, IMU))
@@ -355,6 +372,8 @@ class Ahrs(Navigator):
         if self._aligned:
             self.trust.witness.disturb(jolt, self.core.t_ns)
             self.core.disturb(jolt.kick, jolt.variance)
+            if jolt.silent is not None:
+                self.silent.take(self.core.t_ns, jolt.silent)
 
     # outputs -----------------------------------------------------------------------------------------------------------------
 

@@ -3,7 +3,8 @@
 The mode logic is the table of :mod:`~lowcostnav_ros.navigators.supervisor.modes`.  A solution that contradicts itself or whose own
 navigator doubts it is left for one that does not.  Among equals the GPS/INS solution is flown while GPS is good; in an outage the one with
 the smaller estimated horizontal error, with hysteresis, as long as both agree: where they do not and nobody can tell which of them is
-wrong, nothing is changed and the covariance covers both.
+wrong, nothing is changed and the covariance covers both.  So it does where a position or an attitude merely differs from the other one by
+more than chance in a hundred: too little to say that one is wrong, too much to vouch for either.
 """
 
 import math
@@ -21,6 +22,7 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.registry import NAVIGATORS, navigator
+from lowcostnav_ros.navigators.supervisor.attitudes import AttitudeCheck
 from lowcostnav_ros.navigators.supervisor.blend import Blend
 from lowcostnav_ros.navigators.supervisor.candidate import Candidate
 from lowcostnav_ros.navigators.supervisor.modes import Facts, Gps, next_mode
@@ -36,12 +38,16 @@ def standby() -> dict[str, str]:
     return {f"{name}/odometry_fused": name for name in NAVIGATORS if NAVIGATORS.label(name).standby}
 
 
+INERTIAL, REFERENCE = next(iter(SOURCES.values())), "imu/data_fused"
+"""The one of them with an attitude of its own, and the attitude that the other has, too."""
+
+
 GPS = "gps"
 """The receiver's own fixes and velocities as a solution: tested like the others, flown when nothing else is sound."""
 VELOCITY_NS = 500_000_000
 """A velocity of the receiver this far from a fix still belongs to it."""
-APART = 25.0
-"""Squared difference of two solutions over both covariances, two degrees of freedom, above which they contradict each other."""
+APART, DIFFERENT = 25.0, chi_square.threshold(0.99, 2)
+"""Squared difference of two solutions over both covariances, two degrees of freedom, above which they contradict each other; and differ."""
 AGREED_S = 10.0
 """A doubted solution that agrees with a sound one for this long is believed again."""
 TRUSTED, SUSPECT, USELESS = 2, 1, 0
@@ -119,7 +125,7 @@ class Supervisor(Navigator):
     def own_inputs(self) -> tuple[str, ...]:
         """The navigators it selects from, the attitude reference and GPS fixes."""
         sources = SOURCES | standby()
-        return (*sources, *(f"{name}/health" for name in sources.values()), "imu/data_fused", "gps/fix", "gps/vel")
+        return (*sources, *(f"{name}/health" for name in sources.values()), REFERENCE, "gps/fix", "gps/vel")
 
     def _restart(self) -> None:
         self.active: str | None = None
@@ -138,7 +144,9 @@ class Supervisor(Navigator):
         self._strays: dict[str, int] = {}
         self._apart: Contradiction | None = None
         self._agree_since_ns = NEVER_NS
+        self._differ = False
         self._covered = np.zeros((3, 3))
+        self._attitudes = AttitudeCheck(INERTIAL, REFERENCE)
         self._airborne = False
 
     def _fuse(self, item: Measurement) -> None:
@@ -234,6 +242,7 @@ class Supervisor(Navigator):
         gps = self._gps(now_ns)
         alive = self._alive(now_ns)
         self._compare(alive, now_ns)
+        self._compare_attitudes(alive.get(INERTIAL), now_ns)
         if all(self._trust(name) == USELESS for name in alive):
             spare = (name for name in self._sources.values() if name not in SOURCES.values())
             alive |= {name: s for name, s in self._fresh(spare, now_ns).items() if self._trust(name) != USELESS}
@@ -255,9 +264,8 @@ class Supervisor(Navigator):
         return self._fresh(SOURCES.values(), now_ns)
 
     def _fresh(self, names: Iterable[str], now_ns: int) -> dict[str, NavSolution]:
-        limit_ns = 1e9 * self.settings.solution_timeout_s
         newest = {name: self._candidates[name].newest for name in names}
-        fresh = {name: s for name, s in newest.items() if s is not None and now_ns - s.stamp_ns <= limit_ns}
+        fresh = {name: s for name, s in newest.items() if s is not None and self._is_fresh(s, now_ns)}
         return {name: self._motion.carried(solution, now_ns) for name, solution in fresh.items()}
 
     def _fix_is_fresh(self, now_ns: int) -> bool:
@@ -273,11 +281,12 @@ class Supervisor(Navigator):
     def _compare(self, alive: dict[str, NavSolution], now_ns: int) -> None:
         """Whether the navigators' solutions contradict each other; a doubted one is believed again after agreeing with a sound one."""
         if len(alive) < len(SOURCES):
-            self._apart, self._agree_since_ns = None, NEVER_NS
+            self._apart, self._differ, self._agree_since_ns = None, False, NEVER_NS
             return
         (first, a), (second, b) = alive.items()
         apart_n, cov = difference_n(*a.place, *b.place), a.place_cov + b.place_cov
         horizontal = float(apart_n[0:2] @ np.linalg.solve(cov[0:2, 0:2], apart_n[0:2]))
+        self._differ = horizontal > DIFFERENT and self._trust(first) == self._trust(second)
         if max(horizontal, apart_n[2] ** 2 / cov[2, 2]) > APART:
             since_ns = now_ns if self._apart is None else self._apart.since_ns
             suspect = next((name for name, other in ((first, second), (second, first)) if self._trust(name) < self._trust(other)), "")
@@ -292,12 +301,24 @@ class Supervisor(Navigator):
             if candidate.contradiction is not None and now_ns - max(self._agree_since_ns, candidate.doubted_ns) >= 1e9 * AGREED_S:
                 candidate.forgive()
 
+    def _compare_attitudes(self, solution: NavSolution | None, now_ns: int) -> None:
+        """Whether the attitude of the GPS/INS solution contradicts that of the attitude reference."""
+        reference, own = self._attitude, None if solution is None else solution.q_nb
+        if reference is None or not self._is_fresh(reference, now_ns) or solution is None or own is None or solution.cov_att is None:
+            self._attitudes.clear()
+            return
+        q_nb, sigma = self._motion.attitude(now_ns)
+        self._attitudes.compare(now_ns, (own, solution.cov_att), (q_nb, reference.cov_att + sigma**2 * np.eye(3)))
+
+    def _is_fresh(self, item: Measurement, now_ns: int) -> bool:
+        return now_ns - item.stamp_ns <= 1e9 * self.settings.solution_timeout_s
+
     def _cover(self, active: str, alive: dict[str, NavSolution], now_ns: int) -> np.ndarray:
         """What the contradictions that are known add to the covariance of the position, (3, 3): the solution flown may be the wrong one."""
         offsets, own = [self._candidates[active].offset_n], alive[active]
         doubt = self._doubt_of_gps(active, alive)
         others = {name: solution for name, solution in alive.items() if name != active}
-        if self._apart is not None and self._apart.suspect in ("", active):
+        if self._differ or (self._apart is not None and self._apart.suspect in ("", active)):
             offsets += [difference_n(*own.place, *other.place) for other in others.values()]
         fixed = self._candidates[GPS].newest
         if active in self._strays and self._trust(GPS) == TRUSTED and fixed is not None and self._fix_is_fresh(now_ns):
@@ -395,11 +416,12 @@ class Supervisor(Navigator):
     def _outgoing(self, source: NavSolution) -> NavSolution:
         """What is published of a solution: with the offsets that die away, and covering what contradicts it."""
         out = self._blend.applied(source)
-        return replace(out, source=self.name, mode=self.mode, cov_pos=out.place_cov + self._covered, health=None)
+        cov_att = None if out.cov_att is None else out.cov_att + self._attitudes.covered
+        return replace(out, source=self.name, mode=self.mode, cov_pos=out.place_cov + self._covered, cov_att=cov_att, health=None)
 
     def _with_attitude(self, source: NavSolution, attitude: Attitude | None, motion: Motion) -> NavSolution:
         """Give a solution that has no attitude the one of the AHRS, turned on to its stamp, when that is fresh."""
-        if source.q_nb is not None or attitude is None or source.stamp_ns - attitude.stamp_ns > 1e9 * self.settings.solution_timeout_s:
+        if source.q_nb is not None or attitude is None or not self._is_fresh(attitude, source.stamp_ns):
             return source
         q_nb, sigma = motion.attitude(source.stamp_ns)
         return replace(source, q_nb=q_nb, cov_att=attitude.cov_att + sigma**2 * np.eye(3), angular_rate_b=attitude.angular_rate_b)
@@ -432,15 +454,15 @@ class Supervisor(Navigator):
         """What speaks against the solution that is flown, or keeps it from being judged; empty for nothing."""
         flown = self._candidates.get(self.active or "")
         own = "" if flown is None or flown.trust() == TRUSTED else flown.why()
-        apart = "" if self._apart is None else self._apart.words(max(self._t_ns, self._apart.since_ns))
+        apart = [found.words(max(self._t_ns, found.since_ns)) for found in (self._apart, self._attitudes.held) if found is not None]
         receiver = self._candidates[GPS].why() if self._trust(GPS) != TRUSTED else ""
         alone = "neither navigator has a sound solution" if self.active == GPS else ""
-        return "; ".join(words for words in (own, apart, receiver, alone) if words)
+        return "; ".join(words for words in (own, *apart, receiver, alone) if words)
 
     def contradictions(self) -> tuple[Contradiction, ...]:
-        """Of each solution with itself, of the solutions with each other, and of clocks."""
+        """Of each solution with itself, of solutions and attitudes with each other, and of clocks."""
         held = (candidate.contradiction for candidate in self._candidates.values())
-        return (*super().contradictions(), *(each for each in (*held, self._apart) if each is not None))
+        return (*super().contradictions(), *(each for each in (*held, self._apart, self._attitudes.held) if each is not None))
 
     def _level(self) -> Level:
         if self._alert():
