@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.small_matrices import matvec
+from lowcostnav_ros.base.small_matrices import matvec, weighted
 from lowcostnav_ros.estimation.kalman import SHARPEST
 from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 
@@ -53,21 +53,6 @@ def transmitter_model(lat, lon, height, lever_n, pos_e, n, attitude):
                 i1, i2 = (j + 1) % 3, (j + 2) % 3
                 H[k, attitude + j] = (e[i1] * lever_n[i2] - e[i2] * lever_n[i1]) / rho
     return ranges, H
-
-
-@kernel
-def weighted(P, h, Ph):
-    """P h into ``Ph`` for a row of few entries; returns h P h'."""
-    n = h.shape[0]
-    Ph[:] = 0.0
-    for j in range(n):
-        if h[j] != 0.0:
-            for i in range(n):
-                Ph[i] += P[j, i] * h[j]
-    total = 0.0
-    for i in range(n):
-        total += h[i] * Ph[i]
-    return total
 
 
 @kernel
