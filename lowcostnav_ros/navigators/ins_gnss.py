@@ -95,7 +95,7 @@ class InsGnss(InertialNavigator):
         super().__init__(settings, stations, settings.loose.behind_s if self.solution_source == SOLUTION else 0.0)
         self._lost_limit = chi_square.threshold(settings.gnss.gate.probability, 3) if self.tight else 0.0
         self._screen, self._doppler = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
-        self._screen.receiver.lever_b = self.lever_b
+        self._screen.receiver.carry(self.lever_b)
         if self.solution_source == EPOCH:
             self.aids.append(self._screen)  # for its record of the satellites that no solution was made of
         for channel in self.channels.get(EPOCH, ()):
