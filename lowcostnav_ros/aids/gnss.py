@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.aids import AIDS
+from lowcostnav_ros.base.kernels import plain
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.tally import Tally
@@ -184,7 +185,7 @@ class SatelliteAid(Aid):
         measured, stated, valid = self.columns(epoch)
         found, rows, *further = observed(
             *(host.core.nav, *self.receiver.antenna(host), estimate, satellites, plain(measured), plain(stated)),
-            *(np.ascontiguousarray(valid, dtype=bool), self.kind == RATE, states, self._least),
+            *(plain(valid), self.kind == RATE, states, self._least),
             *(self.sigma_scale, self._usual, self.settings.common_error and self.kind == RANGE),
         )
         if len(rows) == len(found):
@@ -415,11 +416,6 @@ class RangeRateAid(SatelliteAid):
     def shared(self, obs: Observations) -> np.ndarray:
         """Velocity and clock drift."""
         return obs.H.take([3, 4, 5, self._clock + 1], axis=1)
-
-
-def plain(column: np.ndarray) -> np.ndarray:
-    """A column of an epoch as compiled code takes it."""
-    return np.ascontiguousarray(column, dtype=float)
 
 
 def receiver_aids(settings: GnssSettings, key: str, stations: Any) -> list[Aid]:
