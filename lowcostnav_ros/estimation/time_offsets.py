@@ -205,6 +205,8 @@ class TimeOffsets:
         By device, in the order of the columns.
     V : ndarray (n, k)
         Error of the state by the offset of each, per second.
+    errors : ndarray (k,)
+        Sigma of each as far as it is not known or not corrected yet, s.
     history : History or None
     way : Way
     """
@@ -214,6 +216,7 @@ class TimeOffsets:
         self.history: Any = None
         self._columns: dict[str, int] = {}  # by source
         self._likely: list[int] = []
+        self.errors = np.zeros(0)
         self._learned, self._scatter = np.zeros((0, 1)), np.zeros((0, 0))
         self.way = Way()
         self.restart()
@@ -368,13 +371,15 @@ class TimeOffsets:
             self.V = np.hstack((self.V, np.zeros((self.size, 1))))
             self._learned, self._begun = (_grown(matrix, k) for matrix in (self._learned, self._begun))
             self._scatter = np.pad(self._scatter, (0, 1))
+            self._look()
         if source not in self.known[device].sources:
             self.known[device].sources.append(source)
         self._columns[source] = list(self.known).index(device)
         return self._columns[source]
 
     def _look(self) -> None:
-        """Note the columns of the offsets that are likely; looked at when one may have changed, not at every output."""
+        """Note sigmas, and the columns of the offsets that are likely; looked at when one may have changed, not at every output."""
+        self.errors = np.array([math.hypot(offset.sigma_s, offset.rest_s) for offset in self.known.values()])
         self._likely = [k for k, device in enumerate(self.known) if self.is_likely(device)]
 
     def doubt(self) -> np.ndarray | None:
