@@ -201,7 +201,7 @@ class CarrierAid(Aid):
         self.watch.clear()
         self.scale.clear()
         self._number: dict[str, int] = {}
-        self._heard: tuple[int, bytes] = (0, b"")
+        self._heard, self._channel = (0, b""), NO_CHANNEL
         self._state = np.full(MOST, -1)
         self._seen_ns, self._budget = np.zeros(MOST, np.int64), np.zeros(MOST, np.int64)
         self._lost = np.ones(MOST, dtype=bool)

@@ -250,15 +250,15 @@ class SatelliteAid(Aid):
             return self.refuse("satellites not used since the alarm" if integrity.distrusted else EXCLUDED_BY_TEST)
         self._seed(obs, host)
         threshold = self.threshold if self.settings.screening else math.inf
-        S, ratios, shown, is_finite = screened(host.P, obs.y, obs.H, obs.r, obs.common, excluded, threshold)
+        S, _, shown, passed, R, is_finite = screened(host.P, obs.y, obs.H, obs.r, obs.common, excluded, threshold)
         if not is_finite:
             return self.refuse(aiding.NOT_FINITE)
         if host.offsets is not None and shown[0] > 1.0:
             late = host.offsets.uncertainty(self, obs, host).diagonal()
             widened = obs.y**2 / ((S + late) * self.threshold)
             if middle(widened) <= 1.0 and host.offsets.is_likely(self.source):
-                obs.late, ratios = late, widened
-                shown = summary(host.P, obs.y, obs.H, obs.r, obs.common, excluded, ratios)
+                obs.late, passed = late, (widened <= 1.0) & ~excluded
+                shown = summary(host.P, obs.y, obs.H, obs.r, obs.common, excluded, widened)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
         middle_ratio = self._report(shown)
         self.scatter, self.observed = middle_ratio * self.threshold, obs
@@ -273,7 +273,6 @@ class SatelliteAid(Aid):
             integrity.contradicted(measurement.stamp_ns, self.gate.recovery_s)
             self._apply(measurement, obs, ~excluded, obs.R, host)
         else:
-            passed, R = (ratios <= 1.0) & ~excluded, obs.R
             good = self._tested(measurement, obs, slots, passed, R)
             number = np.count_nonzero(good)
             if not number:

@@ -261,8 +261,8 @@ class CarrierEpoch(Measurement):
 
     def rows(self, rows: np.ndarray) -> "CarrierEpoch":
         """Return the same epoch with some transmitters only."""
-        columns = (getattr(self, name) for name in self.__dataclass_fields__ if name not in ("stamp_ns", "source"))
-        return CarrierEpoch(self.stamp_ns, self.source, *(None if column is None else column[rows] for column in columns))
+        columns = {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in ("stamp_ns", "source")}
+        return replace(self, **{name: column[rows] for name, column in columns.items() if column is not None})
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -199,12 +199,17 @@ def screened(P, y, H, r, common, excluded, threshold):
     ratios : ndarray (m,)
         Normalised squares over a threshold.
     shown : ndarray (6,)
-        Median of the ratios, and what :func:`summary` says.
+        What :func:`summary` says.
+    passed : ndarray of bool (m,)
+        Which are neither beyond the threshold nor excluded.
+    R : ndarray (m, m)
+        Covariance of the noise.
     is_finite : bool
     """
     S = scalar_variances(P, H, r)
     ratios = y**2 / (S * threshold)
-    return S, ratios, summary(P, y, H, r, common, excluded, ratios), np.isfinite(S.sum() + y.sum())
+    shown, passed = summary(P, y, H, r, common, excluded, ratios), (ratios <= 1.0) & ~excluded
+    return S, ratios, shown, passed, noise_covariance(r, common), np.isfinite(S.sum() + y.sum())
 
 
 @kernel
