@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul, turned, weighted
+from lowcostnav_ros.base.small_matrices import cholesky, matmul, turned, weighted
 
 SHARPEST = 1e-12
 """A measurement counts for no better than this share of the variance it meets: what is finer is lost to round-off."""
@@ -177,11 +177,17 @@ def independent(y, H, R):
 @kernel
 def whiten(y, H, R):
     """Scale y and H so that the measurement noise becomes the identity (R = L L', solve by forward substitution)."""
-    L = cholesky(R)
-    Hw = H.copy()
-    for j in range(H.shape[1]):
-        Hw[:, j] = forward_solve(L, H[:, j])
-    return forward_solve(L, y), Hw
+    L, yw, Hw = cholesky(R), y.copy(), H.copy()
+    for i in range(H.shape[0]):
+        for k in range(i):
+            if L[i, k] != 0.0:  # nearly always the noise is independent
+                yw[i] -= L[i, k] * yw[k]
+                for j in range(H.shape[1]):
+                    Hw[i, j] -= L[i, k] * Hw[k, j]
+        yw[i] /= L[i, i]
+        for j in range(H.shape[1]):
+            Hw[i, j] /= L[i, i]
+    return yw, Hw
 
 
 @kernel
