@@ -8,7 +8,7 @@ from test_ins_gps import GPS_ONLY, errors, measurements
 
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.time_offsets import TimeOffset, Way
+from lowcostnav_ros.estimation.time_offsets import TimeOffset, Way, direct
 from lowcostnav_ros.navigators.ins_gps import InsGps
 from lowcostnav_ros.trajectory import build
 from lowcostnav_ros.trajectory.missions import standard
@@ -60,7 +60,10 @@ def test_the_way_back_is_that_of_a_turn(late_s):
     moved, faster = way.back(2.0, velocity(2.0), late_s)
     np.testing.assert_allclose(moved, place(2.0) - place(2.0 - late_s), atol=0.02)
     np.testing.assert_allclose(faster, velocity(2.0) - velocity(2.0 - late_s), atol=0.03)
-    np.testing.assert_allclose(way.slope(1.5, 2.0), 18.0 * np.array([-np.sin(0.45), np.cos(0.45), 0.0]), atol=0.05)
+    H, motion = np.array([[1.0, 0.0, 2.0, 0.5, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]]), np.arange(6.0)
+    D, slope = direct(*way.points(), 1.5, 2.0, H, motion, 3, 1, 2)
+    np.testing.assert_allclose(D, np.column_stack((np.zeros(2), -H @ np.array([0.0, 1.0, 2.0, *slope]))), rtol=1e-14)
+    np.testing.assert_allclose(slope, 18.0 * np.array([-np.sin(0.45), np.cos(0.45), 0.0]), atol=0.05)
 
 
 def test_what_is_not_sure_is_not_corrected():

@@ -15,12 +15,13 @@ import numpy as np
 from lowcostnav_ros.aids._ambiguities import Ambiguities
 from lowcostnav_ros.aids._carrier_channels import MOST, NEW, Channels
 from lowcostnav_ros.aids._carrier_watch import CodeWatch, ScaleWatch
+from lowcostnav_ros.base.kernels import plain
 from lowcostnav_ros.base.measurements import CarrierEpoch
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.cores.views import Attitude, Place
 from lowcostnav_ros.estimation import aiding, kalman
 from lowcostnav_ros.estimation.aiding import SLACK_NS, Aid, Decision, GateSettings, Host, Innovation, Reason, SensorSettings
-from lowcostnav_ros.estimation.carrier_model import row_variances, screened_update, screened_update_ud, transmitter_model
+from lowcostnav_ros.estimation.carrier_model import fused, predicted_codes, ranked, row_variances, rows_of
 from lowcostnav_ros.estimation.error_state import Block, Kind, chain, gauss_markov, random_walk
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
 from lowcostnav_ros.radionav.troposphere import path_delays
@@ -36,6 +37,7 @@ STEP_SIGMA_M = 0.1
 """What a clock step leaves uncertain."""
 LOOK_NS = 1_000_000_000
 REFUSED = "carrier beyond gate"
+NO_LEVER, NO_CHANNEL = np.zeros(3), np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -84,8 +86,22 @@ class CarrierSettings(SensorSettings):
 
 
 @dataclass(slots=True, eq=False)
+class Heard:
+    """Transmitters that can be used: an epoch of them alone (m), their channels (m,), places (m, 3) ECEF, and air (m, 6)."""
+
+    epoch: CarrierEpoch
+    channel: np.ndarray
+    pos_e: np.ndarray
+    air: np.ndarray
+
+    def part(self, rows: np.ndarray) -> "Heard":
+        """Some of them."""
+        return Heard(self.epoch.rows(rows), self.channel[rows], self.pos_e[rows], self.air[rows])
+
+
+@dataclass(slots=True, eq=False)
 class Seen:
-    """Rows of an epoch at a state: straight ranges (m,) m, predicted codes (m,) m, their Jacobian (m, n), modelled delays (m,) m."""
+    """Those at a state: straight ranges (m,) m, predicted codes (m,) m, their Jacobian (m, n), modelled delays (m,) m."""
 
     ranges: np.ndarray
     predicted: np.ndarray
@@ -169,9 +185,12 @@ class CarrierAid(Aid):
         prefix, layout = self.own(self.name), host.layout
         self._clock, self._rows = layout[f"{prefix}_clock"].start, layout[f"{prefix}_ambiguity"]
         self._slow, self._lever = layout.get(f"{prefix}_slow"), layout.get(f"{prefix}_lever")
-        self._scale: int | None = getattr(layout.get(f"{prefix}_troposphere"), "start", None)
+        self._scale: int = getattr(layout.get(f"{prefix}_troposphere"), "start", -1)
+        self._to_slow = 0 if self._slow is None else self._slow.start - self._rows.start
         self._attitude = host.core.attitude_rows.start if isinstance(host.core, Attitude) else -1
         self.lever_b = np.array(self.settings.lever_arm_b_m, dtype=float)
+        self._has_arm = bool(self.lever_b.any()) or self._lever is not None
+        self._noise = self.settings.code_sigma_m**2, self.settings.carrier_sigma_m**2
         super().attach(host)
 
     def restart(self) -> None:
@@ -182,6 +201,8 @@ class CarrierAid(Aid):
         self.watch.clear()
         self.scale.clear()
         self._number: dict[str, int] = {}
+        self._heard, self._channel = (0, b""), NO_CHANNEL
+        self._state = np.full(MOST, -1)
         self._seen_ns, self._budget = np.zeros(MOST, np.int64), np.zeros(MOST, np.int64)
         self._lost = np.ones(MOST, dtype=bool)
         self._begun = np.zeros(MOST, dtype=bool)
@@ -207,9 +228,10 @@ class CarrierAid(Aid):
         rows, pos_e, _ = self.located(measurement)
         if not rows.size:
             return "no usable transmitter"
-        seen = self._predicted(measurement, rows, pos_e, host)
-        y = measurement.code_m[rows] - seen.predicted
-        return Innovation(y, seen.H, np.eye(len(y)) * self.settings.code_sigma_m**2, measurement.code_m[rows])
+        heard = Heard(measurement.rows(rows), NO_CHANNEL, pos_e, self.air_of(measurement, rows))
+        seen = self._predicted(heard, host)
+        y = heard.epoch.code_m - seen.predicted
+        return Innovation(y, seen.H, np.eye(len(y)) * self.settings.code_sigma_m**2, heard.epoch.code_m)
 
     def process(self, measurement: CarrierEpoch, host: Host) -> bool:
         """Look for slips, use what there is, begin ambiguities anew; return whether anything was used."""
@@ -220,25 +242,30 @@ class CarrierAid(Aid):
             status.rejected[Reason.phrase_of(reason)] += 1
         if not rows.size:
             return self.refuse(others[-1][1] if others else "no usable transmitter")
-        channel = self._channels_of(measurement.ident[rows])
-        slips = self._look(measurement, rows, channel, host)
+        air = self.air_of(measurement, rows)
+        epoch = measurement if len(rows) == len(measurement) else measurement.rows(rows)
+        heard = Heard(epoch, self._channels_of(epoch.ident), pos_e, air)
+        slips = self._look(heard, host)
         self._drop_absent(measurement.stamp_ns, host)
         if measurement.stamp_ns - self._used_ns < 1e9 * self.settings.period_s - SLACK_NS:
             status.accepted = False
             return False
         self._used_ns = measurement.stamp_ns
-        return self._fuse_epoch(measurement, rows, channel, pos_e, slips, host)
+        return self._fuse_epoch(heard, slips, host)
 
     def located(self, epoch: CarrierEpoch) -> tuple[np.ndarray, np.ndarray, list[tuple[int, str]]]:
         """Rows of an epoch that can be used (m,), where their transmitters are (m, 3) ECEF, and the other rows with the reason."""
         rows, pos_e, others = self.place_of(epoch)
         good = epoch.code_valid[rows] | epoch.carrier_valid[rows]
-        if not good.all():
-            others = others + [(int(row), "not valid") for row in rows[~good]]
-        return rows[good], pos_e[good], others
+        if np.count_nonzero(good) == len(good):
+            return rows, pos_e, others
+        return rows[good], pos_e[good], others + [(int(row), "not valid") for row in rows[~good]]
 
     def _channels_of(self, idents: np.ndarray) -> np.ndarray:
         """Numbers of transmitters; when there are too many, the one unheard for longest gives up its number."""
+        heard = len(idents), idents.tobytes()
+        if heard == self._heard:  # they hardly ever change
+            return self._channel
         out = np.empty(len(idents), dtype=np.int64)
         for i, ident in enumerate(idents.tolist()):
             number = self._number.get(ident)
@@ -248,25 +275,23 @@ class CarrierAid(Aid):
                     number = int(np.argmin(self._seen_ns))
                     self._number = {name: k for name, k in self._number.items() if k != number}
                 self._number[ident] = number
-                self._lost[number], self._begun[number] = True, False
+                self._lost[number], self._begun[number], self._state[number] = True, False, self.ambiguities.index(ident)
             out[i] = number
+        self._heard, self._channel = heard, out
         return out
 
-    def _look(self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray, host: Host) -> list[tuple[str, str, float]]:
+    def _look(self, heard: Heard, host: Host) -> list[tuple[str, str, float]]:
         """Find slips; the carriers that have slipped are lost.  A clock step moves the clock and nothing else."""
-        with_carrier = epoch.carrier_valid[rows]
-        counted, number = rows[with_carrier], channel[with_carrier]
+        epoch, counted = heard.epoch, np.flatnonzero(heard.epoch.carrier_valid)
+        number, found = heard.channel[counted], []
         slips = self.channels.look(epoch, counted, number)
         self.scale.take(epoch, counted, number)
-        self._seen_ns[channel] = epoch.stamp_ns
-        found = []
-        for i, row in enumerate(counted.tolist()):
-            kind = slips.kinds.get(row)
-            if kind is not None:
-                self._lost[number[i]] = True
-                found.append((str(epoch.ident[row]), kind, float(slips.size[i])))
-                if kind != NEW:
-                    self.status.rejected[kind] += 1
+        self._seen_ns[heard.channel] = epoch.stamp_ns
+        for row, kind in sorted(slips.kinds.items()):
+            self._lost[heard.channel[row]] = True
+            found.append((str(epoch.ident[row]), kind, float(slips.size[np.searchsorted(counted, row)])))
+            if kind != NEW:
+                self.status.rejected[kind] += 1
         if slips.step_m and self._clock_known and self.scale.trusted:
             self.status.rejected["clock step followed"] += 1
             self._move_clock(slips.step_m, STEP_SIGMA_M, host)
@@ -285,68 +310,47 @@ class CarrierAid(Aid):
             if now_ns - self._seen_ns[self._number.get(ident, 0)] > 1e9 * self.settings.drop_s or ident not in self._number:
                 self.ambiguities.drop(ident, host.P, host.core.estimate, host.core.history)
                 if ident in self._number:
-                    self._lost[self._number[ident]] = True
+                    self._lost[self._number[ident]], self._state[self._number[ident]] = True, -1
 
-    def _predicted(self, epoch: CarrierEpoch, rows: np.ndarray, pos_e: np.ndarray, host: Host) -> Seen:
+    def _predicted(self, heard: Heard, host: Host) -> Seen:
         """Ranges with troposphere and clock, and what the states do to them."""
         core, x = host.core, host.core.estimate
-        lever_b = self.lever_b if self._lever is None else self.lever_b + x[self._lever]
-        arm = lever_b.any() or self._lever is not None
-        lever_n = core.lever_n(lever_b) if arm else np.zeros(3)
-        ranges, H = transmitter_model(core.nav[0], core.nav[1], core.nav[2], lever_n, pos_e, len(x), self._attitude if arm else -1)
-        delays = self.delays(epoch, rows, core.nav[2] - lever_n[2], ranges)
-        H[:, self._clock] = 1.0
-        factor = 1.0
-        if self._scale is not None:
-            H[:, self._scale] = delays
-            factor += x[self._scale]
+        lever_n, attitude = NO_LEVER, -1
+        if self._has_arm:
+            lever_n, attitude = core.lever_n(self.lever_b if self._lever is None else self.lever_b + x[self._lever]), self._attitude
+        states = self._clock, self._scale, attitude
+        seen = Seen(*predicted_codes(core.nav, lever_n, heard.pos_e, x, self.model, heard.air, *states))
         if self._lever is not None:
-            H[:, self._lever] = H[:, 0:3] @ core.C_nb()
-        return Seen(ranges, ranges + factor * delays + x[self._clock], H, delays)
+            seen.H[:, self._lever] = seen.H[:, 0:3] @ core.C_nb()
+        return seen
 
-    def _states_of(self, idents: np.ndarray) -> np.ndarray:
-        return np.array([self.ambiguities.index(ident) for ident in idents.tolist()], dtype=np.int64)
-
-    def _fuse_epoch(self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray, pos_e: np.ndarray, slips: list, host: Host) -> bool:
-        own, status = self.settings, self.status
-        seen = self._predicted(epoch, rows, pos_e, host)
-        near = seen.ranges < NEAREST_M
-        if near.any():
+    def _fuse_epoch(self, heard: Heard, slips: list, host: Host) -> bool:
+        own, status, epoch = self.settings, self.status, heard.epoch
+        seen = self._predicted(heard, host)
+        if seen.ranges.min() < NEAREST_M:
+            near = seen.ranges < NEAREST_M
             status.rejected["transmitter at the aircraft"] += int(np.count_nonzero(near))
             if near.all():
                 return self.refuse("transmitter at the aircraft")
-            return self._fuse_epoch(epoch, rows[~near], channel[~near], pos_e[~near], slips, host)
-        self._seed_clock(epoch, rows, seen, host)
-        y_code = epoch.code_m[rows] - seen.predicted
-        state, wave = self._states_of(epoch.ident[rows]), epoch.wavelength_m[rows]
-        y_carrier = wave * (epoch.carrier_cycles[rows] - host.core.estimate[state]) - seen.predicted
-        H_carrier = seen.H.copy()
-        each = np.arange(len(rows))
-        H_carrier[each, state] = wave
-        slow = state - self._rows.start + (self._slow.start if self._slow is not None else 0)
-        if self._slow is not None:
-            H_carrier[each, slow] = 1.0
-            y_carrier = y_carrier - host.core.estimate[slow]
-        in_step = ~self.watch.excluded[channel]
-        counting = epoch.carrier_valid[rows] & ~self._lost[channel] & (state >= 0) & in_step & self.scale.trusted
-        with_code = epoch.code_valid[rows] & in_step & ((self._budget[channel] != 0) | ~epoch.carrier_valid[rows] | ~self._begun[channel])
-        with_code &= (own.reset.code_updates != 0) | ~epoch.carrier_valid[rows]
-        code_rows, carrier_rows = np.flatnonzero(with_code), np.flatnonzero(counting)
-        self._watch_codes(epoch, rows, channel, y_code, seen, host)
-        record = EpochRecord(
-            epoch.stamp_ns, epoch.ident[rows], y_code, np.where(counting, y_carrier, np.nan), with_code, counting, seen.delays
+            return self._fuse_epoch(heard.part(~near), slips, host)
+        self._seed_clock(epoch, seen, host)
+        signals = tuple(map(plain, (epoch.code_m, epoch.carrier_cycles, epoch.wavelength_m, epoch.code_valid, epoch.carrier_valid)))
+        known = self.watch.excluded, self._lost, self._begun, self._budget
+        y_code, y_carrier, with_code, counting, y, H, r, codes, is_finite = rows_of(
+            *(seen.predicted, seen.H, host.core.estimate, signals, heard.channel, self._state[heard.channel], self._to_slow),
+            *(known, self.scale.trusted, own.reset.code_updates != 0, self._noise),
         )
+        in_step = ~self.watch.excluded[heard.channel]
+        self._watch_codes(heard, y_code, seen, host)
+        record = EpochRecord(epoch.stamp_ns, epoch.ident, y_code, y_carrier, with_code, counting, seen.delays)
         self.record, record.slips = record, slips
-        y = np.concatenate([y_code[code_rows], y_carrier[carrier_rows]])
-        H = np.vstack([seen.H[code_rows], H_carrier[carrier_rows]])
-        r = np.concatenate([np.full(len(code_rows), own.code_sigma_m**2), np.full(len(carrier_rows), own.carrier_sigma_m**2)])
-        if not np.isfinite(y).all():
+        if not is_finite:
             return self.refuse(aiding.NOT_FINITE)
-        used = self._update(epoch, y, H, r, len(code_rows), host) if len(y) else np.zeros(0, dtype=bool)
+        used = self._update(epoch, y, H, r, codes, host) if len(y) else np.zeros(0, dtype=bool)
         if used is None:
             return False
-        self._settle(record, channel, code_rows, carrier_rows, used)
-        self._renew(epoch, rows, channel, pos_e, in_step, host)
+        self._settle(record, heard.channel, used)
+        self._renew(heard, in_step, host)
         self.used = int(np.count_nonzero(record.code_used | record.carrier_used))
         status.accepted, status.reason = self.used > 0, "" if self.used else "nothing to use yet"
         if self.used:
@@ -354,33 +358,28 @@ class CarrierAid(Aid):
             status.fused += 1
         return self.used > 0
 
-    def _seed_clock(self, epoch: CarrierEpoch, rows: np.ndarray, seen: Seen, host: Host) -> None:
+    def _seed_clock(self, epoch: CarrierEpoch, seen: Seen, host: Host) -> None:
         """Move a clock that is not known to where most codes put it."""
-        valid = epoch.code_valid[rows]
+        valid = epoch.code_valid
         if self._clock_known or not valid.any():
             return
-        common = float(np.median(epoch.code_m[rows][valid] - seen.predicted[valid]))
+        common = float(np.median(epoch.code_m[valid] - seen.predicted[valid]))
         host.core.estimate[self._clock] += common
         seen.predicted += common
         kalman.reset_block(host.P, slice(self._clock, self._clock + 1), np.array([[CLOCK_SIGMA_M**2]]), host.core.history)
         self._clock_known = True
 
-    def _watch_codes(self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray, y: np.ndarray, seen: Seen, host: Host) -> None:
-        valid = epoch.code_valid[rows]
-        if valid.any():
-            S = row_variances(host.P, seen.H[valid], np.full(int(np.count_nonzero(valid)), self.settings.code_sigma_m**2))
-            fell = self.watch.take(epoch.stamp_ns, channel[valid], y[valid], S, self.settings.code_sigma_m)
-            self._lost[fell] = True
+    def _watch_codes(self, heard: Heard, y: np.ndarray, seen: Seen, host: Host) -> None:
+        epoch = heard.epoch
+        fell = self.watch.take(epoch.stamp_ns, host.P, seen.H, y, plain(epoch.code_valid), heard.channel, self.settings.code_sigma_m)
+        self._lost[fell] = True
 
     def _update(self, epoch: CarrierEpoch, y: np.ndarray, H: np.ndarray, r: np.ndarray, codes: int, host: Host) -> np.ndarray | None:
         """Fuse the rows that pass; None where the epoch as a whole is not believed."""
-        S = row_variances(host.P, H, r)
-        ratios = y * y / (S * self.threshold)
-        order = np.argsort(ratios, kind="stable")
-        middle = float(ratios[order[(len(order) - 1) // 2]])
-        status = self.status
-        status.observation, status.innovation = np.array([float(len(y))]), np.array([float(y.mean())])
-        status.innovation_variance, status.nis, status.test_ratio = np.array([float(S.mean())]), middle * self.threshold, middle
+        order, shown = ranked(host.P, y, H, r, self.threshold)
+        status, middle = self.status, float(shown[3])
+        status.observation, status.innovation, status.innovation_variance = shown[0:1], shown[1:2], shown[2:3]
+        status.nis, status.test_ratio = middle * self.threshold, middle
         decision, reason = self.control(epoch.stamp_ns, middle, host)
         self.decision = decision
         threshold = self.threshold
@@ -391,47 +390,44 @@ class CarrierAid(Aid):
             status.rejected[reason] += 1
             r, threshold = r + y * y, math.inf
             r[codes:] = 1e12
-        P = host.P.copy()
-        update = screened_update_ud if self.settings.update == "ud" else screened_update
-        dx, used = update(P, y, H, r, order, threshold)
-        if not (np.isfinite(dx).all() and np.isfinite(P).all()):
+        dx, used, is_finite = fused(host.P, y, H, r, order, threshold, self.settings.update == "ud")
+        if not is_finite:
             self.refuse(aiding.NO_CORRECTION)
             return None
-        host.P[:] = P
         host.correct(dx)
         if decision is Decision.RECOVER:
             used[codes:] = False
         return used
 
-    def _settle(self, record: EpochRecord, channel: np.ndarray, code_rows: np.ndarray, carrier_rows: np.ndarray, used: np.ndarray) -> None:
-        """Note what was used; a carrier that was refused is lost."""
-        codes = len(code_rows)
-        bad_code, bad_carrier = code_rows[~used[:codes]], carrier_rows[~used[codes:]]
-        record.code_used[bad_code], record.carrier_used[bad_carrier] = False, False
-        good = channel[code_rows[used[:codes]]]
-        self._budget[good] = np.where(self._budget[good] > 0, self._budget[good] - 1, self._budget[good])
-        if len(bad_code):
-            self.status.rejected[aiding.BEYOND_GATE] += len(bad_code)
-        if len(bad_carrier):
-            self.status.rejected[REFUSED] += len(bad_carrier)
+    def _settle(self, record: EpochRecord, channel: np.ndarray, used: np.ndarray) -> None:
+        """Note what was used of the codes, which come first, and of the carriers; a carrier that was refused is lost."""
+        if np.count_nonzero(used) < len(used):
+            codes = np.count_nonzero(record.code_used)
+            bad_code, bad_carrier = np.flatnonzero(record.code_used)[~used[:codes]], np.flatnonzero(record.carrier_used)[~used[codes:]]
+            record.code_used[bad_code], record.carrier_used[bad_carrier] = False, False
             self._lost[channel[bad_carrier]] = True
+            for reason, bad in ((aiding.BEYOND_GATE, bad_code), (REFUSED, bad_carrier)):
+                if len(bad):
+                    self.status.rejected[reason] += len(bad)
+        spent = channel[record.code_used]
+        self._budget[spent] -= self._budget[spent] > 0
 
-    def _renew(
-        self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray, pos_e: np.ndarray, in_step: np.ndarray, host: Host
-    ) -> None:
+    def _renew(self, heard: Heard, in_step: np.ndarray, host: Host) -> None:
         """Begin ambiguities of carriers that are lost anew, from the state after the update."""
-        due = np.flatnonzero(epoch.carrier_valid[rows] & self._lost[channel] & in_step & self.scale.trusted)
+        lost = self._lost[heard.channel]
+        if not (self.scale.trusted and np.count_nonzero(lost)):
+            return
+        due = np.flatnonzero(heard.epoch.carrier_valid & lost & in_step)
         if not due.size:
             return
-        reset, core = self.settings.reset, host.core
-        seen = self._predicted(epoch, rows[due], pos_e[due], host)
-        for i, at in enumerate(due.tolist()):
-            row, number = int(rows[at]), int(channel[at])
-            ident, wave = str(epoch.ident[row]), float(epoch.wavelength_m[row])
-            h, cycles = seen.H[i] / wave, epoch.carrier_cycles[row] - seen.predicted[i] / wave
+        reset, core, these = self.settings.reset, host.core, heard.part(due)
+        epoch, seen = these.epoch, self._predicted(these, host)
+        for i, number in enumerate(these.channel.tolist()):
+            ident, wave = str(epoch.ident[i]), float(epoch.wavelength_m[i])
+            h, cycles = seen.H[i] / wave, epoch.carrier_cycles[i] - seen.predicted[i] / wave
             variance = (self.settings.carrier_sigma_m / wave) ** 2
-            if reset.source == "code" and epoch.code_valid[row]:
-                cycles, h = epoch.carrier_cycles[row] - epoch.code_m[row] / wave, np.zeros(len(h))
+            if reset.source == "code" and epoch.code_valid[i]:
+                cycles, h = epoch.carrier_cycles[i] - epoch.code_m[i] / wave, np.zeros(len(h))
                 variance += (self.settings.code_sigma_m / wave) ** 2
             elif reset.covariance == "zeroed":
                 stated = reset.again_sigma_cycles if self._begun[number] else reset.first_sigma_cycles
@@ -441,6 +437,7 @@ class CarrierAid(Aid):
                 self.status.rejected["no ambiguity state free"] += 1
                 continue
             self._lost[number], self._begun[number], self._budget[number] = False, True, reset.code_updates
+            self._state[number] = self.ambiguities.index(ident)
             if self.record is not None:
                 self.record.renewed.append(ident)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import CarrierEpoch
 
 MOST = 64
@@ -17,6 +18,7 @@ MOST = 64
 COMMON = 4
 """Channels from which a common step can be told from slips."""
 NEW, GAP, SLIP = "new", "time slip", "threshold slip"
+KINDS = "", NEW, GAP, SLIP
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,17 +60,54 @@ class Channels:
         channel : ndarray of int (m,)
             Number of the channel of each.
         """
-        phase, doppler, wave = epoch.carrier_cycles[rows], epoch.doppler_hz[rows], epoch.wavelength_m[rows]
-        before = self._stamp[channel]
-        dt_ns = epoch.stamp_ns - before
-        known = (before > 0) & (dt_ns > 0) & (wave == self._wave[channel])
-        gap = known & (dt_ns > self._gap_ns)
-        counted = known & ~gap
-        size = np.zeros(len(rows))
-        size[counted] = (phase - self._phase[channel] + 0.5e-9 * (doppler + self._doppler[channel]) * dt_ns)[counted]
-        common = float(np.median(size[counted])) if np.count_nonzero(counted) >= COMMON else 0.0
-        slipped = counted & (np.abs(size - common) > self._threshold)
-        self._stamp[channel], self._phase[channel], self._doppler[channel], self._wave[channel] = epoch.stamp_ns, phase, doppler, wave
-        kinds = {int(row): NEW for row in rows[~known]} | {int(row): GAP for row in rows[gap]} | {int(row): SLIP for row in rows[slipped]}
-        step = common * float(wave[0]) if abs(common) > self._threshold else 0.0
-        return Slips(kinds, step, size - common)
+        now = epoch.carrier_cycles[rows], epoch.doppler_hz[rows], epoch.wavelength_m[rows]
+        before, limits = (self._stamp, self._phase, self._doppler, self._wave), (self._gap_ns, self._threshold)
+        kinds, size, step_m = compared(before, epoch.stamp_ns, channel, now, limits)
+        marked = np.flatnonzero(kinds)
+        return Slips({int(rows[k]): KINDS[kinds[k]] for k in marked}, step_m, size)
+
+
+@kernel
+def compared(before, stamp_ns, channel, now, limits):
+    """Compare the carriers of an epoch with those before, which they take the place of.
+
+    Parameters
+    ----------
+    before : tuple of ndarray
+        Stamps, phases, Dopplers and wavelengths of all channels, changed in place.
+    stamp_ns : int
+    channel : ndarray of int (m,)
+    now : tuple of ndarray (m,)
+        Phases, Dopplers and wavelengths.
+    limits : (int, float)
+        Longest gap, ns, and the threshold, cycles.
+
+    Returns
+    -------
+    kinds : ndarray of int (m,)
+        Number in :data:`KINDS`.
+    size : ndarray (m,)
+        Of the slips, cycles.
+    step_m : float
+        Of the clock.
+    """
+    (stamps, phases, dopplers, waves), (phase, doppler, wave), m = before, now, channel.shape[0]
+    kinds, size, counted = np.zeros(m, dtype=np.int64), np.zeros(m), np.zeros(m, dtype=np.bool_)
+    for k in range(m):
+        c = channel[k]
+        dt_ns = stamp_ns - stamps[c]
+        if not (stamps[c] > 0 and dt_ns > 0 and wave[k] == waves[c]):
+            kinds[k] = 1
+        elif dt_ns > limits[0]:
+            kinds[k] = 2
+        else:
+            counted[k] = True
+            size[k] = phase[k] - phases[c] + 0.5e-9 * (doppler[k] + dopplers[c]) * dt_ns
+    common = np.median(size[counted]) if np.count_nonzero(counted) >= COMMON else 0.0
+    for k in range(m):
+        c = channel[k]
+        size[k] -= common
+        if counted[k] and abs(size[k]) > limits[1]:
+            kinds[k] = 3
+        stamps[c], phases[c], dopplers[c], waves[c] = stamp_ns, phase[k], doppler[k], wave[k]
+    return kinds, size, common * wave[0] if abs(common) > limits[1] else 0.0

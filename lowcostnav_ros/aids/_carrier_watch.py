@@ -13,7 +13,10 @@ from statistics import median
 
 import numpy as np
 
+from lowcostnav_ros.aids._carrier_channels import MOST
+from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import CarrierEpoch
+from lowcostnav_ros.estimation.carrier_model import row_variances
 from lowcostnav_ros.estimation.cross_checks.latch import Latch
 
 WINDOW, SIGMAS, SLOW_SIGMAS = 50, 4.0, 3.0
@@ -49,25 +52,46 @@ class CodeWatch:
         """Forget all."""
         self.mean_m, self._count = np.zeros(self._n), np.zeros(self._n, dtype=np.int64)
         self.excluded = np.zeros(self._n, dtype=bool)
-        self._off_ns = np.zeros(self._n, dtype=np.int64)
 
-    def take(self, stamp_ns: int, channel: np.ndarray, y: np.ndarray, S: np.ndarray, sigma_m: float) -> np.ndarray:
-        """Take the residuals (m,) of an epoch with their variances; return channels that are excluded from now on."""
-        count = np.minimum(self._count[channel] + 1, WINDOW)
-        self._count[channel] = count
-        self.mean_m[channel] += (y - self.mean_m[channel]) / count
-        known = np.sqrt(np.maximum(S - sigma_m**2, 0.0))
-        limit = SIGMAS * np.sqrt(sigma_m**2 / count + known**2) + SLOW_SIGMAS * self._slow_m
-        off = (count == WINDOW) & (np.abs(self.mean_m[channel]) > limit)
-        if 2 * np.count_nonzero(off) >= len(off):
-            off[:] = False  # then it is not they that are wrong
-        before = self.excluded[channel]
-        self.excluded[channel] = off | (before & (np.abs(self.mean_m[channel]) > 0.5 * limit))
-        for number in channel[before | off].tolist():
+    def take(
+        self, stamp_ns: int, P: np.ndarray, H: np.ndarray, y: np.ndarray, valid: np.ndarray, channel: np.ndarray, sigma_m: float
+    ) -> np.ndarray:
+        """Take the residuals y (m,) of the valid codes of an epoch with their rows H (m, n); return channels excluded from now on."""
+        of_all = self.mean_m, self._count, self.excluded
+        fell, looked_at = take_codes(P, H, y, valid, channel, of_all, (sigma_m, self._slow_m))
+        for number in looked_at.tolist():
             latch = self.latches.get(number)
             if latch is not None:
                 latch.judge(stamp_ns, bool(self.excluded[number]), abs(float(self.mean_m[number])), latch.parties[0])
-        return channel[self.excluded[channel] & ~before]
+        return fell
+
+
+@kernel
+def take_codes(P, H, y, valid, channel, of_all, sigmas):
+    """Add an epoch to the means of the codes and judge them, see :class:`CodeWatch`.
+
+    ``of_all``: means, counts and exclusions of all channels, changed in place; ``sigmas``: white and slow, m.  Returns the channels that
+    are excluded from now on, and those that were or might have been.
+    """
+    (mean, count, excluded), (white, slow), rows = of_all, sigmas, np.flatnonzero(valid)
+    S = row_variances(P, H[rows], np.full(rows.shape[0], white * white))
+    off, limit = np.zeros(rows.shape[0], dtype=np.bool_), np.empty(rows.shape[0])
+    for i in range(rows.shape[0]):
+        c = channel[rows[i]]
+        count[c] = min(count[c] + 1, WINDOW)
+        mean[c] += (y[rows[i]] - mean[c]) / count[c]
+        known = max(S[i] - white * white, 0.0)
+        limit[i] = SIGMAS * np.sqrt(white * white / count[c] + known) + SLOW_SIGMAS * slow
+        off[i] = count[c] == WINDOW and abs(mean[c]) > limit[i]
+    if 2 * np.count_nonzero(off) >= rows.shape[0]:
+        off[:] = False  # then it is not they that are wrong
+    fell, looked_at = np.zeros(rows.shape[0], dtype=np.bool_), np.zeros(rows.shape[0], dtype=np.bool_)
+    for i in range(rows.shape[0]):
+        c = channel[rows[i]]
+        looked_at[i] = excluded[c] or off[i]
+        fell[i] = off[i] and not excluded[c]
+        excluded[c] = off[i] or (excluded[c] and abs(mean[c]) > 0.5 * limit[i])
+    return channel[rows[fell]], channel[rows[looked_at]]
 
 
 class ScaleWatch:
@@ -89,22 +113,14 @@ class ScaleWatch:
         """Forget all."""
         self.latch.clear()
         self.trusted = False
-        self._from: dict[int, tuple[int, float, float, float]] = {}
+        self._from_ns, self._from = np.zeros(MOST, dtype=np.int64), np.zeros((MOST, 3))  # code, carrier and wavelength, m
         self._ratios: deque[float] = deque(maxlen=PAIRS)
 
     def take(self, epoch: CarrierEpoch, rows: np.ndarray, channel: np.ndarray) -> None:
         """Take the carriers of an epoch with codes beside them; a pair ends when the range has changed by enough."""
-        stamp_ns, wave = epoch.stamp_ns, epoch.wavelength_m[rows]
-        columns = channel, epoch.code_m[rows], epoch.carrier_cycles[rows] * wave, wave, epoch.code_valid[rows]
-        for number, code_m, carrier_m, length, valid in zip(*(column.tolist() for column in columns), strict=True):
-            if not valid:
-                continue
-            first = self._from.get(number)
-            if first is None or length != first[3] or not 0 < stamp_ns - first[0] <= LONGEST_NS:
-                self._from[number] = stamp_ns, code_m, carrier_m, length
-            elif max(abs(code_m - first[1]), abs(carrier_m - first[2])) >= CHANGE_M:
-                self._from[number] = stamp_ns, code_m, carrier_m, length
-                self._add(stamp_ns, carrier_m - first[2], code_m - first[1])
+        now = epoch.code_m[rows], epoch.carrier_cycles[rows], epoch.wavelength_m[rows], epoch.code_valid[rows]
+        for code_m, carrier_m in pairs(self._from_ns, self._from, epoch.stamp_ns, channel, now).tolist():
+            self._add(epoch.stamp_ns, carrier_m, code_m)
 
     def _add(self, stamp_ns: int, carrier_m: float, code_m: float) -> None:
         self._ratios.append(code_m / carrier_m if carrier_m else math.inf)
@@ -115,3 +131,21 @@ class ScaleWatch:
         if len(self._ratios) > PAIRS // 2:
             advice = "the wavelength is wrong, or the carrier is in metres"
             self.latch.judge(stamp_ns, not self.trusted, factor, self.latch.parties[0], advice)
+
+
+@kernel
+def pairs(from_ns, start, stamp_ns, channel, now):
+    """Changes of code and carrier (k, 2), m, of the channels that end a pair; they, and those without a beginning, begin another."""
+    code, cycles, wave, valid = now
+    out, found = np.empty((channel.shape[0], 2)), 0
+    for k in range(channel.shape[0]):
+        if not valid[k]:
+            continue
+        c, carrier_m = channel[k], cycles[k] * wave[k]
+        is_new = wave[k] != start[c, 2] or not 0 < stamp_ns - from_ns[c] <= LONGEST_NS
+        if not is_new and max(abs(code[k] - start[c, 0]), abs(carrier_m - start[c, 1])) >= CHANGE_M:
+            out[found, 0], out[found, 1] = code[k] - start[c, 0], carrier_m - start[c, 1]
+            found, is_new = found + 1, True
+        if is_new:
+            from_ns[c], start[c, 0], start[c, 1], start[c, 2] = stamp_ns, code[k], carrier_m, wave[k]
+    return out[:found]

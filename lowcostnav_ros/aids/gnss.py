@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.aids import AIDS
+from lowcostnav_ros.base.kernels import plain
 from lowcostnav_ros.base.measurements import GnssEpoch
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.base.units import DEGREE
-from lowcostnav_ros.cores.inertial import POS, VEL
+from lowcostnav_ros.cores.inertial import CORE, POS, VEL
 from lowcostnav_ros.cores.views import Place, Velocity
 from lowcostnav_ros.estimation import aiding, kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, GateSettings, Host, Innovation, Sensor, SensorSettings
@@ -32,21 +33,18 @@ from lowcostnav_ros.estimation.satellite_integrity import (
     slots_of,
 )
 from lowcostnav_ros.estimation.satellite_model import (
-    ABSURD,
+    JUMP_SIGMAS,
     UNUSABLE,
     Observations,
     believed,
-    common_part,
-    failed,
-    gathered,
-    lower_middle,
-    satellite_model,
+    learnt,
+    observed,
     scalar_variances,
     screened,
     summary,
 )
 from lowcostnav_ros.gnss.receiver_clock import CLOCKS
-from lowcostnav_ros.gnss.signals import name
+from lowcostnav_ros.gnss.signals import GALILEO, name
 from lowcostnav_ros.physics.rotation import quat_to_dcm, skew
 
 EPOCH = "gnss/raw"
@@ -58,11 +56,7 @@ CLOCK_SIGMA_M, CLOCK_SIGMA_MPS = 100.0, 10.0
 """Sigmas of a clock just seeded from the median innovation of an epoch."""
 UNKNOWN_DRIFT_MPS = 1000.0
 """1-sigma of the drift of a clock not yet measured: three parts in a million, a common crystal."""
-NOTHING = np.zeros(0, dtype=np.int64)
-USUAL_EPOCHS = 10.0
-"""A stated sigma is usual that was stated over so many epochs."""
-JUMP_SIGMAS = 8.0
-"""A clock jump moves most satellites together by more than this many sigmas, and apart by less."""
+NOTHING, NO_LEVER = np.zeros(0, dtype=np.int64), np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -100,22 +94,30 @@ class Receiver:
     def __init__(self, settings: GnssSettings) -> None:
         self._settings = settings
         self._host: Host | None = None
-        self.lever_b = np.zeros(3)
+        self.carry(np.zeros(3))
         self.clock_known = [False, False]
-        self._numbered: tuple[GnssEpoch | None, np.ndarray, np.ndarray] = (None, NOTHING, NOTHING)
+        self._epoch: GnssEpoch | None = None
+        self._names = b""
 
-    def numbers(self, epoch: GnssEpoch) -> tuple[np.ndarray, np.ndarray]:
-        """Of all satellites of an epoch whether their system is used, bool (n,), and their numbers (:func:`.slots_of`)."""
-        if self._numbered[0] is not epoch:
-            wanted = np.array([system in self._settings.systems for system in epoch.system.tolist()], dtype=bool)
-            self._numbered = epoch, wanted, slots_of(epoch)
-        return self._numbered[1:]
+    def carry(self, lever_b: np.ndarray) -> None:
+        """Take the antenna to be at ``lever_b`` (3,), m."""
+        self.lever_b, self.has_lever = lever_b, bool(lever_b.any())
+
+    def satellites(self, epoch: GnssEpoch) -> tuple[tuple, np.ndarray]:
+        """Columns of an epoch as :func:`.observed` takes them, and the numbers of its satellites (:func:`.slots_of`)."""
+        if self._epoch is not epoch:
+            names = epoch.system.tobytes() + epoch.sat_id.tobytes()
+            if names != self._names:  # they hardly ever change
+                wanted = np.array([system in self._settings.systems for system in epoch.system.tolist()], dtype=bool)
+                self._names, self._systems, self._slots = names, (wanted, epoch.system == GALILEO), slots_of(epoch)
+            self._epoch, self._columns = epoch, tuple(map(plain, (epoch.sat_pos_e, epoch.sat_vel_e, epoch.cn0)))
+        return self._columns + self._systems, self._slots
 
     def attach(self, host: Host) -> None:
         """Take the antenna of a host and test against its inertial sensors, if it has any."""
         if self._host is not host:
             self._host = host
-            self.lever_b = np.array(getattr(host, "lever_b", np.zeros(3)))
+            self.carry(np.array(getattr(host, "lever_b", np.zeros(3))))
             self.integrity = GnssIntegrity(self._settings.integrity, inertial=hasattr(host.core, "force_b"))
 
     def restart(self) -> None:
@@ -123,14 +125,12 @@ class Receiver:
         self.clock_known = [False, False]
         self.integrity.clear()
 
-    def predicted(self, epoch: GnssEpoch, host: Host) -> tuple:
-        """Output of :func:`satellite_model` for an epoch at the state of the navigator."""
-        lever_n, swing_n = np.zeros(3), np.zeros(3)
-        nav = host.core.nav
-        if self.lever_b.any():
-            C = quat_to_dcm(nav[6:10])
-            lever_n, swing_n = C @ self.lever_b, C @ np.cross(host.core.rate_b, self.lever_b)
-        return satellite_model(nav, lever_n, swing_n, epoch.sat_pos_e, epoch.sat_vel_e, host.layout.size)
+    def antenna(self, host: Host) -> tuple[np.ndarray, np.ndarray]:
+        """The antenna relative to the IMU, m, and its velocity, m/s, in n; (3,) each."""
+        if not self.has_lever:
+            return NO_LEVER, NO_LEVER
+        C = quat_to_dcm(host.core.nav[6:10])
+        return C @ self.lever_b, C @ np.cross(host.core.rate_b, self.lever_b)
 
 
 class SatelliteAid(Aid):
@@ -146,9 +146,11 @@ class SatelliteAid(Aid):
     kind: str
     clock_state: int
     clock_sigma: float
+    sigma_scale: float
 
     def __init__(self, settings: GnssSettings, key: str = "", stations: Any = None) -> None:
         super().__init__(settings, key, stations)
+        self._least = math.sin(settings.mask_deg * DEGREE), float(settings.minimum_cn0)
         self.receiver = Receiver(settings)
         self.used = NOTHING
         self.satellites: Counter[str] = Tally()
@@ -169,12 +171,45 @@ class SatelliteAid(Aid):
         self.receiver.attach(host)
         super().attach(host)
         self._clock = host.layout[self.own("clock")].start
-        self._offset = host.layout.get(self.own("system_offset"))
+        offset = host.layout.get(self.own("system_offset"))
+        self._offset = -1 if offset is None or self.kind == RATE else offset.start
         self.seeds = (POS, host.core.velocity_rows)
 
-    def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
-        """Innovations of the usable satellites, and why the others are not usable.  Changes nothing."""
+    def columns(self, epoch: GnssEpoch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What is measured of each satellite, its sigma and whether it means anything, (n,) each."""
         raise NotImplementedError
+
+    def _look(self, epoch: GnssEpoch, host: Host, estimate: np.ndarray, states: tuple[int, int]) -> tuple:
+        """Output of :func:`.observed`, with the satellites that cannot be used, each with its reason, in place of all that were found."""
+        satellites, _ = self.receiver.satellites(epoch)
+        measured, stated, valid = self.columns(epoch)
+        found, rows, *further = observed(
+            *(host.core.nav, *self.receiver.antenna(host), estimate, satellites, plain(measured), plain(stated)),
+            *(plain(valid), self.kind == RATE, states, self._least),
+            *(self.sigma_scale, self._usual, self.settings.common_error and self.kind == RANGE),
+        )
+        if len(rows) == len(found):
+            return [], rows, *further
+        return [(row, UNUSABLE[found[row]]) for row in np.argsort(found, kind="stable").tolist() if found[row] >= 0], rows, *further
+
+    def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
+        """Innovations of the usable satellites, and why the others are not usable; a jump of the whole clock is taken off.
+
+        Changes nothing.
+        """
+        states = self._clock + self.clock_state, self._offset
+        others, rows, y, H, r, common, stated, usual, is_finite, is_steady = self._look(epoch, host, host.core.estimate, states)
+        obs = Observations(rows, y, H, r, common, others, None, stated, usual=usual, is_finite=is_finite)
+        if self.receiver.has_lever:
+            self._swing(obs, host)
+        if not (is_steady and self.receiver.clock_known[self.clock_state]):
+            obs.clock_step = self._clock_step(y, H, r, host)
+            if obs.clock_step is not None:
+                obs.y = y - obs.clock_step
+        return obs
+
+    def _swing(self, obs: Observations, host: Host) -> None:
+        """Add what a lever arm does beyond position, velocity and attitude."""
 
     def shared(self, obs: Observations) -> np.ndarray:
         """Columns (n, m) of what all satellites measure together: position or velocity, and clocks."""
@@ -203,29 +238,29 @@ class SatelliteAid(Aid):
         obs = self.observations(measurement, host)
         if host.offsets is not None:
             host.offsets.take_back(self, obs, host)
-        self.learn(obs.stated)
+        self._usual = obs.usual
         self.count(measurement, obs.excluded)
         if not obs.rows.size:
             return self.refuse("no usable satellite")
-        if not math.isfinite(sum(obs.y.tolist())):
+        if not obs.is_finite:
             return self.refuse(aiding.NOT_FINITE)
-        slots = self.receiver.numbers(measurement)[1][obs.rows]
+        slots = self.receiver.satellites(measurement)[1][obs.rows]
         excluded = integrity.is_excluded(slots)
-        if integrity.distrusted or excluded.all():
+        if integrity.distrusted or np.count_nonzero(excluded) == len(excluded):
             return self.refuse("satellites not used since the alarm" if integrity.distrusted else EXCLUDED_BY_TEST)
         self._seed(obs, host)
-        S, ratios, is_finite = screened(host.P, obs.y, obs.H, obs.r, self.threshold)
+        threshold = self.threshold if self.settings.screening else math.inf
+        S, _, shown, passed, R, is_finite = screened(host.P, obs.y, obs.H, obs.r, obs.common, excluded, threshold)
         if not is_finite:
             return self.refuse(aiding.NOT_FINITE)
-        if not self.settings.screening:
-            ratios = np.zeros(len(S))
-        if host.offsets is not None and middle(ratios) > 1.0:
+        if host.offsets is not None and shown[0] > 1.0:
             late = host.offsets.uncertainty(self, obs, host).diagonal()
             widened = obs.y**2 / ((S + late) * self.threshold)
             if middle(widened) <= 1.0 and host.offsets.is_likely(self.source):
-                obs.late, ratios = late, widened
+                obs.late, passed = late, (widened <= 1.0) & ~excluded
+                shown = summary(host.P, obs.y, obs.H, obs.r, obs.common, excluded, widened)
         # the lower median: with most satellites beyond the gate it is the prediction that is wrong, not they
-        middle_ratio = self._report(obs, ratios, excluded, host)
+        middle_ratio = self._report(shown)
         self.scatter, self.observed = middle_ratio * self.threshold, obs
         decision, reason = self.control(measurement.stamp_ns, middle_ratio, host)
         self.decision = decision
@@ -233,52 +268,48 @@ class SatelliteAid(Aid):
             return self.refuse(reason)
         status.reason = ""
         if decision is Decision.RECOVER:
-            good = ~excluded
             obs.r = obs.r + obs.y**2
             status.rejected[aiding.RECOVERED] += 1
             integrity.contradicted(measurement.stamp_ns, self.gate.recovery_s)
+            self._apply(measurement, obs, ~excluded, obs.R, host)
         else:
-            passed = (ratios <= 1.0) & ~excluded
-            good = self._tested(measurement, obs, slots, passed, host)
-            if not good.any():
+            good = self._tested(measurement, obs, slots, passed, R)
+            number = np.count_nonzero(good)
+            if not number:
                 return self.refuse("satellites contradict each other")
-            if not good.all():
+            if number < len(good):
                 self.count(measurement, [(row, aiding.BEYOND_GATE) for row in obs.rows[~passed & ~excluded]])
                 self.count(measurement, [(row, EXCLUDED_BY_TEST) for row in obs.rows[excluded | (passed & ~good)]])
-        self._apply(obs, good, host)
-        self.used = obs.rows[good]
+            self._apply(measurement, obs, good, R, host)
         status.accepted, status.accepted_ns = True, measurement.stamp_ns
         status.fused += 1
         return True
 
-    def _tested(self, epoch: GnssEpoch, obs: Observations, slots: np.ndarray, passed: np.ndarray, host: Host) -> np.ndarray:
+    def _tested(self, epoch: GnssEpoch, obs: Observations, slots: np.ndarray, passed: np.ndarray, R: np.ndarray) -> np.ndarray:
         """Those of the satellites that passed which the integrity tests leave."""
         integrity = self.receiver.integrity
         if not integrity.settings.enabled:
             return passed
-        shared = self.shared(obs)
-        sats = Satellites(epoch, obs.rows, slots)
-        good = integrity.compare(self.kind, sats, obs.y, shared, obs.R, passed)
-        if good.any() and integrity.is_watching(self.kind, epoch.stamp_ns):
-            left = obs.part(good)
-            S = kalman.innovation_covariance(host.P, left.H, left.R)
-            integrity.check_against_inertial(self.kind, epoch.stamp_ns, left.y, shared[good, :4], S)
-        return good
+        return integrity.compare(self.kind, Satellites(epoch, obs.rows, slots, self.shared(obs), R), obs.y, passed)
 
-    def _apply(self, obs: Observations, good: np.ndarray, host: Host) -> None:
-        left = obs.part(good)
-        y, H, R = left.y, left.H, left.R
+    def _apply(self, epoch: GnssEpoch, obs: Observations, good: np.ndarray, R: np.ndarray, host: Host) -> None:
+        """Fuse the good ones, with those of the inertial test; ``R`` is the noise of all."""
+        integrity, left = self.receiver.integrity, obs.part(good)
+        y, H, R = left.y, left.H, R if left is obs else left.R
         self.applied = Innovation(y, H, R, np.array([float(len(y))]), late=None if left.late is None else np.diag(left.late))
-        _, _, self.epoch_nis, _ = kalman.tested(host.P, y, H, R)
+        _, S, self.epoch_nis, _ = kalman.tested(host.P, y, H, R)
         self.epoch_dof = len(y)
+        if self.decision is Decision.FUSE and integrity.is_watching(self.kind, epoch.stamp_ns):
+            integrity.check_against_inertial(self.kind, epoch.stamp_ns, y, self.shared(left)[:, :4], S)
         self.fuse(self.applied, host)
+        self.used = left.rows
 
-    def _report(self, obs: Observations, ratios: np.ndarray, excluded: np.ndarray, host: Host) -> float:
-        """Fill the record in; return the lower median of the ratios."""
-        count, mean, variance, worst, lower = summary(host.P, obs.y, obs.H, obs.r, obs.common, excluded, ratios)
+    def _report(self, shown: np.ndarray) -> float:
+        """Fill the record in by what :func:`.summary` says; return the lower median of the ratios."""
         status = self.status
-        status.observation, status.innovation, status.innovation_variance = np.array([count]), np.array([mean]), np.array([variance])
-        status.nis, status.test_ratio = mean**2 / variance, worst
+        status.observation, status.innovation, status.innovation_variance = shown[1:2], shown[2:3], shown[3:4]
+        mean, variance, status.test_ratio, lower = shown[2:].tolist()
+        status.nis = mean**2 / variance
         return lower
 
     def _seed(self, obs: Observations, host: Host) -> None:
@@ -298,19 +329,11 @@ class SatelliteAid(Aid):
 
     def learn(self, stated: np.ndarray) -> None:
         """Learn from the stated sigmas (n,) of an epoch what is usual."""
-        if stated.size and (size := middle(stated)) > ABSURD * self._usual:
-            self._usual += (1.0 / USUAL_EPOCHS if self._usual else 1.0) * (size - self._usual)
+        self._usual = learnt(plain(stated), self._usual)
 
     def believed(self, stated: np.ndarray) -> np.ndarray:
         """Sigmas (n,) as far as the stated ones can be."""
         return believed(stated, self._usual)
-
-    def _stepped(self, obs: Observations, host: Host) -> Observations:
-        """Observations with the step of the clock they ask for."""
-        obs.clock_step = self._clock_step(obs.y, obs.H, obs.r, host)
-        if obs.clock_step is not None:
-            obs.y = obs.y - obs.clock_step
-        return obs
 
     def _clock_step(self, y: np.ndarray, H: np.ndarray, r: np.ndarray, host: Host) -> float | None:
         """By how much the clock (or its drift) is to be moved: it was unknown, or it jumped; else None.
@@ -319,11 +342,8 @@ class SatelliteAid(Aid):
         """
         if not y.size:
             return None
-        known = self.receiver.clock_known[self.clock_state]
-        if known and abs(lower_middle(y)) < JUMP_SIGMAS * math.sqrt(r.min()):
-            return None  # nearly always; the tests below cost time
         common = middle(y)
-        if not known:
+        if not self.receiver.clock_known[self.clock_state]:
             return common
         together = np.abs(y - common) <= JUMP_SIGMAS * np.sqrt(r)
         if len(y) < 2 or 2 * np.count_nonzero(together) <= len(y):
@@ -331,21 +351,6 @@ class SatelliteAid(Aid):
         if abs(common) < JUMP_SIGMAS * math.sqrt(scalar_variances(host.P, H, r).max()):
             return None
         return common
-
-    def usable(
-        self, epoch: GnssEpoch, observed: np.ndarray, valid: np.ndarray, sin_elevation: np.ndarray
-    ) -> tuple[np.ndarray, list[tuple[int, str]]]:
-        """Rows that are valid and finite (``observed`` (n,) is what was measured), of a wanted system, high and strong enough.
-
-        The other rows come second, each with its reason.
-        """
-        settings, found = self.settings, np.empty(len(epoch), dtype=np.int64)
-        wanted, _ = self.receiver.numbers(epoch)
-        least = math.sin(settings.mask_deg * DEGREE), settings.minimum_cn0
-        if failed(np.ascontiguousarray(valid, dtype=bool), plain(observed), wanted, sin_elevation, plain(epoch.cn0), *least, found):
-            return np.arange(len(epoch)), []
-        others = [(row, UNUSABLE[found[row]]) for row in np.argsort(found, kind="stable").tolist() if found[row] >= 0]
-        return np.flatnonzero(found < 0), others
 
     def count(self, epoch: GnssEpoch, excluded: list[tuple[int, str]]) -> None:
         """Count satellites that are not used under their reasons."""
@@ -357,30 +362,22 @@ class SatelliteAid(Aid):
 
 
 class RangeAid(SatelliteAid):
-    """Pseudoranges, m."""
+    """Pseudoranges, m: y = pseudorange - (range + clock + system offset)."""
 
     name, labels = "gnss_range", ("mean_range_m",)
     kind, clock_state, clock_sigma = RANGE, 0, CLOCK_SIGMA_M
 
-    def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
-        """y = pseudorange - (range + clock + system offset); a jump of the whole clock is followed first."""
-        ranges, _, H, _, sin_elevation = self.receiver.predicted(epoch, host)
-        rows, others = self.usable(epoch, epoch.pseudorange_m, epoch.range_valid, sin_elevation)
-        clock, scale = self._clock, self.settings.range_sigma_scale
-        y, H, r, stated = gathered(
-            *(ranges, H, plain(epoch.pseudorange_m), plain(epoch.sigma_m)),
-            *(rows, host.core.estimate[clock], clock, scale, self._usual),
-        )
-        if self._offset is not None:
-            offset = self._offset.start
-            H[:, offset] = epoch.system[rows] == "E"
-            y -= H[:, offset] * host.core.estimate[offset]
-        common = common_part(r, sin_elevation[rows]) if self.settings.common_error else np.zeros(len(rows))
-        return self._stepped(Observations(rows, y, H, r, common, others, stated=stated), host)
+    def __init__(self, settings: GnssSettings, key: str = "", stations: Any = None) -> None:
+        super().__init__(settings, key, stations)
+        self.sigma_scale = float(settings.range_sigma_scale)
+
+    def columns(self, epoch: GnssEpoch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pseudoranges."""
+        return epoch.pseudorange_m, epoch.sigma_m, epoch.range_valid
 
     def usable_at(self, epoch: GnssEpoch, host: Host) -> np.ndarray:
         """Rows of an epoch whose pseudoranges can be used at the state of a navigator, which may have no receiver clock."""
-        rows, others = self.usable(epoch, epoch.pseudorange_m, epoch.range_valid, self.receiver.predicted(epoch, host)[-1])
+        others, rows, *_ = self._look(epoch, host, np.zeros(CORE), (0, -1))
         self.count(epoch, others)
         return rows
 
@@ -391,40 +388,33 @@ class RangeAid(SatelliteAid):
     def shared(self, obs: Observations) -> np.ndarray:
         """Position, clock, and the clock between systems where satellites of both are seen."""
         columns = [0, 1, 2, self._clock]
-        if self._offset is not None:
-            columns += [self._offset.start] if 0.0 < obs.H[:, self._offset.start].mean() < 1.0 else []
-        return obs.H[:, columns]
+        if self._offset >= 0:
+            columns += [self._offset] if 0.0 < obs.H[:, self._offset].mean() < 1.0 else []
+        return obs.H.take(columns, axis=1)
 
 
 class RangeRateAid(SatelliteAid):
-    """Dopplers as range rates, m/s."""
+    """Dopplers as range rates, m/s: y = rate - (predicted rate + clock drift)."""
 
     name, labels = "gnss_range_rate", ("mean_rate_mps",)
     kind, clock_state, clock_sigma = RATE, 1, CLOCK_SIGMA_MPS
     measures_velocity = True
 
-    def observations(self, epoch: GnssEpoch, host: Host) -> Observations:
-        """y = rate - (predicted rate + clock drift); the velocity of the lever arm also depends on the gyro bias."""
-        _, rates, _, H, sin_elevation = self.receiver.predicted(epoch, host)
-        rows, others = self.usable(epoch, epoch.doppler_mps, epoch.doppler_valid, sin_elevation)
-        drift, lever_b = self._clock + 1, self.receiver.lever_b
-        scale = self.settings.doppler_sigma_scale
-        y, H, r, stated = gathered(
-            *(rates, H, plain(epoch.doppler_mps), plain(epoch.sigma_mps)),
-            *(rows, host.core.estimate[drift], drift, scale, self._usual),
-        )
-        if lever_b.any():
-            host.layout.fill(H, Kind.GYRO_BIAS, H[:, VEL] @ quat_to_dcm(host.core.nav[6:10]) @ skew(lever_b))
-        return self._stepped(Observations(rows, y, H, r, np.zeros(len(rows)), others, stated=stated), host)
+    def __init__(self, settings: GnssSettings, key: str = "", stations: Any = None) -> None:
+        super().__init__(settings, key, stations)
+        self.sigma_scale = float(settings.doppler_sigma_scale)
+
+    def columns(self, epoch: GnssEpoch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Dopplers."""
+        return epoch.doppler_mps, epoch.sigma_mps, epoch.doppler_valid
+
+    def _swing(self, obs: Observations, host: Host) -> None:
+        """The velocity of the lever arm also depends on the gyro bias."""
+        host.layout.fill(obs.H, Kind.GYRO_BIAS, obs.H[:, VEL] @ quat_to_dcm(host.core.nav[6:10]) @ skew(self.receiver.lever_b))
 
     def shared(self, obs: Observations) -> np.ndarray:
         """Velocity and clock drift."""
-        return obs.H[:, [3, 4, 5, self._clock + 1]]
-
-
-def plain(column: np.ndarray) -> np.ndarray:
-    """A column of an epoch as compiled code takes it."""
-    return np.ascontiguousarray(column, dtype=float)
+        return obs.H.take([3, 4, 5, self._clock + 1], axis=1)
 
 
 def receiver_aids(settings: GnssSettings, key: str, stations: Any) -> list[Aid]:

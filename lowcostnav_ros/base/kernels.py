@@ -20,6 +20,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 F = TypeVar("F", bound=Callable)
 
 INTERPRETED = os.environ.get("LOWCOSTNAV_KERNELS", "compiled") == "interpreted"
@@ -45,6 +47,11 @@ def kernel(function: F) -> F:
         return compiler(function)
     finally:
         config.CACHE_DIR = before
+
+
+def plain(column: np.ndarray) -> np.ndarray:
+    """A column of numbers or truth values as compiled code takes it: contiguous, float64 or bool."""
+    return np.ascontiguousarray(column, dtype=bool if column.dtype == bool else float)
 
 
 @cache

@@ -259,6 +259,11 @@ class CarrierEpoch(Measurement):
     def __len__(self) -> int:
         return len(self.ident)
 
+    def rows(self, rows: np.ndarray) -> "CarrierEpoch":
+        """Return the same epoch with some transmitters only."""
+        columns = {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in ("stamp_ns", "source")}
+        return replace(self, **{name: column[rows] for name, column in columns.items() if column is not None})
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StationWeather(Measurement):

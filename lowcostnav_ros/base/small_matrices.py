@@ -50,6 +50,21 @@ def matvec(A, x):
 
 
 @kernel
+def weighted(P, h, Ph):
+    """P h into ``Ph`` for a symmetric P and a row of few entries; returns h P h'.  The bits are those of :func:`matvec`."""
+    n = h.shape[0]
+    Ph[:] = 0.0
+    for j in range(n):
+        if h[j] != 0.0:
+            for i in range(n):
+                Ph[i] += P[j, i] * h[j]
+    total = 0.0
+    for i in range(n):
+        total += h[i] * Ph[i]
+    return total
+
+
+@kernel
 def turned(C, cov):
     """C cov C': a covariance (m, m) in the axes that C (n, m) turns to, shape (n, n)."""
     return matmul(C, matmul(C, cov).T.copy()).T.copy()  # zeros of C are skipped twice, and both inner loops run along rows

@@ -13,9 +13,10 @@ import math
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.small_matrices import matvec
+from lowcostnav_ros.base.small_matrices import matvec, weighted
 from lowcostnav_ros.estimation.kalman import SHARPEST
 from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
+from lowcostnav_ros.radionav.troposphere import path_delays
 
 
 @kernel
@@ -56,18 +57,127 @@ def transmitter_model(lat, lon, height, lever_n, pos_e, n, attitude):
 
 
 @kernel
-def weighted(P, h, Ph):
-    """P h into ``Ph`` for a row of few entries; returns h P h'."""
-    n = h.shape[0]
-    Ph[:] = 0.0
-    for j in range(n):
-        if h[j] != 0.0:
-            for i in range(n):
-                Ph[i] += P[j, i] * h[j]
-    total = 0.0
-    for i in range(n):
-        total += h[i] * Ph[i]
-    return total
+def predicted_codes(nav, lever_n, pos_e, estimate, model, air, clock, scale, attitude):
+    """Predict codes: ranges with troposphere and clock, and what the states do to them.
+
+    Parameters
+    ----------
+    nav : ndarray (10,)
+    lever_n, pos_e, attitude
+        As of :func:`transmitter_model`.
+    estimate : ndarray (n,)
+    model, air
+        Of the troposphere, as of :func:`.path_delays`.
+    clock, scale : int
+        States: the clock's error, m, and the factor on the delays; the latter negative where there is none.
+
+    Returns
+    -------
+    ranges, codes : ndarray (m,)
+        Straight, and with all that is added, m.
+    H : ndarray (m, n)
+    delays : ndarray (m,)
+        Modelled, m.
+    """
+    ranges, H = transmitter_model(nav[0], nav[1], nav[2], lever_n, pos_e, estimate.shape[0], attitude)
+    delays = path_delays(model, air, nav[2] - lever_n[2], ranges)
+    factor = 1.0 + estimate[scale] if scale >= 0 else 1.0
+    for k in range(ranges.shape[0]):
+        H[k, clock] = 1.0
+        if scale >= 0:
+            H[k, scale] = delays[k]
+    return ranges, ranges + factor * delays + estimate[clock], H, delays
+
+
+@kernel
+def rows_of(predicted, jacobian, estimate, signals, channel, state, slow, known, counts, codes_always, noise):
+    """Rows of an epoch to be fused: codes, then carriers that have an ambiguity.
+
+    Parameters
+    ----------
+    predicted, jacobian : ndarray (m,), (m, n)
+        Of the codes, m.
+    estimate : ndarray (n,)
+    signals : tuple of ndarray (m,)
+        Codes, m, carriers, cycles, wavelengths, m, and which codes and which carriers are valid.
+    channel, state : ndarray of int (m,)
+        Number of each transmitter in the arrays of ``known``, and the state of its ambiguity, negative for none.
+    slow : int
+        What leads from that state to the one of the slow error; 0: there is none.
+    known : tuple of ndarray
+        Of all channels: whether they are excluded, their carrier is lost, has ever begun, and how many codes are still used beside it.
+    counts, codes_always : bool
+        Whether carriers are used at all, and codes beside carriers.
+    noise : (float, float)
+        Variances of code and carrier, m^2.
+
+    Returns
+    -------
+    y_code, y_carrier : ndarray (m,)
+        Residuals; NaN of carriers that are not used.
+    with_code, counting : ndarray of bool (m,)
+        Which are used.
+    y, H, r : ndarray (k,), (k, n), (k,)
+    codes : int
+        How many of the rows are codes.
+    is_finite : bool
+    """
+    code, cycles, wave, has_code, has_carrier = signals
+    excluded, lost, begun, budget = known
+    m, n = jacobian.shape
+    y_code, y_carrier = code - predicted, np.full(m, np.nan)
+    with_code, counting = np.zeros(m, dtype=np.bool_), np.zeros(m, dtype=np.bool_)
+    for k in range(m):
+        c = channel[k]
+        beside = not has_carrier[k] or (codes_always and (budget[c] != 0 or not begun[c]))
+        with_code[k] = has_code[k] and not excluded[c] and beside
+        counting[k] = has_carrier[k] and not lost[c] and state[k] >= 0 and not excluded[c] and counts
+    codes, rows = np.count_nonzero(with_code), np.count_nonzero(with_code) + np.count_nonzero(counting)
+    y, H, r = np.empty(rows), np.empty((rows, n)), np.empty(rows)
+    i, j = 0, codes
+    for k in range(m):
+        if with_code[k]:
+            y[i], H[i], r[i] = y_code[k], jacobian[k], noise[0]
+            i += 1
+        if counting[k]:
+            y_carrier[k] = wave[k] * (cycles[k] - estimate[state[k]]) - predicted[k]
+            H[j], r[j] = jacobian[k], noise[1]
+            H[j, state[k]] = wave[k]
+            if slow:
+                H[j, state[k] + slow] = 1.0
+                y_carrier[k] -= estimate[state[k] + slow]
+            y[j] = y_carrier[k]
+            j += 1
+    return y_code, y_carrier, with_code, counting, y, H, r, codes, np.isfinite(y.sum())
+
+
+@kernel
+def ranked(P, y, H, r, threshold):
+    """Test each row alone: their order, those that agree best first, and number, mean innovation, mean variance and lower median of the
+    normalised squares over a threshold, (4,).
+    """
+    S = row_variances(P, H, r)
+    ratios = y * y / (S * threshold)
+    order = np.argsort(ratios, kind="mergesort")
+    return order, np.array([float(y.shape[0]), y.mean(), S.mean(), ratios[order[(order.shape[0] - 1) // 2]]])
+
+
+@kernel
+def fused(P, y, H, r, order, threshold, by_factors):
+    """Fuse rows by :func:`screened_update`, or on the factors; P stays where the result would not be finite.
+
+    Returns
+    -------
+    dx : ndarray (n,)
+    used : ndarray of bool (m,)
+    is_finite : bool
+    """
+    after = P.copy()
+    dx, used = screened_update_ud(after, y, H, r, order, threshold) if by_factors else screened_update(after, y, H, r, order, threshold)
+    is_finite = np.isfinite(dx.sum() + after.sum())
+    if is_finite:
+        P[:] = after
+    return dx, used, is_finite
 
 
 @kernel

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul, matvec, turned
+from lowcostnav_ros.base.small_matrices import cholesky, matmul, turned, weighted
 
 SHARPEST = 1e-12
 """A measurement counts for no better than this share of the variance it meets: what is finer is lost to round-off."""
@@ -177,11 +177,17 @@ def independent(y, H, R):
 @kernel
 def whiten(y, H, R):
     """Scale y and H so that the measurement noise becomes the identity (R = L L', solve by forward substitution)."""
-    L = cholesky(R)
-    Hw = H.copy()
-    for j in range(H.shape[1]):
-        Hw[:, j] = forward_solve(L, H[:, j])
-    return forward_solve(L, y), Hw
+    L, yw, Hw = cholesky(R), y.copy(), H.copy()
+    for i in range(H.shape[0]):
+        for k in range(i):
+            if L[i, k] != 0.0:  # nearly always the noise is independent
+                yw[i] -= L[i, k] * yw[k]
+                for j in range(H.shape[1]):
+                    Hw[i, j] -= L[i, k] * Hw[k, j]
+        yw[i] /= L[i, i]
+        for j in range(H.shape[1]):
+            Hw[i, j] /= L[i, i]
+    return yw, Hw
 
 
 @kernel
@@ -207,10 +213,8 @@ def scalar_update(dx, P, y, h, r, free):
         Innovation variance h P h' + r.
     """
     n = dx.shape[0]
-    Ph = matvec(P, h)
-    s = 0.0
-    for i in range(n):
-        s += h[i] * Ph[i]
+    Ph = np.empty(n)
+    s = weighted(P, h, Ph)
     s += max(r, SHARPEST * s)
     residual = y
     for i in range(n):
@@ -221,9 +225,10 @@ def scalar_update(dx, P, y, h, r, free):
     # Joseph form (I-Kh)P(I-Kh)' + K r K' = P - K (Ph)' - (Ph) K' + K s K', valid for any gain
     for i in range(n):
         for j in range(i + 1):
-            value = P[i, j] - gain[i] * Ph[j] - Ph[i] * gain[j] + gain[i] * s * gain[j]
-            P[i, j] = value
-            P[j, i] = value
+            P[i, j] = P[i, j] - gain[i] * Ph[j] - Ph[i] * gain[j] + gain[i] * s * gain[j]
+    for i in range(n):  # apart from the loop above, which runs along rows
+        for j in range(i):
+            P[j, i] = P[i, j]
     return s
 
 
@@ -253,9 +258,10 @@ def update_with_parameters(P, y, H, R, free, D, V, learned):
     u = np.zeros(k)
     for i in range(y.shape[0]):
         h = rows[i, :n].copy()
-        gain, residual = np.zeros(n), parts[i]
+        gain, residual = np.empty(n), parts[i]
         if k:
-            gain = matvec(after, h) * free
+            weighted(after, h, gain)
+            gain *= free
             for j in range(k):
                 u[j] = rows[i, n + j]
                 for r in range(n):

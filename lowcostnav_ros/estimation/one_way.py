@@ -15,8 +15,6 @@ Late stamps look the same for as long as an aircraft turns.  An offset of sigma 
 what it does to an innovation (:mod:`.time_offsets`): that much of it is no fault of the sensors.
 """
 
-import math
-
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
@@ -157,4 +155,4 @@ def errors_of(offsets: TimeOffsets | None) -> tuple[np.ndarray, np.ndarray]:
     """What offsets of stamps do to the state (n, k), and their sigmas (k,) as far as they are not known or not corrected yet, s."""
     if offsets is None:
         return NOTHING
-    return offsets.V, np.array([math.hypot(offset.sigma_s, offset.rest_s) for offset in offsets.known.values()])
+    return offsets.V, offsets.errors

@@ -66,7 +66,18 @@ def covariance_of_means(factor, slots, R, slow_sigma):
 
 
 @kernel
-def judge_windows(mean, factor, slots, trusted, G, R, slow_sigma, limits):
+def take(mean, factor, count, age_s, seen_ns, slots, y, G, R, passed, judged, stamp_ns, dt, times, slow_sigma, limits):
+    """Take an epoch in, and judge it; see :meth:`ParityWindows.take`."""
+    for s in slots:
+        if stamp_ns - seen_ns[s] > GAP_NS:
+            count[s], age_s[s] = 0, 0.0
+        seen_ns[s] = stamp_ns
+    fitted = gather(mean, factor, count, age_s, slots, y, G, R, passed, dt, times)
+    return fitted, judge_windows(mean, factor, age_s, slots, judged, G, R, times, slow_sigma, limits)
+
+
+@kernel
+def judge_windows(mean, factor, age_s, slots, trusted, G, R, times, slow_sigma, limits):
     """Judge the trusted satellites in all windows, the epoch itself first, up to the first that is not healthy.
 
     Returns
@@ -75,12 +86,15 @@ def judge_windows(mean, factor, slots, trusted, G, R, slow_sigma, limits):
         The last window judged and its judgement, see :func:`lowcostnav_ros.gnss.parity.judge`; the row is one of all.
     steepness : ndarray, shape (windows, 3)
         Horizontal and vertical slope and redundancy of each; infinite and zero where not judged.
+    is_full : bool
+        Whether the longest window has had these satellites for its whole length.
     """
     steepness = np.zeros((mean.shape[0], 3))
     steepness[:, :2] = np.inf
     verdict, row, window = HEALTHY, -1, 0
     rows = np.flatnonzero(trusted)
     slots, G, R = slots[rows], G[rows], chosen(R, rows)
+    is_full = np.all(age_s[slots] >= times[-1])
     for i in range(mean.shape[0]):
         spread = covariance_of_means(factor[i], slots, R, slow_sigma if i > 0 else 0.0)
         b, A = kalman.whiten(mean[i][slots], G, spread)
@@ -89,7 +103,7 @@ def judge_windows(mean, factor, slots, trusted, G, R, slow_sigma, limits):
         if verdict != HEALTHY:
             break
         steepness[i, 0], steepness[i, 1], steepness[i, 2] = horizontal, vertical, redundancy
-    return window, verdict, rows[row] if row >= 0 else -1, steepness
+    return window, verdict, rows[row] if row >= 0 else -1, steepness, is_full
 
 
 @kernel
@@ -135,23 +149,23 @@ class ParityWindows:
         self.age_s = np.zeros(SLOTS)
         self._last_ns: int | None = None
 
-    def gather(self, stamp_ns: int, slots: np.ndarray, y: np.ndarray, G: np.ndarray, R: np.ndarray, trusted: np.ndarray) -> bool:
-        """Take the innovations of an epoch in: y (n,), rows G (n, m), noise R (n, n), the trusted satellites; False without a fit."""
-        stale = slots[stamp_ns - self.seen_ns[slots] > GAP_NS]
-        self.count[stale], self.age_s[stale] = 0, 0.0
-        self.seen_ns[slots] = stamp_ns
+    def take(
+        self, stamp_ns: int, slots: np.ndarray, y: np.ndarray, G: np.ndarray, R: np.ndarray, passed: np.ndarray, judged: np.ndarray
+    ) -> tuple | None:
+        """Take the innovations of an epoch in: y (n,), rows G (n, m), noise R (n, n) of the satellites in ``slots`` (n,).
+
+        Those that ``passed`` make the fit that is taken off, and ``judged`` are judged, see :func:`judge_windows`; None without a fit.
+        """
         dt = 0.0 if self._last_ns is None else 1e-9 * min(stamp_ns - self._last_ns, GAP_NS)
         self._last_ns = stamp_ns
-        return gather(self.mean, self.factor, self.count, self.age_s, slots, y, G, R, trusted, dt, self.times)
+        means = self.mean, self.factor, self.count, self.age_s, self.seen_ns
+        fitted, found = take(*means, slots, y, G, R, passed, judged, stamp_ns, dt, self.times, self.slow_sigma, self.limits)
+        return found if fitted else None
 
     def judge(self, slots: np.ndarray, trusted: np.ndarray, G: np.ndarray, R: np.ndarray) -> tuple:
         """Judge the trusted satellites of those in these slots; see :func:`judge_windows`."""
-        return judge_windows(self.mean, self.factor, slots, trusted, G, R, self.slow_sigma, self.limits)
+        return judge_windows(self.mean, self.factor, self.age_s, slots, trusted, G, R, self.times, self.slow_sigma, self.limits)
 
     def strays(self, slots: np.ndarray, trusted: np.ndarray, G: np.ndarray, R: np.ndarray) -> np.ndarray:
         """Distance of each satellite that is not trusted from the others, in sigmas, (n,)."""
         return strays(self.mean, self.factor, slots, trusted, G, R, self.slow_sigma)
-
-    def is_full(self, slots: np.ndarray) -> bool:
-        """Whether the longest window has had these satellites for its whole length."""
-        return bool(np.all(self.age_s[slots] >= self.times[-1]))

@@ -9,6 +9,7 @@ Two independent questions, asked before an epoch is fused:
 - Do they agree with the prediction?  A common ramp (a spoofer, a wrong clock) passes the first question; it shows in the mean innovations.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,8 @@ MAX_DRIFT_MPS = 3000.0
 """Clock drift beyond which a clock runs away: ten parts in a million, four times a common crystal's limit."""
 VALID_NS = 1_500_000_000
 """How long a verdict stands without another epoch."""
-NO_STATEMENT = np.full((1, 3), np.inf)
+NO_FIT = 0, parity.UNTESTED, -1, np.full((1, 3), np.inf), False
+"""What is found of satellites without a fit."""
 MAX_CLOCK_JUMPS, JUMPS_WITHIN_NS = 5, 10_000_000_000
 """So many clock jumps within such a time are no receiver's habit."""
 AXES = ("north", "east", "down", "clock")
@@ -58,11 +60,17 @@ class IntegritySettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Satellites:
-    """Some satellites of an epoch: ``rows`` (n,) in it, and their numbers among all, ``slots`` (n,), by :func:`slots_of`."""
+    """Some satellites of an epoch: ``rows`` (n,) in it, and their numbers among all, ``slots`` (n,), by :func:`slots_of`.
+
+    ``G`` (n, m) are the columns of what they measure together: three of position or velocity, then clocks; ``R`` (n, n) is the covariance
+    of their noise.
+    """
 
     epoch: GnssEpoch
     rows: np.ndarray
     slots: np.ndarray
+    G: np.ndarray
+    R: np.ndarray
 
     def name(self, k: int) -> str:
         """Name of one of them."""
@@ -128,7 +136,7 @@ class GnssIntegrity:
             out.hpl_m = out.vpl_m = out.lasting_hpl_m = out.lasting_vpl_m = None
         return out
 
-    def compare(self, kind: str, sats: Satellites, y: np.ndarray, G: np.ndarray, R: np.ndarray, passed: np.ndarray) -> np.ndarray:
+    def compare(self, kind: str, sats: Satellites, y: np.ndarray, passed: np.ndarray) -> np.ndarray:
         """Test the satellites against each other.
 
         Parameters
@@ -138,10 +146,6 @@ class GnssIntegrity:
         sats : Satellites
         y : ndarray, shape (n,)
             Innovations, m or m/s.
-        G : ndarray, shape (n, m)
-            Columns of what they measure together: three of position or velocity, then clocks.
-        R : ndarray, shape (n, n)
-            Covariance of their noise.
         passed : ndarray of bool, shape (n,)
             Those within the gate; the others are judged, too, but not relied on.
 
@@ -151,33 +155,34 @@ class GnssIntegrity:
             Those to be fused; none when they contradict each other at once and the faulty one cannot be identified.
         """
         windows, slots, stamp_ns = self.windows[kind], sats.slots, sats.epoch.stamp_ns
+        judged = ~self._excluded[slots]
+        found = windows.take(stamp_ns, slots, y, sats.G, sats.R, passed, judged)
+        good, last = (passed, NO_FIT) if found is None else self._judge(kind, sats, passed, judged, found)
+        window, verdict, row, steepness, is_full = last
+        self._report(kind, verdict, "" if row < 0 else sats.name(row), good)
         if kind == RANGE:
             self._tested_ns = stamp_ns
-            self._protect(parity.UNTESTED, NO_STATEMENT, full=False)
-        if not windows.gather(stamp_ns, slots, y, G, R, passed):
-            self._report(kind, parity.UNTESTED, "", int(np.count_nonzero(passed)))
+            self._protect(verdict, steepness, full=is_full)
+        if found is None:
             return passed
-        good, (window, verdict, row, steepness) = self._judge(kind, sats, passed, G, R)
-        self._report(kind, verdict, "" if row < 0 else sats.name(row), int(np.count_nonzero(good)))
-        if kind == RANGE:
-            self._protect(verdict, steepness, full=windows.is_full(slots[good]))
-        self._readmit(kind, sats, good, G, R)
+        self._readmit(kind, sats, good)
         at_once = window == 0 and verdict in (parity.TOO_FEW, parity.AMBIGUOUS, parity.SEVERAL)
         return np.zeros(len(slots), dtype=bool) if at_once else good
 
-    def _judge(self, kind: str, sats: Satellites, passed: np.ndarray, G: np.ndarray, R: np.ndarray) -> tuple:
-        """Exclude the satellites that the tests identify, one after the other; return those left that passed, and their judgement."""
+    def _judge(self, kind: str, sats: Satellites, passed: np.ndarray, judged: np.ndarray, found: tuple) -> tuple:
+        """Exclude the satellites that the tests identify, one after the other; return those left that passed, and their judgement.
+
+        ``found`` is the judgement of the ``judged`` ones.
+        """
         windows, slots = self.windows[kind], sats.slots
-        judged = ~self._excluded[slots]
-        found = windows.judge(slots, judged, G, R)
         while found[1] == parity.FOUND:
-            window, _, row, _ = found
+            window, row = found[0], found[2]
             over = f" over {windows.times[window]:.0f} s" if window else ""
             self._exclude(int(slots[row]), sats.name(row), f"its {kind} contradicts the others'{over}")
             judged[row] = False
-            found = windows.judge(slots, judged, G, R)
+            found = windows.judge(slots, judged, sats.G, sats.R)
         good = passed & judged
-        return good, found if np.array_equal(good, judged) else windows.judge(slots, good, G, R)
+        return good, found if np.count_nonzero(good) == np.count_nonzero(judged) else windows.judge(slots, good, sats.G, sats.R)
 
     def is_watching(self, kind: str, stamp_ns: int) -> bool:
         """Whether satellites are tested against the prediction now: not right after a start, nor any more once there is an alarm."""
@@ -221,38 +226,41 @@ class GnssIntegrity:
         self._agreeing_since.pop(slot, None)
         self.status.excluded[satellite] = why
 
-    def _report(self, kind: str, verdict: int, worst: str, count: int) -> None:
+    def _report(self, kind: str, verdict: int, worst: str, good: np.ndarray) -> None:
         """Verdict and reason; Dopplers may only make them worse."""
         status = self.status
         if kind == RATE and (verdict in (parity.HEALTHY, parity.UNTESTED) or status.verdict == FAULTY):
             return
-        what = "pseudoranges" if kind == RANGE else "Dopplers"
-        status.verdict, status.reason = {
-            parity.HEALTHY: (HEALTHY, ""),
-            parity.UNTESTED: (NOT_POSSIBLE, f"{count} satellites are too few for a test; at least 5 are needed."),
-            parity.TOO_FEW: (FAULTY, f"The {what} contradict each other and {count} satellites do not show which; 6 are needed."),
-            parity.AMBIGUOUS: (FAULTY, f"A fault of {worst} cannot be distinguished from one of another satellite."),
-            parity.SEVERAL: (FAULTY, f"More than one of the {what} contradicts the others."),
-            parity.FOUND: (FAULTY, f"The {what} of {worst} contradict the others'."),
+        if verdict == parity.HEALTHY:
+            status.verdict, status.reason = HEALTHY, ""
+            if status.excluded:
+                status.verdict, status.reason = EXCLUDED, "; ".join(f"{s} is excluded: {why}" for s, why in status.excluded.items()) + "."
+            return
+        what, count = "pseudoranges" if kind == RANGE else "Dopplers", int(np.count_nonzero(good))
+        status.verdict = NOT_POSSIBLE if verdict == parity.UNTESTED else FAULTY
+        status.reason = {
+            parity.UNTESTED: f"{count} satellites are too few for a test; at least 5 are needed.",
+            parity.TOO_FEW: f"The {what} contradict each other and {count} satellites do not show which; 6 are needed.",
+            parity.AMBIGUOUS: f"A fault of {worst} cannot be distinguished from one of another satellite.",
+            parity.SEVERAL: f"More than one of the {what} contradicts the others.",
+            parity.FOUND: f"The {what} of {worst} contradict the others'.",
         }[verdict]
-        if verdict == parity.HEALTHY and status.excluded:
-            status.verdict, status.reason = EXCLUDED, "; ".join(f"{s} is excluded: {why}" for s, why in status.excluded.items()) + "."
 
     def _protect(self, verdict: int, steepness: np.ndarray, *, full: bool) -> None:
         status, settings = self.status, self.settings
         levels: list[float | None] = [None] * 4
-        for k, (horizontal, vertical, redundancy) in ((0, steepness[0]), (2, steepness[-1])):
-            if np.isfinite(horizontal) and np.isfinite(vertical) and (k == 0 or (full and verdict == parity.HEALTHY)):
+        for k, (horizontal, vertical, redundancy) in ((0, steepness[0].tolist()), (2, steepness[-1].tolist())):
+            if math.isfinite(horizontal) and math.isfinite(vertical) and (k == 0 or (full and verdict == parity.HEALTHY)):
                 noticed = noncentrality(settings.false_alarm_probability, settings.missed_detection_probability, int(redundancy))
-                levels[k : k + 2] = [float(horizontal * noticed**0.5), float(vertical * noticed**0.5)]
+                levels[k : k + 2] = [horizontal * noticed**0.5, vertical * noticed**0.5]
         status.hpl_m, status.vpl_m, status.lasting_hpl_m, status.lasting_vpl_m = levels
 
-    def _readmit(self, kind: str, sats: Satellites, good: np.ndarray, G: np.ndarray, R: np.ndarray) -> None:
+    def _readmit(self, kind: str, sats: Satellites, good: np.ndarray) -> None:
         """Use a satellite again that has agreed in both kinds for long enough."""
         slots, stamp_ns = sats.slots, sats.epoch.stamp_ns
-        if not self._excluded[slots].any():
+        if not self.status.excluded or not self._excluded[slots].any():
             return
-        distances = self.windows[kind].strays(slots, good, G, R)
+        distances = self.windows[kind].strays(slots, good, sats.G, sats.R)
         for k in np.flatnonzero(self._excluded[slots]):
             slot = int(slots[k])
             if distances[k] > RETURNING_SIGMAS:

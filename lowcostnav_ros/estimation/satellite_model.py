@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.small_matrices import matvec
+from lowcostnav_ros.base.small_matrices import matvec, weighted
 from lowcostnav_ros.gnss.error_budget import COMMON_SHARE
 from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef, radii
 
@@ -76,11 +76,9 @@ def satellite_model(nav, lever_n, swing_n, sat_pos, sat_vel, n):
 @kernel
 def scalar_variances(P, H, r):
     """Innovation variance h P h' + r of each row taken alone, (m,)."""
-    out = r.copy()
+    out, Ph = r.copy(), np.empty(P.shape[0])
     for k in range(H.shape[0]):
-        Ph = matvec(P, H[k])
-        for i in range(H.shape[1]):
-            out[k] += H[k, i] * Ph[i]
+        out[k] += weighted(P, H[k], Ph)
     return out
 
 
@@ -100,6 +98,10 @@ SUDDEN = 1.0 / 3.0
 """A stated sigma counts for no less than this share of what is usual: a receiver does not get better at once."""
 ABSURD = SUDDEN**2
 """A stated sigma below this share of the usual one is none: the usual one stays."""
+USUAL_EPOCHS = 10.0
+"""A stated sigma is usual that was stated over so many epochs."""
+JUMP_SIGMAS = 8.0
+"""A clock jump moves most satellites together by more than this many sigmas, and apart by less."""
 
 
 @kernel
@@ -109,27 +111,75 @@ def believed(stated, usual):
 
 
 @kernel
-def gathered(predicted, jacobian, observed, stated, rows, clock, column, scale, usual):
-    """What the usable satellites ``rows`` (m,) of an epoch say: ``observed`` less ``predicted`` (n,) and less the clock's error.
+def middle_of(column):
+    """Median of an array (n,), n > 0."""
+    ordered, half = np.sort(column), column.shape[0] // 2
+    return ordered[half] if column.shape[0] % 2 else 0.5 * (ordered[half - 1] + ordered[half])
+
+
+@kernel
+def learnt(stated, usual):
+    """What sigma is usual after an epoch of which these (n,) are stated."""
+    if stated.shape[0] == 0:
+        return usual
+    size = middle_of(stated)
+    return usual + (1.0 / USUAL_EPOCHS if usual else 1.0) * (size - usual) if size > ABSURD * usual else usual
+
+
+@kernel
+def observed(nav, lever_n, swing_n, estimate, satellites, measured, stated, valid, rate, states, least, scale, usual, shares):
+    """What the satellites of an epoch say of ranges, or of rates, at a navigation state.
+
+    Parameters
+    ----------
+    nav, lever_n, swing_n
+        As of :func:`satellite_model`.
+    estimate : ndarray (n,)
+    satellites : tuple
+        Places and velocities (m, 3), ECEF, signal strengths (m,) dB-Hz, whether their system is used and whether it is not that of the
+        clock, bool (m,).
+    measured, stated, valid : ndarray (m,)
+        Pseudoranges, m, or range rates, m/s, their sigmas, and whether they mean anything.
+    rate : bool
+    states : (int, int)
+        The clock's error that they show, and that between the systems, negative where it is no state.
+    least : (float, float)
+        Sine of the elevation and strength of a signal that is used.
+    scale, usual : float
+        Factor on the sigmas that are believed, and what sigma is usual.
+    shares : bool
+        Whether a part of the noise is common to all.
 
     Returns
     -------
-    y : ndarray (m,)
-    H : ndarray (m, states)
-        Their rows of ``jacobian`` with 1 in the column of the clock.
-    r, sigma : ndarray (m,)
-        Variance, of the sigma that is believed, times ``scale`` squared; and the sigma that is stated.
+    found : ndarray of int (m,)
+        Of all satellites, see :func:`failed`; what follows is of those that pass.
+    rows, y, H, r, common, sigma : ndarray
+        As of :class:`Observations`.
+    usual : float
+        See :func:`learnt`.
+    is_finite, is_steady : bool
+        Whether all innovations are finite, and whether they show no jump of the clock at first sight.
     """
-    m, n = rows.shape[0], jacobian.shape[1]
-    y, H, sigma = np.empty(m), np.empty((m, n)), np.empty(m)
-    for k in range(m):
+    pos_e, vel_e, cn0, wanted, other = satellites
+    clock, offset = states
+    ranges, rates, H_range, H_rate, sine = satellite_model(nav, lever_n, swing_n, pos_e, vel_e, estimate.shape[0])
+    predicted, jacobian = (rates, H_rate) if rate else (ranges, H_range)
+    found = np.empty(pos_e.shape[0], dtype=np.int64)
+    failed(valid, measured, wanted, sine, cn0, least[0], least[1], found)
+    rows = np.flatnonzero(found < 0)
+    y, H, sigma = np.empty(rows.shape[0]), np.empty((rows.shape[0], estimate.shape[0])), np.empty(rows.shape[0])
+    for k in range(rows.shape[0]):
         row = rows[k]
-        y[k] = observed[row] - predicted[row] - clock
-        for j in range(n):
-            H[k, j] = jacobian[row, j]
-        H[k, column] = 1.0
-        sigma[k] = stated[row]
-    return y, H, (scale * believed(sigma, usual)) ** 2, sigma
+        y[k], H[k], sigma[k] = measured[row] - predicted[row] - estimate[clock], jacobian[row], stated[row]
+        H[k, clock] = 1.0
+        if offset >= 0 and other[row]:
+            H[k, offset] = 1.0
+            y[k] -= estimate[offset]
+    r = (scale * believed(sigma, usual)) ** 2
+    common = common_part(r, sine[rows]) if shares else np.zeros(rows.shape[0])
+    is_steady = rows.shape[0] > 0 and abs(lower_middle(y)) < JUMP_SIGMAS * math.sqrt(r.min())
+    return found, rows, y, H, r, common, sigma, learnt(sigma, usual), np.isfinite(y.sum()), is_steady
 
 
 @kernel
@@ -139,18 +189,39 @@ def lower_middle(column):
 
 
 @kernel
-def screened(P, y, H, r, threshold):
-    """Of each satellite alone the innovation variance (m,) and the normalised square over a threshold (m,); and whether all are finite."""
+def screened(P, y, H, r, common, excluded, threshold):
+    """Test each satellite alone.
+
+    Returns
+    -------
+    S : ndarray (m,)
+        Innovation variances.
+    ratios : ndarray (m,)
+        Normalised squares over a threshold.
+    shown : ndarray (6,)
+        What :func:`summary` says.
+    passed : ndarray of bool (m,)
+        Which are neither beyond the threshold nor excluded.
+    R : ndarray (m, m)
+        Covariance of the noise.
+    is_finite : bool
+    """
     S = scalar_variances(P, H, r)
-    return S, y**2 / (S * threshold), np.isfinite(S.sum() + y.sum())
+    ratios = y**2 / (S * threshold)
+    shown, passed = summary(P, y, H, r, common, excluded, ratios), (ratios <= 1.0) & ~excluded
+    return S, ratios, shown, passed, noise_covariance(r, common), np.isfinite(S.sum() + y.sum())
 
 
 @kernel
 def summary(P, y, H, r, common, excluded, ratios):
-    """Of the satellites that are not excluded: number, mean innovation and its variance, largest ratio and the lower median of them."""
-    count, mean, variance = mean_innovation(P, y, H, r, common, ~excluded)
-    shown = ratios[~excluded]
-    return count, mean, variance, shown.max(), lower_middle(shown)
+    """Median of the ratios of all satellites; of those that are not excluded their number, mean innovation and its variance, the largest
+    ratio and the lower median of them; (6,).
+    """
+    out, shown = np.empty(6), ratios[~excluded]
+    out[0] = middle_of(ratios)
+    out[1], out[2], out[3] = mean_innovation(P, y, H, r, common, ~excluded)
+    out[4], out[5] = shown.max(), lower_middle(shown)
+    return out
 
 
 @kernel
@@ -201,7 +272,8 @@ class Observations:
     ``common`` (m,) is how one unit of an error common to all satellites shows in each; its square is part of the variance.  ``excluded``
     pairs each row that cannot be used with its reason.  ``clock_step`` is by how much the clock (m) or its drift (m/s) must be moved first,
     None: not at all; the innovations are those after it.  ``stated`` (m,) is the sigma that the receiver states.
-    ``late`` (m,) and ``turns`` are as those of an :class:`.Innovation`, the former its variances.
+    ``late`` (m,) and ``turns`` are as those of an :class:`.Innovation`, the former its variances.  ``usual`` is the sigma that is usual
+    after this epoch; ``is_finite``: all innovations are.
     """
 
     rows: np.ndarray
@@ -214,6 +286,8 @@ class Observations:
     stated: np.ndarray = field(default_factory=lambda: np.zeros(0))
     late: np.ndarray | None = None
     turns: np.ndarray | None = None
+    usual: float = 0.0
+    is_finite: bool = True
 
     def covariance(self, rows: np.ndarray) -> np.ndarray:
         """Covariance of the noise of some of them (rows or a mask), (k, k)."""
@@ -221,7 +295,7 @@ class Observations:
 
     def part(self, good: np.ndarray) -> "Observations":
         """Those of a mask (m,), all that innovations are made of; nearly always the whole."""
-        if good.all():
+        if np.count_nonzero(good) == len(good):
             return self
         late = None if self.late is None else self.late[good]
         return Observations(self.rows[good], self.y[good], self.H[good], self.r[good], self.common[good], late=late)

@@ -21,6 +21,7 @@ import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.base.small_matrices import matvec
 from lowcostnav_ros.estimation import kalman
 
 POS = slice(0, 3)
@@ -129,6 +130,23 @@ def slope_about(times, values, t_s, newest_s, out):
 
 
 @kernel
+def direct(times, values, t_s, newest_s, H, motion, velocity, column, k):
+    """What the offset of a source does to its measurement, which shows ``H`` (m, n) of the state: D (m, k), zero but for its column.
+
+    ``motion`` (n,) is how fast the state moves; from ``velocity`` on, where that is a state, the slope about a time is written into it.
+    Returns that slope (3,), too.
+    """
+    D, slope = np.zeros((H.shape[0], k)), np.empty(3)
+    slope_about(times, values, t_s, newest_s, slope)
+    if velocity >= 0:
+        motion[velocity : velocity + 3] = slope
+    seen = matvec(H, motion)
+    for i in range(H.shape[0]):
+        D[i, column] = -seen[i]
+    return D, slope
+
+
+@kernel
 def slower_before(times, values, t_s, late_s, mean, last):
     """By how much the value at a time is more than those since ``late_s`` before: on average, and then, into ``mean`` and ``last`` (3,)."""
     now = np.empty(3)
@@ -166,25 +184,21 @@ class Way:
 
     def _make_room(self) -> None:
         """Move what is kept to the front, of arrays twice as long where it fills most of them."""
-        kept, more = self._points(), 2 if self._end - self._first > len(self._times) // 2 else 1
+        kept, more = self.points(), 2 if self._end - self._first > len(self._times) // 2 else 1
         self._times, self._values = np.empty(more * len(self._times)), np.empty((more * len(self._times), 3))
         self._first, self._end = 0, len(kept[0])
         self._times[: self._end], self._values[: self._end] = kept
 
-    def _points(self) -> tuple[np.ndarray, np.ndarray]:
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (n,), s, and velocities (n, 3) that are kept."""
         return self._times[self._first : self._end], self._values[self._first : self._end]
 
     def back(self, t_s: float, v: np.ndarray, late_s: float) -> tuple[np.ndarray, np.ndarray]:
         """How far it has come since ``late_s`` before ``t_s``, where the velocity is ``v``, m and m/s (3,) each."""
         mean, last = np.empty((2, 3))
-        slower_before(*self._points(), t_s, late_s, mean, last)
+        slower_before(*self.points(), t_s, late_s, mean, last)
         return late_s * (v - mean), last
 
-    def slope(self, t_s: float, newest_s: float) -> np.ndarray:
-        """Acceleration (3,) about a time."""
-        out = np.empty(3)
-        slope_about(*self._points(), t_s, newest_s, out)
-        return out
 
 
 class TimeOffsets:
@@ -205,6 +219,8 @@ class TimeOffsets:
         By device, in the order of the columns.
     V : ndarray (n, k)
         Error of the state by the offset of each, per second.
+    errors : ndarray (k,)
+        Sigma of each as far as it is not known or not corrected yet, s.
     history : History or None
     way : Way
     """
@@ -214,6 +230,7 @@ class TimeOffsets:
         self.history: Any = None
         self._columns: dict[str, int] = {}  # by source
         self._likely: list[int] = []
+        self.errors = np.zeros(0)
         self._learned, self._scatter = np.zeros((0, 1)), np.zeros((0, 0))
         self.way = Way()
         self.restart()
@@ -336,17 +353,16 @@ class TimeOffsets:
     def _direct(self, aid: Any, innovation: Any, host: Any) -> np.ndarray:
         """D (m, k): what the offsets do to a measurement directly."""
         column = self._column(aid.source) if aid.source else None
-        D = np.zeros((len(innovation.y), len(self.known)))
         if column is None:
-            return D
+            return np.zeros((len(innovation.y), len(self.known)))
         self.note(host.core)
         t_s, motion = 1e-9 * host.core.t_ns, host.core.state_rate()
-        slope = self.way.slope(t_s - self._late_s(aid), t_s)
-        if self.rows is not None:
-            motion[self.rows] = slope
         if host.core.climbs_by_aids:  # what moves by the aids alone tells nothing of their time
             motion[2] = 0.0
-        D[:, column] = -(innovation.H @ motion if innovation.turns is None else innovation.turns * slope)
+        velocity = -1 if self.rows is None else self.rows.start
+        D, slope = direct(*self.way.points(), t_s - self._late_s(aid), t_s, innovation.H, motion, velocity, column, len(self.known))
+        if innovation.turns is not None:
+            D[:, column] = -innovation.turns * slope
         if aid.status.name not in self._seeded:
             self._seed(aid, column, motion)
             self._settled_ns = max(self._settled_ns or 0, aid.status.stamp_ns + SETTLING_NS)
@@ -368,13 +384,15 @@ class TimeOffsets:
             self.V = np.hstack((self.V, np.zeros((self.size, 1))))
             self._learned, self._begun = (_grown(matrix, k) for matrix in (self._learned, self._begun))
             self._scatter = np.pad(self._scatter, (0, 1))
+            self._look()
         if source not in self.known[device].sources:
             self.known[device].sources.append(source)
         self._columns[source] = list(self.known).index(device)
         return self._columns[source]
 
     def _look(self) -> None:
-        """Note the columns of the offsets that are likely; looked at when one may have changed, not at every output."""
+        """Note sigmas, and the columns of the offsets that are likely; looked at when one may have changed, not at every output."""
+        self.errors = np.array([math.hypot(offset.sigma_s, offset.rest_s) for offset in self.known.values()])
         self._likely = [k for k, device in enumerate(self.known) if self.is_likely(device)]
 
     def doubt(self) -> np.ndarray | None:

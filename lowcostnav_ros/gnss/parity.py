@@ -13,7 +13,7 @@ M. A. Sturza, "Navigation system integrity monitoring using redundant measuremen
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
-from lowcostnav_ros.base.small_matrices import cholesky, forward_solve, matmul_transposed
+from lowcostnav_ros.base.small_matrices import cholesky, matmul_transposed
 
 NEARLY_SINGULAR = 1e-6
 """Ratio of the smallest to the largest pivot below which a geometry counts as having no solution."""
@@ -56,7 +56,11 @@ def parity(A, b):
         solved = solved and L[i, i] > NEARLY_SINGULAR * largest  # false for NaN, too
     Q = np.zeros((n, m))
     for k in range(n):
-        Q[k] = forward_solve(L, A[k])
+        for i in range(m):
+            Q[k, i] = A[k, i]
+            for j in range(i):
+                Q[k, i] -= L[i, j] * Q[k, j]
+            Q[k, i] /= L[i, i]
     S = -matmul_transposed(Q, Q)
     for k in range(n):
         S[k, k] += 1.0

@@ -95,7 +95,7 @@ class InsGnss(InertialNavigator):
         super().__init__(settings, stations, settings.loose.behind_s if self.solution_source == SOLUTION else 0.0)
         self._lost_limit = chi_square.threshold(settings.gnss.gate.probability, 3) if self.tight else 0.0
         self._screen, self._doppler = RangeAid(settings.gnss), RangeRateAid(settings.gnss)
-        self._screen.receiver.lever_b = self.lever_b
+        self._screen.receiver.carry(self.lever_b)
         if self.solution_source == EPOCH:
             self.aids.append(self._screen)  # for its record of the satellites that no solution was made of
         for channel in self.channels.get(EPOCH, ()):
@@ -247,12 +247,11 @@ class InsGnss(InertialNavigator):
         """Whether most satellites were used, and nothing speaks against the state."""
         if self.receiver is None or self.receiver.integrity.status.alarm:
             return False
-        return all(
-            aid.decision is Decision.FUSE and 2 * len(aid.used) >= int(np.count_nonzero(valid))
-            for aids, valid in ((self._ranges, epoch.range_valid), (self._rates, epoch.doppler_valid))
-            for aid in aids
-            if valid.any()
-        )
+        for aids, valid in ((self._ranges, epoch.range_valid), (self._rates, epoch.doppler_valid)):
+            seen = np.count_nonzero(valid)
+            if seen and any(aid.decision is not Decision.FUSE or 2 * len(aid.used) < seen for aid in aids):
+                return False
+        return True
 
     def _begin_anew(self, start: Start) -> None:
         super()._begin_anew(start)

@@ -99,6 +99,7 @@ class Recovery:
         self._tested_ns: int | None = None
         self._since_ns, self._is_far, self._now_ns = NEVER_NS, False, 0
         self._looked, self._looked_steps = -1, 0
+        self._usual: np.ndarray | None = None  # what the layout holds while the IMU is as good as set
         self._found: Contradiction | None = None
         self._sensors = np.isin(layout.kind, [int(kind) for kind in (Kind.ACCEL_BIAS, Kind.GYRO_BIAS, Kind.ACCEL_SCALE, Kind.GYRO_SCALE)])
         accel, gyro = (("imu.accel_turn_on_mg", MILLI_G, "mg"), ("imu.gyro_turn_on_dps", DEGREE, "deg/s"))
@@ -174,7 +175,9 @@ class Recovery:
                 self._widen(WIDENINGS[0])
         if not self._steps and stamp_ns - max(self._rejected_ns, self._recovered_ns) > MEMORY_NS:
             self._accel = self._rate = 0.0
-            self._widen(1.0)
+            if self._layout.least is not self._usual:
+                self._widen(1.0)
+                self._usual = self._layout.least
         if self._steps and stamp_ns - max(self._rejected_ns, self._since_ns) > CALM_NS and self._calm:
             self._steps = 0
             self._widen(1.0)
