@@ -17,6 +17,7 @@ from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.navigators.solutions import Solutions
 
 LONGEST_BURST_NS = 50_000_000
 """Where one navigator takes another's solution, inertial blocks are fed in pieces no longer than this: of a second of samples at once the
@@ -59,7 +60,7 @@ class Link:
         self._origin: Any = None
         self.seconds = 0.0
 
-    def feed(self, measurements: Sequence[Measurement]) -> list[NavSolution]:
+    def feed(self, measurements: Sequence[Measurement]) -> Solutions:
         """Feed the navigator, and note the time it takes; one that takes :data:`COMPILES_S` is the compiler's, of a first run."""
         start = perf_counter()
         solutions = self.navigator.feed(measurements[0]) if len(measurements) == 1 else self.navigator.feed_all(measurements)
