@@ -10,6 +10,7 @@ from lowcostnav_ros.cores import rows
 from lowcostnav_ros.navigators.ins_gps import InsGps, InsGpsSettings
 from lowcostnav_ros.navigators.solutions import Solutions, is_sound
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_rotate
+from lowcostnav_ros.replay.columns import columns_of
 from lowcostnav_ros.trajectory import build
 from lowcostnav_ros.trajectory.missions import standard
 
@@ -58,6 +59,12 @@ def test_solutions_are_a_sequence_whatever_they_are_made_of(flight):
     for k in (0, 7, -1):
         assert said(solutions[k]) == said(every[k])
     assert [s.stamp_ns for s in solutions[3:6]] == [s.stamp_ns for s in every[3:6]]
+    cut = solutions.between(every[1].stamp_ns, every[-2].stamp_ns)
+    assert [said(s) for s in cut] == [said(s) for s in every[1:-2]]
+    columns, objects = columns_of(solutions), columns_of(every)
+    assert np.isfinite(columns.wind_n[-1]).all()
+    for name in columns.__dataclass_fields__:
+        assert np.array_equal(getattr(columns, name), getattr(objects, name), equal_nan=True)
     assert len(Solutions() + solutions) == len(every) == len([] + solutions)
 
 
@@ -77,7 +84,8 @@ def test_a_row_is_sound_where_its_solution_is(spoil):
     sound, solution = written()
     assert sound and is_sound(solution)
     assert np.array_equal(solution.cov_vel, P[3:6, 3:6] + page.added[3:6, 3:6]) and np.array_equal(solution.cov_wind, P[9:11, 9:11])
-    assert solution.states[labels[5]] == (estimate[14], pytest.approx(np.sqrt(P[14, 14]))) and np.array_equal(solution.wind_n, estimate[9:11])
+    assert solution.states[labels[5]] == (estimate[14], pytest.approx(np.sqrt(P[14, 14])))
+    assert np.array_equal(solution.wind_n, estimate[9:11])
     {"nav": nav, "force": force, "rate": rate, "wind": estimate[9:], "P": P[4], "variance": P[7]}[spoil][:] = (
         -100.0 * np.eye(size)[7] if spoil == "variance" else np.nan
     )

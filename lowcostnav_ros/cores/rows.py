@@ -6,7 +6,7 @@ the wind (4).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -70,6 +70,24 @@ class Rows:
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the last."""
+        return int(self.stamps_ns[-1])
+
+    @property
+    def first_of_wind(self) -> int | None:
+        """Column of the wind, None where it is not given."""
+        return None if self.wind == NO_WIND else FURTHER + self.wind - 9
+
+    def between(self, first_ns: int, end_ns: int) -> "Rows":
+        """Those from one stamp to before another."""
+        a, b = np.searchsorted(self.stamps_ns, (first_ns, end_ns)).tolist()
+        if a == 0 and b == len(self):
+            return self
+        health = {k - a: said for k, said in self.health.items() if a <= k < b}
+        return replace(self, stamps_ns=self.stamps_ns[a:b], table=self.table[a:b], health=health)
+
     def __iter__(self) -> Iterator[NavSolution]:
         return map(self.solution, range(len(self)))
 
@@ -78,11 +96,11 @@ class Rows:
         row, m = self.table[k], len(self.labels)
         lat, lon, height = row[:3].tolist()
         cov = row[COVARIANCES].reshape(3, 3, 3)
-        values, has_wind = row[FURTHER : FURTHER + m], self.wind != NO_WIND
+        values, wind = row[FURTHER : FURTHER + m], self.first_of_wind
         return NavSolution(
             *(int(self.stamps_ns[k]), self.source, lat, lon, height, row[3:6], row[6:10], row[RATE], row[FORCE], cov[0], cov[1], cov[2]),
-            wind_n=values[self.wind - 9 : self.wind - 7] if has_wind else None,
-            cov_wind=row[FURTHER + 2 * m :].reshape(2, 2) if has_wind else None,
+            wind_n=None if wind is None else row[wind : wind + 2],
+            cov_wind=None if wind is None else row[FURTHER + 2 * m :].reshape(2, 2),
             mode=self.mode,
             states=States(self.labels, values, row[FURTHER + m : FURTHER + 2 * m]),
             integrity=self.integrity,

@@ -434,11 +434,13 @@ class Navigator(ABC):
         record = self.input_status.get(measurement.source)
         if record is None:
             return
-        record.received += len(measurement) if isinstance(measurement, ImuBlock) else 1
         if isinstance(measurement, ImuBlock):
+            record.received += len(measurement.stamps_ns)
             measurement = self._in_body_axes(measurement)
-        elif self._magnetometer is not None and isinstance(measurement, MagneticField):
-            measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
+        else:
+            record.received += 1
+            if self._magnetometer is not None and isinstance(measurement, MagneticField):
+                measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
         self.horizon.move_on()
@@ -612,11 +614,11 @@ class Navigator(ABC):
             self.history.output(solution, self.P, self.core.output_rows())
 
     def news_due_ns(self) -> int:
-        """From what stamp on there is something to say with a solution, as long as nothing changes."""
+        """From what stamp on there is something to say with a solution, as long as nothing changes, and nothing contradicts."""
         said = self._said
-        if said is None or said[1:3] != (self.mode, self._level()) or _phrase(said[3]) != _phrase(self.reason):
+        if said is None or said[1:3] != (self.mode, level_of(self.mode)):
             return 0
-        return (said[0] + 1) * HEALTH_NS
+        return (said[0] + 1) * HEALTH_NS if said[3] == self.reason or _phrase(said[3]) == _phrase(self.reason) else 0
 
     def _news(self, stamp_ns: int) -> Health | None:
         """What there is to say of itself with the solution of a stamp; None: nothing new."""

@@ -16,8 +16,8 @@ NO_COVARIANCE, NO_VECTOR = np.zeros((0, 0)), np.zeros(0)
 class Solutions(Sequence[NavSolution]):
     """Fused solutions, oldest first: ``parts`` are solutions and rows of numbers, of which one is made when somebody takes it."""
 
-    def __init__(self) -> None:
-        self.parts: list[NavSolution | Rows] = []
+    def __init__(self, parts: Iterable[NavSolution | Rows] = ()) -> None:
+        self.parts = list(parts)
 
     def append(self, part: NavSolution | Rows) -> None:
         """Add one or several."""
@@ -26,6 +26,11 @@ class Solutions(Sequence[NavSolution]):
     def extend(self, others: "Solutions") -> None:
         """Add all of another."""
         self.parts += others.parts
+
+    def between(self, first_ns: int, end_ns: int) -> "Solutions":
+        """Those from one stamp to before another."""
+        cut = (part.between(first_ns, end_ns) if isinstance(part, Rows) else part for part in self.parts)
+        return Solutions(part for part in cut if (len(part) if isinstance(part, Rows) else first_ns <= part.stamp_ns < end_ns))
 
     def __len__(self) -> int:
         return sum(len(part) if isinstance(part, Rows) else 1 for part in self.parts)

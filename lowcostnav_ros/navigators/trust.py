@@ -253,9 +253,10 @@ class Trust:
     def quiet_until(self, now_ns: int) -> int | None:
         """Up to when no output needs a look, as long as nothing is measured; None: the next one does."""
         host = self.host
-        if self.witness.core is not None or self._suspected_since(now_ns) is not None:
+        is_suspected = self.told or self._is_contradicted() or self._drift() > 1.0 or host.gps_alarm()
+        if is_suspected or self.witness.core is not None:
             return None
-        if host.inertial_is_suspect or host.gps_alarm() or not host.gps_good(now_ns):
+        if host.inertial_is_suspect or not host.gps_good(now_ns):
             return NEVER_NS if self._good_since_ns is None else None
         if self._good_since_ns is None:
             return None
