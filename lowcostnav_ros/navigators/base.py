@@ -132,7 +132,7 @@ class Navigator(ABC):
     movable : ndarray (n,) or None
         0 for states that no measurement may move at present; None: all may.
     smooths : bool
-        Whether it can keep a history for the smoother: its core reports to one, and its solutions go out by :meth:`publish`.
+        Whether it can keep a history for the smoother: its core reports to one, and so does what gives out its solutions.
     on_grid : bool
         Whether it puts out only at the first sample beyond a multiple of its output period: inertial samples may wait for that.
     not_observable : str

@@ -350,7 +350,8 @@ class InertialNavigator(Navigator):
         """Whether nothing but time may change how it is before a stamp, as long as nothing is measured."""
         now, last, P = self.core.t_ns, self._fused_fix_ns, self.core.P
         if self.mode == Mode.GPS:
-            is_steady = last is not None and end_ns - last <= 1e9 * self.settings.gps.timeout_s
+            is_held = last is not None and end_ns - last <= 1e9 * self.settings.gps.timeout_s
+            is_steady = is_held and any(aid.is_fresh(end_ns) for aid in self.trust.receivers)  # where transmitters hold it, too
         else:
             told = self.reason.startswith(f"no {self.fix_word} for ")
             is_steady = self.mode == Mode.COASTING and told and not any(self._refused_fixes(now))
