@@ -162,8 +162,12 @@ def _run_with(pool: Executor, others: int, function: Callable, cases: Sequence, 
             results[index] = _one(function, cases, index, step)
         for future in wait(futures, 0 if waiting else None, FIRST_COMPLETED).done:
             index = futures.pop(future)
-            results[index] = _one(lambda _, done=future: done.result(), cases, index, step)
+            results[index] = _one(partial(_result_of, future), cases, index, step)
     return results
+
+
+def _result_of(future: Future, _case: Any) -> Any:
+    return future.result()
 
 
 def _one(function: Callable[[Case], Result], cases: Sequence[Case], index: int, step: Callable[[], None]) -> Result:
