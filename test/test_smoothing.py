@@ -152,8 +152,8 @@ def flown(name, seed=1, duration_s=180.0):
     seconds = list(Simulation(flight).blocks())
     navigators, filtered = build_navigators(["ahrs", name] if name == "dead_reckoning" else [name], NAVIGATORS, None), []
     navigator = navigators[name]
-    publish = navigator.publish
-    navigator.publish = lambda solution: (filtered.append(solution), publish(solution))
+    feed = navigator.feed
+    navigator.feed = lambda measurement: [filtered.append(solution) or solution for solution in feed(measurement)]
     replay_stream(simulated(seconds), navigators, smooth=True)
     return TruthBlock.joined(block for block, _ in seconds), filtered, list(navigator.history.smoothed())
 

@@ -18,6 +18,7 @@ import numpy as np
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.small_matrices import matmul, turned
+from lowcostnav_ros.cores import rows
 from lowcostnav_ros.cores.bridging import LastMotion
 from lowcostnav_ros.cores.views import Motion, VelocitySeen
 from lowcostnav_ros.estimation import kalman
@@ -250,6 +251,30 @@ def run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, 
 
 
 @kernel
+def run_rows(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, stamps, f_m, w_m, start, step_ns, output_ns, seen,
+             until_ns, added, wind, row_stamps, table):
+    """The same from one output to the next, each written into ``table``; stop after one that comes at ``until_ns`` or later, or fills it.
+
+    Returns the index of the next sample, the stamp reached, how many rows were written, and whether a solution was none.
+    """  # fmt: skip
+    k, count, is_lost = start, 0, False
+    while k < stamps.shape[0]:
+        before_ns = t_ns
+        k, t_ns = run_block(t_ns, nav, last, sums, P, estimate, kind, axis, rate, psd, track, stamps, f_m, w_m, k, step_ns, output_ns, seen)
+        if t_ns // output_ns == before_ns // output_ns:
+            break
+        if count < table.shape[0]:
+            if rows.write(nav, P, added, estimate, seen[0], seen[1], wind, table[count]):
+                row_stamps[count] = t_ns
+                count += 1
+            else:
+                is_lost = True
+        if t_ns >= until_ns or count == table.shape[0]:
+            break
+    return k, t_ns, count, is_lost
+
+
+@kernel
 def turn_covariance(P, heading):
     """Turn the covariance of tilt and heading errors with a correction of the heading, rad, in place.
 
@@ -362,17 +387,23 @@ class InertialCore:
         self._sums[:] = 0.0
         self._motion = None
 
-    def advance(self, block: ImuBlock, start: int, output_ns: int) -> int:
-        """Run samples of an ImuBlock from index ``start``; return the next index (an output is due when short of the end)."""
+    def advance(self, block: ImuBlock, start: int, output_ns: int, page: rows.Page = rows.NO_PAGE) -> int:
+        """Run samples of an ImuBlock from index ``start``, writing what falls due on a page; return the next index.
+
+        Short of the end of the block, the state is that of the output that ended the run.
+        """
         layout, self._motion, seen = self.layout, None, np.empty((2, 3))
         track = kalman.NO_TRACK if self.history is None else self.history.begin(self.P)
-        following, t_ns = run_block(
+        following, t_ns, count, is_lost = run_rows(
             *(self.t_ns, self.nav, self._last, self._sums, self.P, self.estimate, layout.kind, layout.axis, layout.rate, layout.psd, track),
             *(block.stamps_ns, block.specific_force_b, block.angular_rate_b, start, COVARIANCE_STEP_NS, output_ns, seen),
+            *(page.until_ns, page.added, page.wind, page.stamps_ns, page.table),
         )
         if t_ns // output_ns != self.t_ns // output_ns:
             self.force_b, self.rate_b = seen
         self.t_ns = int(t_ns)
+        if page is not rows.NO_PAGE:
+            page.close(count, is_lost=is_lost)
         if self.history is not None:
             self.history.end(self.P)
         return following
@@ -427,8 +458,8 @@ class InertialCore:
         C = self.C_nb()
         self.nav[3:6] += C @ kick_b[:3]
         self.nav[6:10] = quat_apply_phi_n(self.nav[6:10], C @ kick_b[3:])
-        for rows, variance in ((VEL, variance_b[:3]), (ATT, variance_b[3:])):
-            kalman.add_variance(self.P, rows, turned(C, np.diag(variance)), self.history)
+        for part, variance in ((VEL, variance_b[:3]), (ATT, variance_b[3:])):
+            kalman.add_variance(self.P, part, turned(C, np.diag(variance)), self.history)
 
     def widen(self, least: np.ndarray) -> None:
         """Raise the sigmas of the error state to those of ``least`` (n,)."""

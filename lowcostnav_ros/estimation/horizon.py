@@ -74,6 +74,7 @@ class FusionHorizon:
         self._keys: set = set()
         self._sequence = 0
         self._parts: list[ImuBlock] = []  # inertial samples, in order; :meth:`_held` joins them
+        self._count = 0  # of them
         self._imu_newest_ns: int | None = None
         self._carried_ns: int | None = None  # up to where inertial samples were handed over
         self.is_idle = False
@@ -138,8 +139,13 @@ class FusionHorizon:
 
     def move_on(self) -> None:
         """Pass what is old enough, once a measurement has been taken in: from then on it is too late for others, handed over or not."""
-        limit = self._limit_ns()
-        if limit is not None and (self.passed_ns is None or limit > self.passed_ns):
+        newest, imu = self.clocks.time_ns, self._imu_newest_ns
+        if newest is None or (self.inertial is not None and imu is None):
+            return
+        limit = newest - self.lag_ns
+        if imu is not None and self.inertial is not None and imu < limit:
+            limit = max(imu, limit - WAIT_NS)
+        if self.passed_ns is None or limit > self.passed_ns:
             self.passed_ns = limit
 
     def _inertial_before(self, stamp: int, item: Measurement, moves: Callable[[Measurement], bool] | None) -> Iterator[ImuBlock]:
@@ -172,15 +178,6 @@ class FusionHorizon:
         """What is held beyond the horizon: inertial samples and the other measurements in order, for the output predictor."""
         return self._held(), [entry[-1] for entry in sorted(self._waiting, key=lambda e: e[:4])]
 
-    def _limit_ns(self) -> int | None:
-        newest = self.newest_ns
-        if newest is None:
-            return None
-        limit = newest - self.lag_ns
-        if self.inertial is None:
-            return limit
-        return None if self._imu_newest_ns is None else min(limit, max(self._imu_newest_ns, limit - WAIT_NS))
-
     def _pop(self) -> Measurement:
         stamp, source, part, _, measurement = heapq.heappop(self._waiting)
         self._keys.discard((stamp, source, part))
@@ -193,14 +190,15 @@ class FusionHorizon:
             if not keep.any():
                 return LATE
             block = block[keep]
-        count = sum(map(len, parts))
+        count = self._count
         if count and count + len(block) > MAX_WAITING:
             return "too many samples at once"
         parts.append(block)
+        self._count += len(block)
         if count and block.stamps_ns[0] <= parts[-2].stamp_ns:
             merged = ImuBlock.joined(parts)
             stamps, first = np.unique(merged.stamps_ns, return_index=True)
-            self._parts = [merged[first]]
+            self._parts, self._count = [merged[first]], len(stamps)
             if len(stamps) == count:
                 return "duplicate stamp"
         self._imu_newest_ns = max(self._parts[-1].stamp_ns, self._imu_newest_ns or 0)
@@ -227,10 +225,8 @@ class FusionHorizon:
             yield from unbroken(ImuBlock.of(held.source, passed, held.specific_force_b[: n + 1], held.angular_rate_b[: n + 1]))
         elif n:
             yield from unbroken(held[:n])
-        if n == len(stamps):
-            self._parts = []
-        elif n:
-            self._parts = [held[n:]]
+        if n:
+            self._parts, self._count = [] if n == len(stamps) else [held[n:]], len(stamps) - n
 
 
 def unbroken(block: ImuBlock) -> list[ImuBlock]:

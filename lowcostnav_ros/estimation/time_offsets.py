@@ -285,6 +285,13 @@ class TimeOffsets:
         if t_s > self.way.newest_s:
             self.way.note(t_s, core.course_n() - self._corrected)
 
+    def note_rows(self, stamps_ns: list[int], velocities: np.ndarray) -> None:
+        """Remember the velocities (k, 3) that the core has had at some stamps."""
+        for stamp_ns, velocity in zip(stamps_ns, velocities - self._corrected, strict=True):
+            t_s = 1e-9 * stamp_ns
+            if t_s > self.way.newest_s:
+                self.way.note(t_s, velocity)
+
     # what aids report --------------------------------------------------------------------------------------------------------
 
     def take_back(self, aid: Any, innovation: Any, host: Any) -> None:

@@ -110,6 +110,11 @@ class Vibration:
         self.accel, self.gyro = max(1.0, *shaken[:3]), max(1.0, *shaken[3:])
         return before != (self.accel, self.gyro)
 
+    @property
+    def due_ns(self) -> int:
+        """From when on to look again."""
+        return (self._looked + 1) * PERIOD_NS
+
     def shaking(self) -> np.ndarray:
         """The shaking of each axis (6,) that is white, as a density in the unit of the declared one."""
         slow, fast = np.sqrt(self._power)

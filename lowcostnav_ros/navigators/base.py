@@ -27,7 +27,7 @@ from lowcostnav_ros.estimation.smoothing import History
 from lowcostnav_ros.estimation.time_offsets import TimeOffsets
 from lowcostnav_ros.navigators.channel import Channel
 from lowcostnav_ros.navigators.settings import sensor_of, settings_class
-from lowcostnav_ros.navigators.solutions import is_sound
+from lowcostnav_ros.navigators.solutions import Solutions, is_sound
 from lowcostnav_ros.navigators.trust import Trust
 from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.physics.mounting import mounted, mounting_dcm
@@ -132,7 +132,7 @@ class Navigator(ABC):
     movable : ndarray (n,) or None
         0 for states that no measurement may move at present; None: all may.
     smooths : bool
-        Whether it can keep a history for the smoother: its core reports to one, and its solutions go out by :meth:`publish`.
+        Whether it can keep a history for the smoother: its core reports to one, and so does what gives out its solutions.
     on_grid : bool
         Whether it puts out only at the first sample beyond a multiple of its output period: inertial samples may wait for that.
     not_observable : str
@@ -191,7 +191,7 @@ class Navigator(ABC):
         self.reason = "waiting for measurements"
         self.restarts: Counter[str] = Tally()
         self.on_aid: Callable[[AidStatus], None] | None = None
-        self._out: list[NavSolution] = []
+        self._out = Solutions()
         self._out_ns: int | None = None
         self._is_lost = False
         self._refused_in_row = 0
@@ -414,35 +414,38 @@ class Navigator(ABC):
 
     # the verb ----------------------------------------------------------------------------------------------------------------
 
-    def feed(self, measurement: Measurement) -> list[NavSolution]:
+    def feed(self, measurement: Measurement) -> Solutions:
         """Take one measurement (or block of inertial samples) in; return the fused solutions that became final, oldest first."""
         self._receive(measurement)
         return self._fused()
 
-    def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
+    def feed_all(self, measurements: Iterable[Measurement]) -> Solutions:
         """Take many in; return all fused solutions, the same as of one by one."""
-        out: list[NavSolution] = []
+        out = Solutions()
         for count, measurement in enumerate(measurements, 1):
             self._receive(measurement)
             if count % TOGETHER == 0 or not self.horizon.clocks.is_quiet:
-                out += self._fused()
-        return out + self._fused()
+                out.extend(self._fused())
+        out.extend(self._fused())
+        return out
 
     def _receive(self, measurement: Measurement) -> None:
         """Take a measurement in, to be fused in its order."""
         record = self.input_status.get(measurement.source)
         if record is None:
             return
-        record.received += len(measurement) if isinstance(measurement, ImuBlock) else 1
         if isinstance(measurement, ImuBlock):
+            record.received += len(measurement.stamps_ns)
             measurement = self._in_body_axes(measurement)
-        elif self._magnetometer is not None and isinstance(measurement, MagneticField):
-            measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
+        else:
+            record.received += 1
+            if self._magnetometer is not None and isinstance(measurement, MagneticField):
+                measurement = replace(measurement, field_b=self._magnetometer.apply(measurement.field_b))
         for piece in self.horizon.clocks.pieces(measurement):
             self._push(piece, record)
         self.horizon.move_on()
 
-    def _fused(self) -> list[NavSolution]:
+    def _fused(self) -> Solutions:
         """Fuse what the horizon has passed; return the solutions that became final."""
         for item in self.horizon.take(self.moves):
             refusal = self.refusal(item) or self.trust.take(item)
@@ -455,7 +458,7 @@ class Navigator(ABC):
             if self._is_lost:
                 self._is_lost = False
                 self.realign("solution not finite")
-        out, self._out = self._out, []
+        out, self._out = self._out, Solutions()
         return out
 
     def _in_body_axes(self, block: ImuBlock) -> ImuBlock:
@@ -603,16 +606,26 @@ class Navigator(ABC):
             self._is_lost = True
             return
         self._out_ns = solution.stamp_ns
-        news = solution.stamp_ns // HEALTH_NS, self.mode, self._level(), self.reason
-        if news != self._said and (self._said is None or news[:3] != self._said[:3] or _phrase(news[3]) != _phrase(self._said[3])):
-            self._said, solution = news, replace(solution, health=self._health(solution.stamp_ns))
-        self._out.append(solution)
+        health = self._news(solution.stamp_ns)
+        self._out.append(solution if health is None else replace(solution, health=health))
         if self.offsets is not None:
             self.offsets.note(self.core)
         if self.history is not None:
             self.history.output(solution, self.P, self.core.output_rows())
 
-    def _health(self, stamp_ns: int) -> Health:
+    def news_due_ns(self) -> int:
+        """From what stamp on there is something to say with a solution, as long as nothing changes, and nothing contradicts."""
+        said = self._said
+        if said is None or said[1:3] != (self.mode, level_of(self.mode)):
+            return 0
+        return (said[0] + 1) * HEALTH_NS if said[3] == self.reason or _phrase(said[3]) == _phrase(self.reason) else 0
+
+    def _news(self, stamp_ns: int) -> Health | None:
+        """What there is to say of itself with the solution of a stamp; None: nothing new."""
+        news, said = (stamp_ns // HEALTH_NS, self.mode, self._level(), self.reason), self._said
+        if news == said or (said is not None and news[:3] == said[:3] and _phrase(news[3]) == _phrase(said[3])):
+            return None
+        self._said = news
         counts = self.restarts.total() + sum(aid.status.rejected[RECOVERED] for aid in self.aids if aid.is_fix), len(self.contradictions())
         return Health(stamp_ns, self.name, str(self.mode), int(self._level()), self.reason, *counts)
 

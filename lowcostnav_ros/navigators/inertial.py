@@ -1,6 +1,7 @@
 """What all inertial navigators with an error-state filter share: the strapdown core, the way of measurements to aids, modes, outputs."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +16,7 @@ from lowcostnav_ros.base.modes import Mode
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerCalibration
+from lowcostnav_ros.cores import rows
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, POS, VEL, InertialCore
 from lowcostnav_ros.estimation import kalman
@@ -32,7 +34,7 @@ from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
 from lowcostnav_ros.navigators.silent_axes import SilentAxes
 from lowcostnav_ros.navigators.solutions import position_sigmas
 from lowcostnav_ros.navigators.trust import COVERED
-from lowcostnav_ros.physics.earth import displace
+from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, displace
 from lowcostnav_ros.physics.rotation import quat_conjugate, quat_multiply, quat_to_dcm, rotvec_from_quat, skew
 from lowcostnav_ros.starts.gps_start import GpsStart, Start
 from lowcostnav_ros.starts.levelling import AlignmentSettings, transferred, unit_error
@@ -268,11 +270,14 @@ class InertialNavigator(Navigator):
             self.vibration.take(block)
             return
         while first < end:
+            page = self._page(block.stamp_ns)
             self.headings.advance(block, first, self.output_period_ns)
-            begun, first = first, self.core.advance(block, first, self.output_period_ns)
+            begun, first = first, self.core.advance(block, first, self.output_period_ns, page)
             self.vibration.take(block, begun, first)
             self._sampled_ns = self.core.t_ns
-            if self.core.t_ns // self.output_period_ns != self._emitted:
+            if page is not rows.NO_PAGE:
+                self._put_out_all(page)
+            elif self.core.t_ns // self.output_period_ns != self._emitted:
                 self.axes.take(self.core.t_ns, self.core.force_b[2])
                 self._put_out()
         self.core.passed(block)
@@ -324,6 +329,75 @@ class InertialNavigator(Navigator):
 
     def _put_out(self) -> None:
         """Give out the solution of an output period."""
+        self._look()
+        row = self._row(self.core.t_ns, self.core.nav, self.P, self.core.force_b, self.core.rate_b)
+        if row is None:
+            self._is_lost = True
+        else:
+            self._give_out(row, is_looked_at=True)
+
+    def _page(self, end_ns: int) -> rows.Page:
+        """Where the core writes the solutions up to a stamp that need no look on the way; :data:`.NO_PAGE` where each does.
+
+        Between two measurements nothing changes in what the sources say of each other and of the state.  While they say nothing, what is
+        left to be looked at falls due at times that are known, and every output may be written as the core comes by.
+        """
+        now, period = self.core.t_ns, self.output_period_ns
+        room = end_ns // period - now // period
+        if not room or not self._is_calm(end_ns):
+            return rows.NO_PAGE
+        quiet_ns = self.trust.quiet_until(now)
+        if quiet_ns is None:
+            return rows.NO_PAGE
+        until_ns = min(quiet_ns, self.vibration.due_ns, self.news_due_ns())
+        return rows.Page(self.layout.size, room + 1, until_ns, self.trust.added, self._wind_shown())
+
+    def _is_calm(self, end_ns: int) -> bool:
+        """Whether nothing but time may change how it is before a stamp, as long as nothing is measured."""
+        now, last, P = self.core.t_ns, self._fused_fix_ns, self.core.P
+        if self.mode == Mode.GPS:
+            is_held = last is not None and end_ns - last <= 1e9 * self.settings.gps.timeout_s
+            is_steady = is_held and any(aid.is_fresh(end_ns) for aid in self.trust.receivers)  # where transmitters hold it, too
+        else:
+            told = self.reason.startswith(f"no {self.fix_word} for ")
+            is_steady = self.mode == Mode.COASTING and told and not any(self._refused_fixes(now))
+        if not is_steady or self.headings.cores or self.clocked or self._is_off_base or self.history is not None or not self.axes.is_still:
+            return False
+        grown = math.sqrt(max(P[0, 0] + P[1, 1], 0.0)) + math.sqrt(max(P[3, 3] + P[4, 4], 0.0)) + STANDARD_GRAVITY  # in a second, at most
+        is_undoubted = grown < self.settings.failed_sigma_m and self.doubt(now) is self.trust.added
+        return is_undoubted and not self.contradictions() and self._integrity() is None
+
+    def _put_out_all(self, page: rows.Page) -> None:
+        """Give out the solutions of a page; look at what fell due with the last."""
+        self._emitted = self.core.t_ns // self.output_period_ns
+        self._is_lost |= page.is_lost
+        stamps = page.stamps_ns.tolist()
+        if not stamps:
+            return
+        for stamp_ns, force in zip(stamps, page.table[:, rows.FORCE.stop - 1].tolist(), strict=True):
+            self.axes.take(stamp_ns, force)
+        is_due = stamps[-1] >= page.until_ns
+        if is_due:
+            self._look()
+        else:
+            self.trust.pass_by(stamps[-1])
+        self._give_out(self._rows(page), is_looked_at=is_due)
+
+    def _give_out(self, given: rows.Rows, *, is_looked_at: bool) -> None:
+        """Give out rows; with the last of those that are looked at goes what there is to say."""
+        stamps, last = given.stamps_ns.tolist(), len(given) - 1
+        self._out_ns = stamps[last]
+        health = self._news(stamps[last]) if is_looked_at else None
+        if health is not None:
+            given.health[last] = health
+        self._out.append(given)
+        if self.offsets is not None:
+            self.offsets.note_rows(stamps, given.table[:, VEL])
+        if self.history is not None:
+            self.history.output(given.solution(last), self.P, self.core.output_rows())
+
+    def _look(self) -> None:
+        """Look at everything, at an output: vibration, headings, what is applied then, GPS and its witness, mode and reason."""
         self._emitted = self.core.t_ns // self.output_period_ns
         if self.vibration.look(self.core.t_ns):
             self.layout.set_levels({"core": self.vibration.level()})
@@ -336,7 +410,6 @@ class InertialNavigator(Navigator):
             self.use_channel(channel, Measurement(self.core.t_ns, IMU))
         self.trust.look(self.core.t_ns)
         self._judge()
-        self.publish(self._solution(self.core.t_ns, self.core.nav, self.P, self.core.force_b, self.core.rate_b))
 
     def _aid(self, item: Measurement) -> None:
         if self.tries_headings and not self._levelling_until_ns and self._holds_position(item):
@@ -438,8 +511,11 @@ class InertialNavigator(Navigator):
             self.mode, self.reason = Mode.COASTING, f"{self._why_no_fix(now)} for {since:.0f} s{self.outage_words(now)}"
 
     def _why_no_fix(self, now_ns: int) -> str:
-        recent = (aid.status.reason for aid in self.aids if aid.is_fix and aid.status.stamp_ns > now_ns - RECENT_NS)
-        return next(recent, "") or f"no {self.fix_word}"
+        return next(self._refused_fixes(now_ns), "") or f"no {self.fix_word}"
+
+    def _refused_fixes(self, now_ns: int) -> Iterator[str]:
+        """Reasons of the fixes of late, empty for those that were used."""
+        return (aid.status.reason for aid in self.aids if aid.is_fix and aid.status.stamp_ns > now_ns - RECENT_NS)
 
     def _horizontal_sigma(self) -> float:
         P = self.core.P
@@ -536,21 +612,26 @@ class InertialNavigator(Navigator):
         if not self._aligned:
             return None
         block = self.ahead()
-        return self._solution(*self.core.predicted(block), *self.core.latest(block))
+        row = self._row(*self.core.predicted(block), *self.core.latest(block))
+        return None if row is None else row.solution(0)
 
-    def _solution(self, t_ns: int, nav: np.ndarray, P: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> NavSolution:
-        wind = self.layout.get("wind") if self._wind_aids and any(aid.status.fused for aid in self._wind_aids) else None
+    def _row(self, t_ns: int, nav: np.ndarray, P: np.ndarray, force_b: np.ndarray, rate_b: np.ndarray) -> rows.Rows | None:
+        """The solution of a state; None where it is none."""
         if self._is_off_base:
             nav, P = at_base(nav, P, rate_b, self.imu_arm_b)
-        return self._solution_at(
-            *(t_ns, nav, P, CORE),
-            q_nb=nav[6:10].copy(),
-            angular_rate_b=rate_b,
-            specific_force_b=force_b,
-            with_attitude=True,
-            wind_n=None if wind is None else self.core.estimate[wind].copy(),
-            cov_wind=None if wind is None else P[wind, wind].copy(),
-        )
+        page = rows.Page(self.layout.size, 1, t_ns, self.doubt(t_ns), self._wind_shown())
+        page.stamps_ns[0] = t_ns
+        is_sound = rows.write(nav, P, page.added, self.core.estimate, force_b, rate_b, page.wind, page.table[0])
+        return self._rows(page) if is_sound else None
+
+    def _rows(self, page: rows.Page) -> rows.Rows:
+        """Solutions as they are given out."""
+        return rows.Rows(self.name, page.stamps_ns, page.table, self.layout.labels[CORE:], page.wind, self.mode, self._integrity())
+
+    def _wind_shown(self) -> int:
+        """First of the states of the wind, once it was measured."""
+        wind = self.layout.get("wind") if any(aid.status.fused for aid in self._wind_aids) else None
+        return rows.NO_WIND if wind is None else wind.start
 
     def doubt(self, t_ns: int) -> np.ndarray:
         """As every navigator; of an attitude that may be upside down nothing is known, of another what GPS and compass show of it."""

@@ -1,13 +1,62 @@
-"""What leaves a navigator: whether it is sound, and its sigmas for people."""
+"""What leaves a navigator: its solutions, whether one is sound, and sigmas for people."""
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import overload
 
 import numpy as np
 
 from lowcostnav_ros.base.measurements import NavSolution
+from lowcostnav_ros.cores.rows import Rows
 from lowcostnav_ros.estimation import kalman
 
 NO_COVARIANCE, NO_VECTOR = np.zeros((0, 0)), np.zeros(0)
+
+
+class Solutions(Sequence[NavSolution]):
+    """Fused solutions, oldest first: ``parts`` are solutions and rows of numbers, of which one is made when somebody takes it."""
+
+    def __init__(self, parts: Iterable[NavSolution | Rows] = ()) -> None:
+        self.parts = list(parts)
+
+    def append(self, part: NavSolution | Rows) -> None:
+        """Add one or several."""
+        self.parts.append(part)
+
+    def extend(self, others: "Solutions") -> None:
+        """Add all of another."""
+        self.parts += others.parts
+
+    def between(self, first_ns: int, end_ns: int) -> "Solutions":
+        """Those from one stamp to before another."""
+        cut = (part.between(first_ns, end_ns) if isinstance(part, Rows) else part for part in self.parts)
+        return Solutions(part for part in cut if (len(part) if isinstance(part, Rows) else first_ns <= part.stamp_ns < end_ns))
+
+    def __len__(self) -> int:
+        return sum(len(part) if isinstance(part, Rows) else 1 for part in self.parts)
+
+    def __iter__(self) -> Iterator[NavSolution]:
+        for part in self.parts:
+            if isinstance(part, Rows):
+                yield from part
+            else:
+                yield part
+
+    @overload
+    def __getitem__(self, k: int) -> NavSolution: ...
+    @overload
+    def __getitem__(self, k: slice) -> list[NavSolution]: ...
+    def __getitem__(self, k: int | slice) -> NavSolution | list[NavSolution]:
+        if isinstance(k, int) and k == -1 and self.parts:
+            last = self.parts[-1]
+            return last.solution(len(last) - 1) if isinstance(last, Rows) else last
+        return list(self)[k]
+
+    def __add__(self, others: Iterable[NavSolution]) -> list[NavSolution]:
+        return [*self, *others]
+
+    def __radd__(self, others: Iterable[NavSolution]) -> list[NavSolution]:
+        return [*others, *self]
 
 
 def is_sound(solution: NavSolution) -> bool:

@@ -44,6 +44,7 @@ LOOKS_NS, LASTS_NS, RETURNS_NS = 20_000_000_000, 120_000_000_000, 2_000_000_000
 """A witness that agrees is heard so long; one that does not, so long after the last suspicion; GPS is back after so long."""
 BEYOND_SPOOFING_MPS = 50.0
 """Nobody is led away at such a speed unnoticed: a prediction that is off by so much is a fault of what it is made of."""
+NEVER_NS = 2**62
 NEARER = 0.6
 """GPS that is so much nearer to the witness than the state is is back."""
 LEVEL = slice(0, 2)
@@ -72,6 +73,8 @@ class Trust:
         Of the solution with the witness.
     told : bool
         Whether a navigator that can tell better says that GPS leads away.
+    added : ndarray (9, 9)
+        What the witness adds to the covariance.
     away : (int, ndarray (3,), ndarray (3,)) or None
         Stamp, position and velocity of satellites that agree among themselves less those of the state, m and m/s NED.
     """
@@ -108,7 +111,7 @@ class Trust:
         self._was_told = False
         self._back_since_ns: int | None = None
         self._unit, self._largest, self._far = "m", 0.0, FAR
-        self._apart, self._added = np.zeros(9), np.zeros((9, 9))
+        self._apart, self.added = np.zeros(9), np.zeros((9, 9))
 
     def take(self, item: Measurement) -> str:
         """Check a measurement against the other sources; return why it is none.
@@ -199,7 +202,7 @@ class Trust:
 
         A frozen receiver adds nothing: it is known to be wrong.
         """
-        added = self._added
+        added = self.added
         late = None if self.host.offsets is None else self.host.offsets.doubt()
         if late is None and self.away is None and not self._is_contradicted():
             return added
@@ -249,6 +252,24 @@ class Trust:
             self._good_since_ns = None
             self.witness.clear()
 
+    def quiet_until(self, now_ns: int) -> int | None:
+        """Up to when no output needs a look, as long as nothing is measured; None: the next one does."""
+        host = self.host
+        is_suspected = self.told or self._is_contradicted() or self._drift() > 1.0 or host.gps_alarm()
+        if is_suspected or self.witness.core is not None:
+            return None
+        if host.inertial_is_suspect or not host.gps_good(now_ns):
+            return NEVER_NS if self._good_since_ns is None else None
+        if self._good_since_ns is None:
+            return None
+        is_kept = all(aid.rejecting_since_ns is None for aid in self.receivers)
+        return max(self._good_since_ns + SETTLED_NS, self.witness.due_ns) if is_kept else NEVER_NS
+
+    def pass_by(self, now_ns: int) -> None:
+        """Take note of an output that needs no look."""
+        if self._good_since_ns is not None:
+            self._good_ns = now_ns
+
     def _suspected_since(self, now_ns: int) -> int | None:
         """Since when GPS is under suspicion, None where it is not."""
         is_slow = self.told or self.host.gps_alarm() or self._drift() > 1.0
@@ -282,7 +303,7 @@ class Trust:
             self._largest = max(self._largest, size)
             since_ns = now_ns if self.led_away is None else self.led_away.since_ns
             self.led_away = Contradiction(LED_AWAY, (self._gps(), host.inertial or host.name), size, self._unit, since_ns)
-            self._added = alone(other.P, apart)
+            self.added = alone(other.P, apart)
         if self._is_back(now_ns, other):
             host.return_to(witness.core)
             for aid, check in self.receivers.items():

@@ -54,10 +54,15 @@ class Witness:
 
     def keep(self, core: Any) -> None:
         """Copy a core that is sound, now and then."""
-        if self._copies and core.t_ns - self._copies[-1].t_ns < SPACING_NS:
+        if core.t_ns < self.due_ns:
             return
         self._copies.append(core.branch())
         self._drop(self._copies[0].t_ns)
+
+    @property
+    def due_ns(self) -> int:
+        """When the next copy of a core that is sound is to be made."""
+        return self._copies[-1].t_ns + SPACING_NS if self._copies else 0
 
     def call(self, since_ns: int, now_ns: int) -> bool:
         """Fly the newest copy on that is from well before a suspicion; return whether there is one."""

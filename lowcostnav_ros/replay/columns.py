@@ -5,12 +5,15 @@ Solutions, truth and withheld fixes become the same columns; a datum that is abs
 
 import dataclasses
 from collections.abc import Sequence
+from itertools import groupby
 
 import numpy as np
 
 from lowcostnav_ros.base.kernels import kernel
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.cores.rows import Rows
 from lowcostnav_ros.messages.columns import Columns
+from lowcostnav_ros.navigators.solutions import Solutions
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.physics.rotation import euler_jacobian_n, quat_to_euler, quats_to_euler, wrap
 
@@ -98,7 +101,26 @@ def position_difference_n(position: np.ndarray, reference: np.ndarray) -> np.nda
 
 def columns_of(solutions: Sequence[NavSolution]) -> NavColumns:
     """Turn solutions into columns; what a navigator does not estimate is NaN."""
+    if not isinstance(solutions, Solutions):
+        return _columns_of_objects(solutions)
+    columns = []
+    for _, run in groupby(solutions.parts, lambda part: part.wind if isinstance(part, Rows) else None):
+        parts = list(run)
+        rows, objects = [p for p in parts if isinstance(p, Rows)], [p for p in parts if isinstance(p, NavSolution)]
+        columns.append(_columns_of_rows(rows) if rows else _columns_of_objects(objects))
+    return concatenate(columns) if columns else _columns_of_objects([])
 
+
+def _columns_of_rows(parts: list[Rows]) -> NavColumns:
+    stamps, table = np.concatenate([part.stamps_ns for part in parts]), np.concatenate([part.table for part in parts])
+    known, first = {"position": table[:, :3], "vel_n": table[:, 3:6], "q_nb": table[:, 6:10]}, parts[0].first_of_wind
+    known |= {name: table[:, at : at + 9].reshape(-1, 3, 3) for name, at in (("cov_pos", 10), ("cov_vel", 19), ("cov_att", 28))}
+    if first is not None:
+        known |= {"wind_n": table[:, first : first + 2], "cov_wind": table[:, -4:].reshape(-1, 2, 2)}
+    return blank_columns(stamps, **known)
+
+
+def _columns_of_objects(solutions: Sequence[NavSolution]) -> NavColumns:
     def rows(name: str, shape: tuple[int, ...]) -> np.ndarray:
         absent = np.full(shape, np.nan)
         values = ((s.lat, s.lon, s.height) if name == "position" and s.lat is not None else getattr(s, name, None) for s in solutions)

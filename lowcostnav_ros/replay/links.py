@@ -11,12 +11,14 @@ import numpy as np
 from lowcostnav_ros.base.measurements import ImuBlock, Measurement, NavSolution
 from lowcostnav_ros.base.settings import parts_of
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
+from lowcostnav_ros.cores.rows import Rows
 from lowcostnav_ros.estimation.aiding import AidStatus
 from lowcostnav_ros.estimation.air_data.computer import AirDataComputer
 from lowcostnav_ros.messages import encode, topics
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.base import Navigator
+from lowcostnav_ros.navigators.solutions import Solutions
 
 LONGEST_BURST_NS = 50_000_000
 """Where one navigator takes another's solution, inertial blocks are fed in pieces no longer than this: of a second of samples at once the
@@ -59,7 +61,7 @@ class Link:
         self._origin: Any = None
         self.seconds = 0.0
 
-    def feed(self, measurements: Sequence[Measurement]) -> list[NavSolution]:
+    def feed(self, measurements: Sequence[Measurement]) -> Solutions:
         """Feed the navigator, and note the time it takes; one that takes :data:`COMPILES_S` is the compiler's, of a first run."""
         start = perf_counter()
         solutions = self.navigator.feed(measurements[0]) if len(measurements) == 1 else self.navigator.feed_all(measurements)
@@ -145,15 +147,15 @@ class Chain:
         for piece in self._fed(measurement):
             yield from self._distribute(piece)
 
-    def feed_all(self, measurements: Sequence[Measurement]) -> Iterator[tuple[str, NavSolution]]:
-        """The same of many: where no navigator takes another's solution, each takes them at once, which is sooner done."""
+    def feed_all(self, measurements: Sequence[Measurement]) -> Iterator[tuple[str, NavSolution | Rows]]:
+        """The same of many: where no navigator takes another's solution, each takes them at once, and gives rows as it makes them."""
         if self._is_linked:
             yield from (found for measurement in measurements for found in self.feed(measurement))
             return
         fed = [piece for measurement in measurements for piece in self._fed(measurement)]
         for name, link in self.links.items():
             taken = [piece for piece in fed if piece.source in link.navigator.inputs]
-            yield from ((name, solution) for solution in (link.feed(taken) if taken else ()))
+            yield from ((name, part) for part in (link.feed(taken).parts if taken else ()))
 
     def _fed(self, measurement: Measurement) -> Iterator[Measurement]:
         """What becomes of a measurement before it is fed, in order."""

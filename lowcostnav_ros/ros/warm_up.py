@@ -31,7 +31,7 @@ def warm_up(navigator: "Navigator", rules: DecodeRules = RULES) -> None:
     own = type(navigator), navigator.settings
     if own in _FLOWN:
         return
-    solutions, looked_ns = [], 0
+    solutions, looked_ns = list[NavSolution](), 0
     for measurement in straight_flight(list(navigator.inputs), rules):
         solutions += navigator.feed(measurement)
         if measurement.stamp_ns - looked_ns >= LOOK_NS:

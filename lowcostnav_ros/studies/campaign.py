@@ -6,8 +6,9 @@ A case carries its own seed, so the numbers do not depend on how many processes 
 import multiprocessing
 import os
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, as_completed, wait
 from contextlib import contextmanager
 from functools import partial
 from typing import Any, TypeVar
@@ -18,6 +19,10 @@ Case = TypeVar("Case")
 Result = TypeVar("Result")
 Workers = int | str | None
 """Who shares the work: so many processes, all cores of this machine (None), or those of the dask scheduler at an address."""
+
+
+AHEAD = 3
+"""Cases that each other process is given at once, while there are so many: one that it works on, and what it goes on with."""
 
 
 class CampaignError(RuntimeError):
@@ -47,7 +52,7 @@ def run_campaign(
     Parameters
     ----------
     function : callable
-        Importable by name (a module-level function): the workers are fresh processes that inherit nothing.
+        Importable by name (a module-level function): the workers are this process and fresh ones that inherit nothing.
     cases : sequence
         Picklable; each holds all the function needs, its seed included.
     workers : int or str, optional
@@ -78,8 +83,8 @@ def run_campaign(
         workers = min(len(cases), workers or cores())
         if workers <= 1:
             return [_one(function, cases, index, step) for index in range(len(cases))]
-        with executor(workers) as processes:
-            return run_on(processes, function, cases, step)
+        with executor(workers - 1) as others:
+            return _run_with(others, workers - 1, function, cases, step)
 
 
 def cores() -> int:
@@ -142,6 +147,27 @@ def run_on(pool: Executor, function: Callable, cases: Sequence, step: Callable[[
             raise CampaignError(f"Case {index} ({cases[index]!r}) failed: {error}") from error
         step()
     return results
+
+
+def _run_with(pool: Executor, others: int, function: Callable, cases: Sequence, step: Callable[[], None]) -> list:
+    """The same by this process, too, which has imported all and would wait otherwise; it takes cases as they are, one at a time."""
+    results, waiting, futures = [None] * len(cases), deque(range(len(cases))), dict[Future, int]()
+    while waiting or futures:
+        left = len(waiting) + len(futures)
+        while waiting and len(futures) < others * min(AHEAD, -(-left // (others + 1))):
+            index = waiting.popleft()
+            futures[pool.submit(function, cases[index])] = index
+        if waiting:
+            index = waiting.pop()
+            results[index] = _one(function, cases, index, step)
+        for future in wait(futures, 0 if waiting else None, FIRST_COMPLETED).done:
+            index = futures.pop(future)
+            results[index] = _one(partial(_result_of, future), cases, index, step)
+    return results
+
+
+def _result_of(future: Future, _case: Any) -> Any:
+    return future.result()
 
 
 def _one(function: Callable[[Case], Result], cases: Sequence[Case], index: int, step: Callable[[], None]) -> Result:

@@ -37,6 +37,11 @@ class AxesCheck(Latch):
         self._last_ns = stamp_ns
         self._judge(stamp_ns)
 
+    @property
+    def is_still(self) -> bool:
+        """Whether nothing speaks for axes that are wrong."""
+        return self.held is None and self._turned_ns is None
+
     def _judge(self, stamp_ns: int) -> None:
         is_over = self._mean > OVER * STANDARD_GRAVITY
         if not is_over and self.held is None:

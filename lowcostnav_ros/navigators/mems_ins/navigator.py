@@ -29,7 +29,7 @@ from lowcostnav_ros.navigators.mems_ins.settings import AS_PRINTED, AUTO, CASCAD
 from lowcostnav_ros.navigators.reckoning import ReckoningNavigator
 from lowcostnav_ros.navigators.registry import navigator
 from lowcostnav_ros.navigators.settings import kind_of
-from lowcostnav_ros.navigators.solutions import position_sigmas
+from lowcostnav_ros.navigators.solutions import Solutions, position_sigmas
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.rotation import quat_rotate
 from lowcostnav_ros.starts.point_solution import SlopeVelocity
@@ -120,7 +120,7 @@ class MemsIns(ReckoningNavigator):
 
     # measurements ------------------------------------------------------------------------------------------------------------
 
-    def feed(self, measurement: Measurement) -> list[NavSolution]:
+    def feed(self, measurement: Measurement) -> Solutions:
         """As every navigator; notes when what has arrived."""
         if not isinstance(measurement, ImuBlock) and measurement.source in self.input_status:
             self.rates.take(measurement.source, measurement.stamp_ns, is_slow=isinstance(measurement, GpsPosition))
@@ -129,9 +129,12 @@ class MemsIns(ReckoningNavigator):
             self.rates.take(self.name, solution.stamp_ns)
         return out
 
-    def feed_all(self, measurements: Iterable[Measurement]) -> list[NavSolution]:
+    def feed_all(self, measurements: Iterable[Measurement]) -> Solutions:
         """As every navigator; one by one, since it matters when each has arrived."""
-        return [solution for measurement in measurements for solution in self.feed(measurement)]
+        out = Solutions()
+        for measurement in measurements:
+            out.extend(self.feed(measurement))
+        return out
 
     def _restart(self) -> None:
         self._start_over(self._new_core(self.layout))

@@ -234,7 +234,7 @@ def fly(case: Case) -> Flight:
 
 def fed(navigator: Navigator, block: ImuBlock, aids: Sequence) -> list[NavSolution]:
     """Feed aids and inertial samples in order, none of them far ahead of the others; the first sample only dates the start."""
-    waiting, out = deque(aids), []
+    waiting, out = deque(aids), list[NavSolution]()
     for first in range(1, len(block), PIECE):
         piece = block[first : first + PIECE]
         while waiting and waiting[0].stamp_ns <= piece.stamp_ns:

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from lowcostnav_ros.base.measurements import Measurement, NavSolution
+from lowcostnav_ros.cores.rows import Rows
+from lowcostnav_ros.navigators.solutions import Solutions
 from lowcostnav_ros.replay.links import Chain
 from lowcostnav_ros.replay.outages import GAP_NS
 from lowcostnav_ros.replay.withhold import Window, split
@@ -24,8 +26,7 @@ TOGETHER_NS = 500_000_000
 STEADY_NS = 10_000_000_000
 """GPS must have been there for so long to be lost; right after an outage the navigators still recover from that one."""
 
-Solutions = dict[str, list[NavSolution]]
-"""By navigator, oldest first."""
+ByNavigator = dict[str, Solutions]
 
 
 @dataclass(slots=True, eq=False)
@@ -37,9 +38,9 @@ class Loss:
     window : Window
     chain : Chain
         The copy that flies through it.
-    lost : dict of navigator to list of NavSolution
+    lost : dict of navigator to Solutions
         What the copy published, preceded by what was published before the loss.
-    kept : dict of navigator to list of NavSolution
+    kept : dict of navigator to Solutions
         What was published with GPS, over the same time.
     is_whole : bool
         False where the recording ended first.
@@ -47,8 +48,8 @@ class Loss:
 
     window: Window
     chain: Chain
-    lost: Solutions
-    kept: Solutions = field(default_factory=dict)
+    lost: ByNavigator
+    kept: ByNavigator = field(default_factory=dict)
     is_whole: bool = False
     _withheld: Window = field(init=False)
     _fed: "Gathered" = field(init=False)
@@ -66,11 +67,11 @@ class Loss:
         """Feed what has been gathered."""
         self._take(self._fed.rest())
 
-    def _take(self, solutions: Iterable[tuple[str, NavSolution]]) -> int:
+    def _take(self, given: Iterable[tuple[str, NavSolution | Rows]]) -> int:
         newest_ns = -(2**62)
-        for name, solution in solutions:
-            self.lost[name].append(solution)
-            newest_ns = max(newest_ns, solution.stamp_ns)
+        for name, part in given:
+            self.lost[name].append(part)
+            newest_ns = max(newest_ns, part.stamp_ns)
         return newest_ns
 
 
@@ -80,12 +81,12 @@ class Gathered:
     def __init__(self, chain: Chain) -> None:
         self.chain, self._waiting = chain, list[Measurement]()
 
-    def add(self, measurement: Measurement) -> Iterable[tuple[str, NavSolution]]:
-        """Take a measurement; return name and solution of what comes out now."""
+    def add(self, measurement: Measurement) -> Iterable[tuple[str, NavSolution | Rows]]:
+        """Take a measurement; return name and solutions of what comes out now."""
         self._waiting.append(measurement)
         return self.rest() if abs(measurement.stamp_ns - self._waiting[0].stamp_ns) >= TOGETHER_NS else ()
 
-    def rest(self) -> Iterable[tuple[str, NavSolution]]:
+    def rest(self) -> Iterable[tuple[str, NavSolution | Rows]]:
         """Give the chain what is there."""
         waiting, self._waiting = self._waiting, []
         return self.chain.feed_all(waiting)
@@ -115,7 +116,7 @@ class Losses:
         self.chain, self.skipped, self.to_the_end = chain, list[Window](), to_the_end
         self._waiting, self._flying = deque(windows), list[Loss]()
         self.is_done = not self._waiting
-        self._kept: Solutions = defaultdict(list)
+        self._kept: ByNavigator = defaultdict(Solutions)
         self._newest_ns = self._heard_ns = self._steady_ns = -(2**62)
 
     def fly(self, measurements: Iterable[Measurement]) -> Iterator[Loss]:
@@ -133,9 +134,9 @@ class Losses:
         self._take_all(fed.rest())
         yield from self.rest()
 
-    def _take_all(self, solutions: Iterable[tuple[str, NavSolution]]) -> None:
-        for name, solution in solutions:
-            self.take(name, solution)
+    def _take_all(self, given: Iterable[tuple[str, NavSolution | Rows]]) -> None:
+        for name, part in given:
+            self.take(name, part)
 
     def before(self, measurement: Measurement) -> None:
         """Lose GPS where a window begins, and feed the copies; the navigators take the measurement afterwards."""
@@ -143,11 +144,11 @@ class Losses:
         for loss in self._flying:
             self._newest_ns = max(self._newest_ns, loss.feed(measurement))
 
-    def take(self, name: str, solution: NavSolution) -> None:
-        """Note a solution of the flight with GPS."""
+    def take(self, name: str, part: NavSolution | Rows) -> None:
+        """Note a solution of the flight with GPS, or several."""
         if not self.is_done:
-            self._kept[name].append(solution)
-            self._newest_ns = max(self._newest_ns, solution.stamp_ns)
+            self._kept[name].append(part)
+            self._newest_ns = max(self._newest_ns, part.stamp_ns)
 
     def over(self) -> Iterator[Loss]:
         """Yield the windows that are over."""
@@ -178,8 +179,8 @@ class Losses:
             if window.start_ns - self._steady_ns < STEADY_NS or abs(stamp_ns - self._heard_ns) > GAP_NS:
                 self.skipped.append(window)
             else:
-                before = {name: list(solutions) for name, solutions in self._kept.items()}
-                self._flying.append(Loss(window, self.chain.fork(), defaultdict(list, before)))
+                before = {name: Solutions(solutions.parts) for name, solutions in self._kept.items()}
+                self._flying.append(Loss(window, self.chain.fork(), defaultdict(Solutions, before)))
         if abs(stamp_ns - self._heard_ns) > GAP_NS:  # one bad stamp costs a few starts, not all
             self._steady_ns = stamp_ns
         self._heard_ns = stamp_ns
@@ -201,9 +202,9 @@ class Losses:
         starts = [loss.window.start_ns for loss in self._flying] + [window.start_ns for window in list(self._waiting)[:1]]
         oldest_ns = min([*starts, self._newest_ns]) - BEFORE_NS
         for solutions in self._kept.values():
-            if len(solutions) > 100 and solutions[50].stamp_ns < oldest_ns:
-                solutions[:] = [s for s in solutions if s.stamp_ns >= oldest_ns]
+            if len(solutions.parts) > 100 and solutions.parts[50].stamp_ns < oldest_ns:
+                solutions.parts = [part for part in solutions.parts if part.stamp_ns >= oldest_ns]
 
 
-def _within(solutions: Solutions, first_ns: int, end_ns: int) -> Solutions:
-    return {name: [s for s in those if first_ns <= s.stamp_ns < end_ns + SETTLED_NS] for name, those in solutions.items()}
+def _within(solutions: ByNavigator, first_ns: int, end_ns: int) -> ByNavigator:
+    return {name: those.between(first_ns, end_ns + SETTLED_NS) for name, those in solutions.items()}

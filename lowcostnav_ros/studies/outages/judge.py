@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import GpsPosition, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import GpsPosition, Measurement
 from lowcostnav_ros.replay.columns import NavColumns, columns_of, interpolate
 from lowcostnav_ros.replay.evaluation import MAX_GAP_NS, Track, Truth, fix_columns, in_order
 from lowcostnav_ros.replay.metrics import AXES, Errors, errors_between
@@ -89,23 +89,24 @@ def judge(loss: Loss, reference: Reference, lengths_s: Sequence[float], first_ns
     """
     found = {}
     for name, solutions in loss.lost.items():
-        placed = [s for s in solutions if s.has_position]
-        if placed and placed[0].stamp_ns <= loss.window.start_ns and name in loss.kept:
-            outage = _judged(loss, placed, loss.kept[name], reference, lengths_s, first_ns)
+        columns = columns_of(solutions)
+        placed = columns[np.isfinite(columns.position[:, 0]) & np.isfinite(columns.cov_pos[:, 0, 0])]
+        if len(placed) and placed.stamps_ns[0] <= loss.window.start_ns and name in loss.kept:
+            outage = _judged(loss, placed, columns_of(loss.kept[name]), reference, lengths_s, first_ns)
             if outage is not None:
                 found[name] = outage
     return found
 
 
 def _judged(
-    loss: Loss, lost: list[NavSolution], kept: list[NavSolution], reference: Reference, lengths_s: Sequence[float], first_ns: int
+    loss: Loss, lost: NavColumns, kept: NavColumns, reference: Reference, lengths_s: Sequence[float], first_ns: int
 ) -> Outage | None:
     start_ns = loss.window.start_ns
     ends_ns = {length_s: start_ns + round(NS * length_s) for length_s in lengths_s}
     ends_ns = {length_s: end_ns for length_s, end_ns in ends_ns.items() if end_ns <= loss.window.end_ns}
     seconds = np.arange(start_ns, max(ends_ns.values()) + 1, NS)
     grid = np.unique([*seconds, *ends_ns.values()])
-    estimate, with_gps = in_order(columns_of(lost)), in_order(columns_of(kept))
+    estimate, with_gps = in_order(lost), in_order(kept)
     true = reference.at(grid, with_gps)
     errors = _errors(interpolate(estimate, grid, MAX_GAP_NS), true)
     horizontal = np.hypot(errors.axis("north_m"), errors.axis("east_m"))

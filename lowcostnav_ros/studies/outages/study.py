@@ -14,6 +14,7 @@ from lowcostnav_ros.base.measurements import Attitude, GnssEpoch, GpsPosition, G
 from lowcostnav_ros.base.settings import settings_hash
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.decode import Decoder
 from lowcostnav_ros.messages.rules import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
 from lowcostnav_ros.replay.bag_replay import DEFAULT_TRUTH, Cast, ReplayOptions
@@ -117,12 +118,12 @@ def study_outages(case: Case, configs: Sequence[Path | None] = (None,), workers:
 def fly_case(case: Case) -> Pass:
     """Fly one pass."""
     options = ReplayOptions(case.navigators, case.config, truth=case.truth)
-    with BagReader(case.bag) as reader, BagReader(case.bag) as true_reader:
-        cast = Cast(reader, true_reader, options)
-        stream = cast.stream()
+    with BagReader(case.bag) as reader:
+        cast = Cast(reader, reader.with_decoder(Decoder(copy.deepcopy(reader.decoder.rules))), options)
+        truth, stream = cast.true_states(TRUTH_STEP_NS), cast.stream()  # one after the other: they share the files
         head = next(stream)
         chain = Chain(cast.navigators, reader.decoder.rules, air_data=cast.air_data)
-        flight = _Flight(case, cast, chain, first_stamp(head), cast.true_states(TRUTH_STEP_NS))
+        flight = _Flight(case, cast, chain, first_stamp(head), truth)
         losses = flight.losses.fly(flight.reference.watch(m) for m in itertools.chain([head], stream))
         return flight.result([flight.judge(loss) for loss in losses])
 

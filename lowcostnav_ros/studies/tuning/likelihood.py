@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from lowcostnav_ros.base.measurements import AirVelocity, Attitude, Measurement, NavSolution
+from lowcostnav_ros.base.measurements import AirVelocity, Attitude, Measurement
 from lowcostnav_ros.base.settings import from_mapping, to_mapping
 from lowcostnav_ros.catalogue.building import make_navigator
 from lowcostnav_ros.estimation.aiding import AidStatus
 from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.navigators.solutions import Solutions
 from lowcostnav_ros.replay.bag_replay import Cast, ReplayOptions
 from lowcostnav_ros.replay.links import Chain
 
@@ -72,10 +73,10 @@ class _Tap:
     def __init__(self, fed: list[Measurement]) -> None:
         self._fed = fed
 
-    def __call__(self, measurement: Measurement) -> list[NavSolution]:
+    def __call__(self, measurement: Measurement) -> Solutions:
         """Keep one."""
         self._fed.append(measurement)
-        return []
+        return Solutions()
 
 
 def load(source: Source) -> Flight:
