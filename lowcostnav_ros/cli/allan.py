@@ -4,9 +4,6 @@ import argparse
 from typing import Any
 
 from lowcostnav_ros.base.exit_codes import Exit
-from lowcostnav_ros.calibration.allan import allan_chart
-from lowcostnav_ros.calibration.allan_fit import fit_chart
-from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_rest as rest
 from lowcostnav_ros.cli.jobs import job
 
@@ -16,6 +13,10 @@ EXAMPLE = "example: lowcostnav allan still_bag -o result"
 @job("Allan deviation of inertial sensors at rest: chart, coefficients, and the numbers of an IMU profile.", rest.add_arguments, EXAMPLE)
 def allan(arguments: argparse.Namespace) -> int:
     """Charts and numbers of every column."""
+    from lowcostnav_ros.calibration.allan import allan_chart
+    from lowcostnav_ros.calibration.allan_fit import fit_chart
+    from lowcostnav_ros.cli import calibrate_charts as charts
+
     columns, rate_hz = rest.inertial(arguments)
     rest.require_rest(columns, rate_hz)
     results: dict[str, Any] = {}

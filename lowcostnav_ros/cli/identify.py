@@ -8,11 +8,8 @@ from functools import partial
 import numpy as np
 
 from lowcostnav_ros.base.exit_codes import Exit
-from lowcostnav_ros.calibration.identification import identify_static
-from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli import calibrate_rest as rest
-from lowcostnav_ros.cli.calibrate_reference import identified
 from lowcostnav_ros.cli.jobs import job
 
 EXAMPLE = """examples:
@@ -24,6 +21,10 @@ EXAMPLE = """examples:
 @job("What an IMU shows: rate, noise, units, axes; at rest its error model, as numbers of a profile.", rest.add_arguments, EXAMPLE)
 def identify(arguments: argparse.Namespace) -> int:
     """Mean, scatter, correlation time of every column."""
+    from lowcostnav_ros.calibration.identification import identify_static
+    from lowcostnav_ros.cli import calibrate_charts as charts
+    from lowcostnav_ros.cli.calibrate_reference import identified
+
     other = None if files.is_table(arguments.source) or arguments.topic == "imu/data_raw" else identified(arguments)
     if other is not None:
         return other
@@ -59,4 +60,6 @@ def identify(arguments: argparse.Namespace) -> int:
 
 
 def _charts(values: Mapping[str, np.ndarray], rate_hz: float, names: list[str], unit: str) -> list[str]:
+    from lowcostnav_ros.cli import calibrate_charts as charts
+
     return charts.identification_charts({name: values[name] for name in names}, rate_hz, unit)

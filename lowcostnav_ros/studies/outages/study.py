@@ -12,7 +12,7 @@ import numpy as np
 from lowcostnav_ros import __version__
 from lowcostnav_ros.base.measurements import Attitude, GnssEpoch, GpsPosition, GpsVelocity, Measurement, NavSolution
 from lowcostnav_ros.base.settings import settings_hash
-from lowcostnav_ros.catalogue.config_files import config_dir
+from lowcostnav_ros.catalogue.config_files import SHIPPED, config_dir
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.messages.rules import DecodeRules
 from lowcostnav_ros.navigators.base import Navigator
@@ -29,7 +29,6 @@ from lowcostnav_ros.studies.outages.words import worst_sentence
 
 TRUTH_STEP_NS = 95_000_000
 """Of the truth one state is taken in so long a time: between them it is as good as straight."""
-SHIPPED = "shipped"
 
 
 class OutageError(ValueError):
