@@ -5,6 +5,7 @@ import pytest
 
 from lowcostnav_ros.convert.recognise import convert_log, recognise
 from lowcostnav_ros.formats import flight_tables, igc
+from lowcostnav_ros.formats.air import is_reading
 from lowcostnav_ros.formats.log import FormatError
 from lowcostnav_ros.formats.velocity_lag import taken_back, velocity_lag
 
@@ -96,3 +97,19 @@ def test_a_velocity_in_straight_flight_or_of_few_rows_is_left_alone():
     assert taken_back(stamps, lat, lon, np.full_like(velocity, np.nan))[2] == ""
     steady = np.tile([30.0, 0.0, 0.0], (300, 1))
     assert taken_back(stamps, 0.7 + 30.0 * np.arange(300) / 6.362e6, np.zeros(300), steady)[2] == ""
+
+
+def test_a_slow_airspeed_is_a_reading_once_the_aircraft_has_flown_and_stands():
+    tas, ground = np.array([0.0, 3.0, 30.0, np.nan, 0.0, 0.0, 2.0]), np.array([0.0, 0.0, 25.0, 20.0, 12.0, 2.0, 0.0])
+    assert is_reading(tas, ground).tolist() == [False, False, True, False, False, True, True]
+    assert is_reading(tas, np.inf).tolist() == [False, False, True, False, False, False, False]
+
+
+def test_a_glider_that_has_landed_keeps_its_airspeed_and_no_heading_is_taken_before_there_is_one(tmp_path):
+    rows = [("02000", "000", "00000")] * 3 + [("10000", "044", "09000")] * 4 + [("01200", "045", "00000")] * 3  # km/h and decimals
+    lines = [f"B1200{k:02d}4500000N00700000EA0100001100{tas}{heading}{speed}" for k, (tas, heading, speed) in enumerate(rows)]
+    (tmp_path / "a.igc").write_text("AXXX001\nHFDTE010825\nI033640TAS4143HDT4448GSP\n" + "\n".join(lines))
+    log = igc.read(tmp_path / "a.igc")
+    series = {one.topic: one for one in log.series}
+    assert len(series["air/velocity"].stamps_ns) == 10 and any("3 fixes are without a heading" in text for text in log.account.remarks)
+    assert series["imu/data"].stamps_ns[0] == series["air/velocity"].stamps_ns[3]

@@ -18,6 +18,7 @@ from lowcostnav_ros.base.documents import number_in
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE
 from lowcostnav_ros.base.units import ZERO_CELSIUS
 from lowcostnav_ros.catalogue.geoid import undulation
+from lowcostnav_ros.formats.air import is_reading
 from lowcostnav_ros.formats.log import FormatError, Log, heading_attitude, read_bytes
 from lowcostnav_ros.formats.velocity_lag import taken_back
 from lowcostnav_ros.physics import atmosphere
@@ -128,13 +129,17 @@ def _air(log: Log, stamps: np.ndarray, table: np.ndarray, further: dict[str, np.
     if "TAS" not in places:
         return
     tas = further["TAS"] * _speed_factor("TAS", places)
-    flying = tas > 5.0
-    log.add("air/velocity", stamps[flying], "B records: true airspeed TAS in km/h and its decimals", tas=tas[flying], sigma=1.0)
+    ground_speed = further["GSP"] * _speed_factor("GSP", places) if "GSP" in places else np.inf
+    measured = is_reading(tas, ground_speed)
+    log.add("air/velocity", stamps[measured], "B records: true airspeed TAS in km/h and its decimals", tas=tas[measured], sigma=1.0)
     name = next((name for name in ("HDT", "TRT") if name in places), None)
     if name is None:
         return
     heading = np.radians(further[name])
-    known = np.isfinite(heading)
+    known = np.isfinite(heading) & (np.maximum.accumulate(np.nan_to_num(heading)) > 0.0)  # zero is written until there is one
+    if not known.all():
+        kind = "heading" if name == "HDT" else "track"
+        log.account.remark(f"{np.sum(~known)} fixes are without a {kind}, or before the first that is not zero.")
     origin = f"heading {'HDT' if name == 'HDT' else 'taken from the track TRT'}, bank of a coordinated turn, no pitch, interpolated"
     log.account.remark("The recorder knows no attitude: it is made of heading and turn, within 8 deg; its heading may be made of the wind.")
     heading_attitude(log, stamps[known], heading[known], tas[known], origin)
