@@ -44,7 +44,8 @@ HEART = mavlink_frame(0, struct.pack("<IBBBBB", 0, 1, 3, 81, 4, 3))
 
 def inertial(at_us: int, number: int = 0) -> bytes:
     """HIGHRES_IMU of an aircraft that flies level; its number is in the forward specific force, so that one that is lost is known."""
-    return mavlink_frame(105, struct.pack("<Q13fH", at_us, 1e-6 * number, 0.0, -9.8, 0.0, 0.01, 0.0, 0.2, 0.0, 0.4, 900.0, 0.0, 980.0, 20.0, 0x1FFF))
+    values = 1e-6 * number, 0.0, -9.8, 0.0, 0.01, 0.0, 0.2, 0.0, 0.4, 900.0, 0.0, 980.0, 20.0
+    return mavlink_frame(105, struct.pack("<Q13fH", at_us, *values, 0x1FFF))
 
 
 def number_of(raw: bytes) -> int:
