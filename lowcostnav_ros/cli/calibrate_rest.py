@@ -104,15 +104,14 @@ def require_rest(columns: "Columns", rate_hz: float) -> None:
             )
 
 
-def judge(misses: dict[str, tuple[float, float]]) -> bool:
-    """Print by how much a model misses what was measured; return whether it can be trusted."""
+def judge(misses: dict[str, tuple[float, float]]) -> tuple[bool, str]:
+    """Return whether a model can be trusted, and a sentence on by how much it misses what was measured."""
     name = max(misses, key=lambda name: misses[name][0])
     factor, at_s = misses[name]
     if factor <= FITS:
-        print(f"verdict: the model holds within {100.0 * (factor - 1.0):.0f} % ({name} at {at_s:.3g} s)")
-        return True
-    print(f"verdict: NOT TO BE USED, the model misses {name} at {at_s:.3g} s by a factor of {factor:.2g}: disturbance, or no white noise.")
-    return False
+        return True, f"verdict: the model holds within {100.0 * (factor - 1.0):.0f} % ({name} at {at_s:.3g} s)"
+    words = f"verdict: NOT TO BE USED, the model misses {name} at {at_s:.3g} s by a factor of {factor:.2g}: disturbance, or no white noise."
+    return False, words
 
 
 def named(values: np.ndarray, rate_hz: float, name: str) -> np.ndarray:
@@ -136,24 +135,32 @@ def out_dir(arguments: argparse.Namespace) -> Path | None:
     return out
 
 
+def heads_in(columns: "Columns", heads: tuple[str, ...]) -> tuple[str, ...]:
+    """Heads of a table with the unit of the columns in place of ``u``, where they have one in common."""
+    units = set(columns.units.values())
+    return tuple(head.replace("[u", f"[{unit}") for unit in units for head in heads) if len(units) == 1 and "" not in units else heads
+
+
 def print_columns(heads: tuple[str, ...], rows: list[tuple], columns: "Columns") -> None:
     """Print a row for each column, and what the unit is."""
     from lowcostnav_ros.report.terminal import print_report
 
     units = ", ".join(sorted({unit for unit in columns.units.values() if unit})) or "the unit of the columns (give it with --unit)"
+    told = f"u is {units}; {columns.source}" if any("[u" in head for head in heads) else columns.source
     table = Table.plain("", heads, [(row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows])
-    print_report("", [table], [f"u is {units}; {columns.source}", *columns.notes])
+    print_report("", [table], [told, *columns.notes])
 
 
-def print_grade(drifts: dict[str, float], columns: "Columns") -> None:
-    """Print of what grade the gyros are by their drift; a recording at rest does not show the turn-on bias."""
+def graded(drifts: dict[str, float], columns: "Columns") -> list[str]:
+    """Of what grade the gyros are by their drift, in a sentence, if there are any; a recording at rest does not show the turn-on bias."""
     from lowcostnav_ros.calibration.profile_text import GYRO_UNITS
     from lowcostnav_ros.sensors.imu_grade import grade
 
     gyros = {n: sigma * GYRO_UNITS[columns.units[n]] / DEGREE_PER_HOUR for n, sigma in drifts.items() if columns.units[n] in GYRO_UNITS}
     worst = max(gyros, key=lambda name: gyros[name], default=None)
-    if worst is not None and gyros[worst] > 0.0:
-        print(f"gyro drift of {gyros[worst]:.3g} deg/h ({worst}): {grade(gyros[worst])} grade at best; the turn-on bias may be larger.")
+    if worst is None or gyros[worst] <= 0.0:
+        return []
+    return [f"gyro drift of {gyros[worst]:.3g} deg/h ({worst}): {grade(gyros[worst])} grade at best; the turn-on bias may be larger."]
 
 
 def write_numbers(path: Path, heads: tuple[str, ...], rows: list[tuple]) -> None:
