@@ -17,6 +17,7 @@ driver, what was sent, published and recorded, and the numbers of the first samp
 import argparse
 import contextlib
 import os
+import select
 import struct
 import tempfile
 import time
@@ -37,6 +38,8 @@ from lowcostnav_ros.messages.bag import BagReader
 BYTES_PER_S = 100_000
 """Of 1 Mbaud: ten bits a byte."""
 STEP_S, HOLDS_S = 0.005, 4096 / BYTES_PER_S
+DRAIN_S = 60.0
+"""How long what waits at the end may take."""
 AWAY_S = (3.05, 3.15, 3.25, 3.35)
 """At any phase of the half second in which a driver tries again."""
 HEART = mavlink_frame(0, struct.pack("<IBBBBB", 0, 1, 3, 81, 4, 3))
@@ -90,6 +93,15 @@ class Device:
             del self.waiting[:taken]
         self.longest_s = max(self.longest_s, len(self.waiting) / BYTES_PER_S)
 
+    def rest(self, seconds: float) -> None:
+        """Pass a time; what waits goes as soon as the driver has made room: none waits for this process to wake up."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            if self.waiting and select.select([], [self.master], [], left)[1]:
+                self.send(b"")
+            elif not self.waiting:
+                time.sleep(left)
+
     def fly(self, seconds: float, hertz: float) -> int:
         """Send for a time; return the inertial samples sent."""
         self.send(HEART)  # an autopilot is known by it
@@ -104,7 +116,7 @@ class Device:
                 part += HEART if k % round(hertz) == 0 else b""
             sent += due
             self.send(part)
-            time.sleep(STEP_S)
+            self.rest(STEP_S)
         return sent
 
 
@@ -130,9 +142,8 @@ def flown(hertz: float, seconds: float, *, replug: bool = False) -> dict[str, An
                 device.plug()
                 back.append(time.time_ns())
                 device.fly(5.0, hertz)
-            while device.waiting and time.monotonic() < begun + elapsed + 10.0:
-                device.send(b"")
-                time.sleep(STEP_S)
+            while device.waiting and time.monotonic() < begun + elapsed + DRAIN_S:
+                device.rest(STEP_S)
             time.sleep(3.0)  # longer than between two reports
             traced = {"port_bytes": device.taken, "driver_bytes": int(port()["bytes"])}
             traced |= {name: port()[name] for name in ("frames", "broken", "skipped_bytes", "refused")}
