@@ -11,7 +11,8 @@ replug    the device away for 3 s, four times: from its return to the first samp
     python benchmarks/drivers.py --only full      one of them
 
 A loss is traced: ``port_bytes`` that the port took beside ``driver_bytes`` that the driver read, frames, broken frames and refusals of the
-driver, what was sent, published and recorded, and the numbers of the first samples that the recording lacks.
+driver, what was sent, published and recorded, and the numbers of the first samples that the recording lacks. What a driver publishes before
+the recorder has found it (its topics begin with their first message) counts apart.
 """
 
 import argparse
@@ -154,8 +155,9 @@ def flown(hertz: float, seconds: float, *, replug: bool = False) -> dict[str, An
     if replug:
         return {"back_after_s": round(1e-9 * max(int(arrived[arrived > at][0]) - at for at in back), 2)}
     waited = {"longest_wait_ms": round(1e3 * device.longest_s, 1), "port_holds_ms": round(1e3 * HOLDS_S, 1)}
-    lost = np.setdiff1d(np.arange(sent), numbers)
-    counts = {"sent": sent, "published": published, "recorded": len(arrived), "lost": lost[:100].tolist(), "hz": round(sent / elapsed, 1)}
+    lost = np.setdiff1d(np.arange(int(numbers[0]), sent), numbers)
+    counts = {"sent": sent, "published": published, "recorded": len(arrived), "before_the_recorder_heard": int(numbers[0])}
+    counts |= {"lost": len(lost), "first_lost": lost[:20].tolist(), "hz": round(sent / elapsed, 1)}
     return counts | {"driver_core_share": round(share, 3)} | waited | traced
 
 
