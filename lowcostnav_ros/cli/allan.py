@@ -28,8 +28,8 @@ def allan(arguments: argparse.Namespace) -> int:
         (name, f.white_density, f.drift_sigma, f.drift_tau_s, f.bias_instability, f.minimum_s, f.random_walk) for name, f in fits.items()
     ]
     heads = ("column", "white N [u/rtHz]", "drift sigma [u]", "tau [s]", "B [u]", "minimum at [s]", "K [u/s/rtHz]")
-    heads = rest.heads_in(columns, heads)
-    rest.print_columns(heads, rows, columns)
+    shown = rest.heads_in(columns, heads)
+    rest.print_columns(shown, rows, columns)
     sound, verdict = rest.judge({name: fit.misses(chart) for name, (chart, fit) in results.items()})
     said = [charts.data_sheet(name, fit, columns.units[name]) for name, fit in fits.items()]
     long = "the correlation time exceeds a third of the record; only sigma^2/tau is known, record longer."
@@ -40,7 +40,7 @@ def allan(arguments: argparse.Namespace) -> int:
     out = rest.out_dir(arguments)
     if out is not None:
         drawn = charts.by_unit(columns.units, lambda names, unit: charts.allan_charts({n: results[n] for n in names}, unit))
-        charts.write_page(out / "allan.html", f"Allan deviation of {columns.source}", heads, rows, said, drawn)
-        rest.write_numbers(out / "allan.csv", heads, rows)
+        charts.write_page(out / "allan.html", f"Allan deviation of {columns.source}", shown, rows, said, drawn)
+        rest.write_numbers(out / "allan.csv", shown, rows)
         rest.write_profile(out, "Allan deviation", numbers, columns, rate_hz)
     return Exit.OK if sound else Exit.WORSE

@@ -42,8 +42,8 @@ def identify(arguments: argparse.Namespace) -> int:
         for n, f in found.items()
     ]
     heads = ("column", "mean [u]", "+- [u]", "white sigma/sample [u]", "drift sigma [u]", "tau [s]", "1-min sigma [u]")
-    heads = rest.heads_in(columns, heads)
-    rest.print_columns(heads, rows, columns)
+    shown = rest.heads_in(columns, heads)
+    rest.print_columns(shown, rows, columns)
     fits, verdict = rest.judge({name: f.coloured for name, f in found.items()})
     unsure = [name for name, f in found.items() if f.correlation_time_s is not None and not f.correlation_time_sure]
     said = [f"{name}: the record holds fewer than 20 correlation times; expect the true one to be longer." for name in unsure]
@@ -53,9 +53,9 @@ def identify(arguments: argparse.Namespace) -> int:
     if out is not None:
         drawn = charts.by_unit(columns.units, partial(_charts, columns.values, rate_hz))
         said = ([look.words(), *look.findings] if look is not None else []) + said
-        charts.write_page(out / "identify.html", f"{columns.source} at rest", heads, rows, said, drawn)
+        charts.write_page(out / "identify.html", f"{columns.source} at rest", shown, rows, said, drawn)
         numbers = {n: (f.white_density, f.drift_sigma, f.correlation_time_s or 0.0) for n, f in found.items()}
-        rest.write_numbers(out / "identify.csv", heads, rows)
+        rest.write_numbers(out / "identify.csv", shown, rows)
         rest.write_profile(out, "mean, scatter and autocorrelation", numbers, columns, rate_hz)
     return Exit.OK if fits and not (look is not None and look.findings) else Exit.WORSE
 
