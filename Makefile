@@ -35,7 +35,7 @@ validation-check: venv ## the same elsewhere; fails where a line differs from do
 
 site: venv ## the documentation as a site in out/site, to be read without a network; a link that leads nowhere fails it
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check "mkdocs-material>=9.5,<10"
-	mkdir -p out/site_source && cp -r README.md CONTRIBUTING.md QUALITY_DECLARATION.md CHANGELOG.rst LICENSE docs config package.xml out/site_source/
+	mkdir -p out/site_source && cp -r README.md CONTRIBUTING.md QUALITY_DECLARATION.md SECURITY.md CITATION.cff CHANGELOG.rst LICENSE docs config package.xml out/site_source/
 	$(BIN)/mkdocs build --strict --quiet
 
 docs-check: venv ## run every command of README and docs in its printed order (ten minutes)

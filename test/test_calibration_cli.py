@@ -268,3 +268,13 @@ def test_calibrate_heading_of_a_bag_applies_the_calibration(tmp_path, capsys):
         left.append(own.bias_deg)
     assert left[0] > 3.0
     assert left[1] < 0.1
+
+
+def test_the_page_of_an_identification_says_what_the_terminal_says_and_in_which_unit(tmp_path, capsys):
+    table = "\n".join(["gyro_x", *(f"{value:.6f}" for value in np.random.default_rng(2).normal(0.001, 0.002, 12_000))])
+    (tmp_path / "rest.csv").write_text(table)
+    for job in ("identify", "allan"):
+        cli.main([job, str(tmp_path / "rest.csv"), "--rate", "100", "--unit", "rad/s", "-o", str(tmp_path / job)])
+        said = [line for line in capsys.readouterr().out.splitlines() if line.startswith(("verdict", "gyro drift"))]
+        page = (tmp_path / job / f"{job}.html").read_text()
+        assert len(said) >= 1 and all(line in page for line in said) and "drift sigma [rad/s]" in page and "[u]" not in page

@@ -183,6 +183,18 @@ def test_help_and_version_answer_at_once_and_name_the_jobs():
     assert main(["--version"]) == 0
 
 
+def test_the_options_of_a_job_are_shown_without_what_works_and_all_jobs_together_load_little():
+    heavy = ("numba", "scipy", "matplotlib", "rclpy", "rosbags", "jsbsim", "filterpy", "pyulog", "mcap", "pygeomag")
+    shown = (
+        "import sys, lowcostnav_ros.cli.main as c\n"
+        "for name in c.JOBS: c.parser(name)\n"
+        f"print([m for m in {heavy} if m in sys.modules], sum(m.startswith('lowcostnav_ros') for m in sys.modules))"
+    )
+    environment = {**os.environ, "LOWCOSTNAV_KERNELS": "interpreted"}  # as --help sets it
+    told = subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True, env=environment).stdout
+    assert told.startswith("[] ") and int(told.split()[-1]) < 120, told
+
+
 def test_no_job_or_an_unknown_one_is_exit_status_two(capsys):
     assert main([]) == 2
     assert main(["replya"]) == 2

@@ -1,13 +1,18 @@
-"""The Python example of the studies page runs, and gives the numbers that stand beside it."""
+"""The Python examples of the documentation run, and give the numbers that stand beside them."""
 
+import json
+import shutil
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 
+ROOT = Path(__file__).parents[1]
+
 
 def test_the_example_of_the_studies_page_gives_its_numbers():
-    page = (Path(__file__).parents[1] / "docs/studies.md").read_text()
+    page = (ROOT / "docs/studies.md").read_text()
     found: dict = {}
     exec(page.split("## From Python")[1].split("```python\n")[1].split("```")[0], found)  # the page's own text
     np.testing.assert_allclose(found["walk_deg"], [0.0866, 0.671], rtol=1e-3)
@@ -16,3 +21,17 @@ def test_the_example_of_the_studies_page_gives_its_numbers():
     assert found["same"].shape == (6, 3)
     assert np.abs(found["gains"][0][3:] - found["gains"][2][3:]).max() > 0.1 * np.abs(found["gains"][0][3:]).max()
     assert [bool(remark) for remark in found["remarks"]] == [True, True, False, False]
+
+
+def test_the_notebook_runs_from_top_to_bottom_and_carries_no_output():
+    cells = json.loads((ROOT / "docs/examples/losing_gps.ipynb").read_text())["cells"]
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
+    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code)
+    matplotlib.use("Agg")
+    found: dict = {}
+    for cell in code:
+        exec("".join(cell["source"]), found)
+    shutil.rmtree(found["out"])
+    assert {"ins_gps", "dead_reckoning"} <= set(found["errors"]) and all(share > 0.8 for share in found["inside"].values())
+    lost = found["errors"]["ins_gps"]
+    assert lost["sigma_north_m"][-1] > 3.0 * lost["sigma_north_m"][len(lost) // 2]  # GPS is away at the end

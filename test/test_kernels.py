@@ -74,3 +74,24 @@ def test_a_folder_that_others_could_fill_is_no_cache(tmp_path, monkeypatch):
 
 def no_home() -> None:
     raise PermissionError("no home")
+
+
+def test_a_first_start_says_how_far_the_compiler_is_and_a_second_one_nothing(monkeypatch):
+    from numba.core import event
+
+    said, clock = [], [0.0]
+    monkeypatch.setattr(kernels, "perf_counter", lambda: clock[0])
+    listener = kernels.progress(said.append)
+    with event.install_listener("numba:compile", listener):
+        for _ in range(20):
+            with event.trigger_event("numba:compile"):
+                clock[0] += 0.5
+                with event.trigger_event("numba:compile"):  # what it calls: its time counts once
+                    clock[0] += 0.5
+            clock[0] += 100.0  # flown, not compiled
+        assert [line.split(": ")[1] for line in said] == [f"{n} functions after {s} s ..." for n, s in ((2, 2), (18, 10), (34, 18))]
+        assert all(line.startswith(kernels.COMPILING) for line in said)
+        before = listener.count
+        fresh = kernels.kernel(lambda x: x + 1.0)
+        assert fresh(1.0) == 2.0 and listener.count == before + 1
+        assert fresh(2.0) == 3.0 and listener.count == before + 1

@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import math
+import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,8 @@ from lowcostnav_ros.replay.result import plain, typed
 from lowcostnav_ros.replay.runs import NavigatorRun
 from lowcostnav_ros.replay.session import first_stamp
 from lowcostnav_ros.replay.withhold import NS, Window, Withhold
+from lowcostnav_ros.studies.aside import Aside
+from lowcostnav_ros.studies.outages import study
 from lowcostnav_ros.studies.outages.flight import Losses
 from lowcostnav_ros.studies.outages.parts import parts_of
 from lowcostnav_ros.studies.outages.result import End, Outage, OutageStudy, statistics_of
@@ -174,12 +178,15 @@ def test_the_number_of_processes_changes_no_number_and_the_study_is_read_back():
         study_outages(Case(REFERENCE, Plan((60.0,)), ("ahrs",)), workers=1)
 
 
-def test_a_study_along_a_replay_is_the_study_and_leaves_the_replay_as_it_is():
+def test_a_study_along_a_replay_is_the_study_and_leaves_the_replay_as_it_is(monkeypatch):
     plan = Plan((5.0, 10.0), 4.0, 15.0)
-    along = StudyAlong(plan)
-    options = ReplayOptions(("ahrs", "dead_reckoning"))
-    watched = replay_bag(REFERENCE, dataclasses.replace(options, watch=along.begin))
-    assert plain(along.study()) == plain(study_outages(Case(REFERENCE, plan, options.navigators), workers=1))
+    options, expected = ReplayOptions(("ahrs", "dead_reckoning")), None
+    for places in (0, 2):  # windows flown here, or aside as they come
+        monkeypatch.setattr(study, "room", lambda places=places: places)
+        along = StudyAlong(plan)
+        watched = replay_bag(REFERENCE, dataclasses.replace(options, watch=along.begin))
+        expected = expected or plain(study_outages(Case(REFERENCE, plan, options.navigators), workers=1))
+        assert plain(along.study()) == expected
     alone = replay_bag(REFERENCE, options)
     for name, one in alone.navigators.items():
         assert watched.navigators[name].fused == one.fused and watched.navigators[name].aids == one.aids
@@ -187,6 +194,18 @@ def test_a_study_along_a_replay_is_the_study_and_leaves_the_replay_as_it_is():
     replay_bag(REFERENCE, dataclasses.replace(options, watch=refused.begin))
     with pytest.raises(OutageError, match="No outage of 60 s fits"):
         refused.study()
+
+
+def test_work_aside_gives_its_result_and_is_done_here_where_the_fork_is_killed():
+    here = os.getpid()
+    large = Aside(lambda: (os.getpid(), np.arange(1_000_000)), is_aside=True)
+    killed = Aside(lambda: os.getpid() if os.getpid() == here else os.kill(os.getpid(), signal.SIGKILL), is_aside=True)
+    failing = Aside(lambda: 1 // (os.getpid() == here), is_aside=True)
+    plain_call = Aside(os.getpid, is_aside=False)
+    pid, numbers = large.result()
+    assert pid != here and numbers[-1] == 999_999
+    assert killed.result() == plain_call.result() == here and not plain_call.is_running
+    assert failing.result() == 1
 
 
 def test_the_command_writes_table_page_and_numbers_and_refuses_in_a_sentence(tmp_path, capsys):

@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
+import yaml
 
 from lowcostnav_ros.graph.description import load_graph
 from lowcostnav_ros.graph.executables import EXECUTABLES, settings_of
@@ -113,3 +114,13 @@ def test_the_launch_file_starts_the_nodes_of_a_graph_with_its_arguments(monkeypa
 def test_pinned_versions_are_those_of_the_ros_extra():
     pinned = set(re.findall(r"^(ros-[\w-]+==[\d.]+)", (ROOT / "requirements.txt").read_text(), re.M))
     assert pinned == set(re.findall(r'"(ros-[\w-]+==[\d.]+)"', (ROOT / "setup.py").read_text())) and len(pinned) == 3
+
+
+def test_the_citation_and_the_container_for_developers_agree_with_the_package():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    package = ElementTree.parse(ROOT / "package.xml").getroot()
+    assert (citation["version"], citation["license"]) == (package.findtext("version"), package.findtext("license"))
+    assert citation["authors"][0]["email"] == package.find("maintainer").get("email")
+    container = json.loads((ROOT / ".devcontainer" / "devcontainer.json").read_text())
+    made = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.M)
+    assert container["postCreateCommand"].removeprefix("make ") in made

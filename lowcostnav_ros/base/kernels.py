@@ -18,12 +18,17 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from time import perf_counter
 from typing import Any, TypeVar
 
 import numpy as np
 
 F = TypeVar("F", bound=Callable)
 
+COMPILING = "compiling for this machine, once"
+"""What a line of progress begins with, which a first start says on stderr, or where :data:`tell` leads."""
+FIRST_S, EVERY_S = 2.0, 8.0
+"""Seconds spent compiling after which the first line is said, and each further one."""
 INTERPRETED = os.environ.get("LOWCOSTNAV_KERNELS", "compiled") == "interpreted"
 
 _PACKAGE = Path(__file__).parents[1]
@@ -36,6 +41,7 @@ def kernel(function: F) -> F:
         return function
     import numba
 
+    _watch_compiler()
     config: Any = numba.core.config
     root = cache_root()
     compiler: Any = numba.njit(cache=root is not None, fastmath=False, error_model="numpy")
@@ -52,6 +58,51 @@ def kernel(function: F) -> F:
 def plain(column: np.ndarray) -> np.ndarray:
     """A column of numbers or truth values as compiled code takes it: contiguous, float64 or bool."""
     return np.ascontiguousarray(column, dtype=bool if column.dtype == bool else float)
+
+
+def on_stderr(words: str) -> None:
+    """Say it there."""
+    print(words, file=sys.stderr, flush=True)
+
+
+tell: Callable[[str], None] = on_stderr
+"""Where the progress of a first start is said; set by who shows it elsewhere."""
+
+
+@cache
+def _watch_compiler() -> None:
+    """Have a line said now and then while kernels are compiled; those that are loaded from the cache are no work."""
+    from numba.core import event
+
+    event.register("numba:compile", progress(lambda words: tell(words)))
+
+
+def progress(say: Callable[[str], None]) -> Any:
+    """Return a listener to the compiler's events that says how far it is."""
+    from numba.core import event
+
+    class Progress(event.Listener):
+        """Adds up what the outermost compilations take: a kernel compiles those that it calls."""
+
+        depth, count, spent_s, next_s, began = 0, 0, 0.0, FIRST_S, 0.0
+
+        def on_start(self, _: event.Event) -> None:
+            self._look()
+            self.began = self.began if self.depth else perf_counter()
+            self.depth += 1
+
+        def on_end(self, _: event.Event) -> None:
+            self._look()
+            self.depth, self.count = self.depth - 1, self.count + 1
+            self.spent_s += 0.0 if self.depth else perf_counter() - self.began
+
+        def _look(self) -> None:
+            spent_s = self.spent_s + (perf_counter() - self.began if self.depth else 0.0)
+            if spent_s >= self.next_s:
+                self.next_s = spent_s + EVERY_S
+                say(f"{COMPILING}: {self.count} functions after {spent_s:.0f} s ...")
+
+    return Progress()
 
 
 @cache

@@ -14,6 +14,8 @@ from lowcostnav_ros.base.settings import Declared, SettingsError, declared, from
 S = TypeVar("S")
 _PACKAGE = "lowcostnav_ros"
 _WIDTH = 118
+SHIPPED = "shipped"
+"""What the settings of the package itself are called."""
 
 
 def config_dir() -> Path:

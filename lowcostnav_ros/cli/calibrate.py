@@ -7,17 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from lowcostnav_ros.base.documents import write_text
-from lowcostnav_ros.calibration.heading_error import fit_heading_error
-from lowcostnav_ros.calibration.record import CalibrationError, regular_rate
-from lowcostnav_ros.calibration.temperature import fit_scale_factor, fit_warm_up
 from lowcostnav_ros.catalogue.config_files import load_settings
-from lowcostnav_ros.cli.calibrate_input import is_table, read_table
-from lowcostnav_ros.cli.calibrate_rest import split
-from lowcostnav_ros.cli.calibrate_swing import read_pairs
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_reading, check_files, let_values_begin_with_minus, place_of
-from lowcostnav_ros.navigators.ahrs.navigator import AhrsSettings
-from lowcostnav_ros.physics.rotation import wrap
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,6 +50,11 @@ def calibrate(arguments: argparse.Namespace) -> int:
 
 
 def _temperature(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.calibration.temperature import fit_scale_factor
+    from lowcostnav_ros.cli.calibrate_input import read_table
+    from lowcostnav_ros.cli.calibrate_rest import split
+
     wanted = split(arguments.column)
     if len(wanted) != 2:
         raise CalibrationError("A slope needs two columns, temperature and output; name them with --column.")
@@ -74,6 +71,11 @@ def _temperature(arguments: argparse.Namespace) -> int:
 
 
 def _warm_up(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.calibration.temperature import fit_warm_up
+    from lowcostnav_ros.cli.calibrate_input import read_table
+    from lowcostnav_ros.cli.calibrate_rest import split
+
     columns = read_table(arguments.source, split(arguments.column))
     if columns.stamps_s is None or len(columns.values) != 1:
         raise CalibrationError("A warm-up needs a time column such as t_s, and one column of output; name it with --column.")
@@ -84,6 +86,9 @@ def _warm_up(arguments: argparse.Namespace) -> int:
 
 
 def _heading(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.calibration.heading_error import fit_heading_error
+    from lowcostnav_ros.calibration.record import regular_rate
+
     check_files(arguments.output)
     arguments.place = None if arguments.place is None else place_of(arguments.place, "--place")
     stamps_s, error = _residuals(arguments)
@@ -103,6 +108,13 @@ def _heading(arguments: argparse.Namespace) -> int:
 
 def _residuals(arguments: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
     """Time, s, and measured minus true heading, rad."""
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.cli.calibrate_input import is_table, read_table
+    from lowcostnav_ros.cli.calibrate_rest import split
+    from lowcostnav_ros.cli.calibrate_swing import read_pairs
+    from lowcostnav_ros.navigators.ahrs.navigator import AhrsSettings
+    from lowcostnav_ros.physics.rotation import wrap
+
     if is_table(arguments.source):
         columns = read_table(arguments.source, split(arguments.column))
         if columns.stamps_s is None or len(columns.values) != 1:

@@ -15,13 +15,6 @@ import numpy as np
 
 from lowcostnav_ros.base.documents import cells_of, delimiter_of, foreign_text
 from lowcostnav_ros.base.settings import nearest
-from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.convert.table import is_number
-from lowcostnav_ros.messages.bag import BagReader
-from lowcostnav_ros.messages.decode import Decoder
-from lowcostnav_ros.messages.foreign import parse_maps
-from lowcostnav_ros.messages.rules import DecodeRules
-from lowcostnav_ros.physics.geomagnetism import year_of_stamp
 
 _HEADS, _ENDS = ("t", "time", "stamp", "timestamp"), {"": 0.0, "_s": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}
 TIME_NAMES = {head + end: unit for head in _HEADS for end, unit in _ENDS.items()} | {"t": 1.0, "time": 0.0, "seconds": 1.0}
@@ -77,6 +70,12 @@ def read_topic(arguments: argparse.Namespace, triads: Mapping[str, tuple[str, st
     triads : mapping of str to (str, str)
         What the names of three columns begin with, to their unit and the attribute of the samples.
     """
+    from lowcostnav_ros.messages.bag import BagReader
+    from lowcostnav_ros.messages.decode import Decoder
+    from lowcostnav_ros.messages.foreign import parse_maps
+    from lowcostnav_ros.messages.rules import DecodeRules
+    from lowcostnav_ros.physics.geomagnetism import year_of_stamp
+
     path, topic = arguments.source, arguments.topic
     rules, maps = DecodeRules(everywhere=tuple(arguments.frame)), parse_maps(arguments.map)
     with BagReader(path, Decoder(rules), maps) as reader:
@@ -110,6 +109,8 @@ def read_table(path: str, wanted: list[str] | None, unit: str = "") -> Columns:
     CalibrationError
         For a missing column or a cell that is not a number, with its line.
     """
+    from lowcostnav_ros.calibration.record import CalibrationError
+
     names, delimiter, rows_text = _split(path)
     lower = [name.lower() for name in names]
     time = next((k for k, name in enumerate(lower) if name.partition("[")[0].strip() in TIME_NAMES), None)
@@ -138,6 +139,8 @@ def read_table(path: str, wanted: list[str] | None, unit: str = "") -> Columns:
 
 def _time_unit(path: str, name: str, values: np.ndarray) -> float:
     """Seconds in one unit of a time column, by its name, or else by the size that a time since 1970 has."""
+    from lowcostnav_ros.calibration.record import CalibrationError
+
     plain, _, bracket = name.lower().partition("[")
     stated = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(bracket.strip(" ]"), TIME_NAMES[plain.strip()])
     if stated:
@@ -151,6 +154,9 @@ def _time_unit(path: str, name: str, values: np.ndarray) -> float:
 
 def _split(path: str) -> tuple[list[str], str, str]:
     """Names of the columns, what separates them, and the text of the rows."""
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.convert.table import is_number
+
     try:
         raw = Path(path).read_bytes()
         text = foreign_text(gzip.decompress(raw) if path.endswith(".gz") else raw)

@@ -9,16 +9,6 @@ from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.measurements import Attitude, GpsPosition
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.base.units import FOOT, STANDARD_GRAVITY
-from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.calibration.reference_rest import CHANNELS, reference_at_rest
-from lowcostnav_ros.cli.calibrate_rest import STILL_MG
-from lowcostnav_ros.messages.bag import BagReader
-from lowcostnav_ros.messages.decode import Decoder
-from lowcostnav_ros.messages.foreign import parse_maps
-from lowcostnav_ros.messages.rules import DecodeRules
-from lowcostnav_ros.physics.earth import difference_n
-from lowcostnav_ros.physics.rotation import quats_to_euler
-from lowcostnav_ros.report.terminal import print_report
 
 FEWEST = 30
 MOVED_M, MOVED_DEG = 100.0, 5.0
@@ -27,6 +17,12 @@ MOVED_M, MOVED_DEG = 100.0, 5.0
 
 def identified(arguments: argparse.Namespace) -> int | None:
     """Characterise fixes or attitudes of a bag's topic; None where the topic holds neither."""
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.messages.bag import BagReader
+    from lowcostnav_ros.messages.decode import Decoder
+    from lowcostnav_ros.messages.foreign import parse_maps
+    from lowcostnav_ros.messages.rules import DecodeRules
+
     rules, maps = DecodeRules(everywhere=tuple(arguments.frame)), parse_maps(arguments.map)
     with BagReader(arguments.source, Decoder(rules), maps) as reader:
         samples: list[Any] = list(reader.measurements([arguments.topic]))
@@ -39,6 +35,10 @@ def identified(arguments: argparse.Namespace) -> int | None:
 
 def fixes(samples: list[GpsPosition]) -> int:
     """Variance of fixes about their mean, and what the receiver states."""
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.physics.earth import difference_n
+    from lowcostnav_ros.report.terminal import print_report
+
     first = samples[0]
     ned = np.array([difference_n(f.lat, f.lon, f.height, first.lat, first.lon, first.height) for f in samples])
     spread = float(np.ptp(ned[:, :2], axis=0).max())
@@ -55,6 +55,12 @@ def fixes(samples: list[GpsPosition]) -> int:
 
 def reference(samples: list[Attitude]) -> int:
     """Nine channels at rest, the sign of the accelerometers, and their biases once gravity is taken out."""
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.calibration.reference_rest import CHANNELS, reference_at_rest
+    from lowcostnav_ros.cli.calibrate_rest import STILL_MG
+    from lowcostnav_ros.physics.rotation import quats_to_euler
+    from lowcostnav_ros.report.terminal import print_report
+
     euler = quats_to_euler(np.array([a.q_nb for a in samples]))
     moved = float(np.degrees(np.ptp(np.quantile(euler[:, :2], [0.02, 0.98], axis=0), axis=0)).max())
     if moved > MOVED_DEG:

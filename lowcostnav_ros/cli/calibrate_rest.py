@@ -3,6 +3,7 @@
 import argparse
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,15 +11,13 @@ from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.base.units import DEGREE, DEGREE_PER_HOUR, MILLI_G
-from lowcostnav_ros.calibration.imu_look import ImuLook, look_at
-from lowcostnav_ros.calibration.profile_text import GYRO_UNITS, profile_text
-from lowcostnav_ros.calibration.record import CalibrationError, checked_record, regular_rate
 from lowcostnav_ros.cli import calibrate_input as files
-from lowcostnav_ros.cli.calibrate_input import Columns
 from lowcostnav_ros.cli.options import add_reading, check_folder
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
-from lowcostnav_ros.report.terminal import print_report
-from lowcostnav_ros.sensors.imu_grade import grade
+
+if TYPE_CHECKING:  # what works is imported by those that work: the options show at once
+    from lowcostnav_ros.calibration.imu_look import ImuLook
+    from lowcostnav_ros.cli.calibrate_input import Columns
 
 STILL_DPS, STILL_MG = 1.0, 30.0
 """One-second means that range over more are of a unit that moves, deg/s and milli-g."""
@@ -39,8 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="DIR", help="write chart, numbers and profile there")
 
 
-def inertial(arguments: argparse.Namespace) -> tuple["Columns", float]:
+def inertial(arguments: argparse.Namespace) -> "tuple[Columns, float]":
     """Columns of a recording and their sampling rate, Hz."""
+    from lowcostnav_ros.calibration.record import CalibrationError, regular_rate
+
     check_folder(arguments.output)
     wanted = split(arguments.column) if arguments.column else None
     if not files.is_table(arguments.source):
@@ -56,7 +57,9 @@ def inertial(arguments: argparse.Namespace) -> tuple["Columns", float]:
     return columns, arguments.rate
 
 
-def _chosen(columns: Columns, wanted: list[str]) -> Columns:
+def _chosen(columns: "Columns", wanted: list[str]) -> "Columns":
+
+    from lowcostnav_ros.calibration.record import CalibrationError
 
     for name in wanted:
         if name not in columns.values:
@@ -64,8 +67,10 @@ def _chosen(columns: Columns, wanted: list[str]) -> Columns:
     return replace(columns, values={name: columns.values[name] for name in wanted})
 
 
-def look(columns: Columns) -> ImuLook | None:
+def look(columns: "Columns") -> "ImuLook | None":
     """What a recording of both triads shows at a look; None for anything else."""
+    from lowcostnav_ros.calibration.imu_look import look_at
+
     names = [f"{triad}{axis}" for triad in files.INERTIAL for axis in "xyz"]
     if columns.stamps_s is None or any(name not in columns.values for name in names):
         return None
@@ -75,13 +80,16 @@ def look(columns: Columns) -> ImuLook | None:
     return look_at(ImuBlock.of("imu/data_raw", stamps_ns, by_attribute["specific_force_b"], by_attribute["angular_rate_b"]))
 
 
-def require_rest(columns: Columns, rate_hz: float) -> None:
+def require_rest(columns: "Columns", rate_hz: float) -> None:
     """Refuse a recording in motion, which an error model would take for drift.
 
     Raises
     ------
     CalibrationError
     """
+    from lowcostnav_ros.calibration.profile_text import GYRO_UNITS
+    from lowcostnav_ros.calibration.record import CalibrationError
+
     for name, values in columns.values.items():
         unit = columns.units[name]
         most, factor = (STILL_DPS, GYRO_UNITS[unit] / DEGREE) if unit in GYRO_UNITS else (STILL_MG, ACCEL_UNITS.get(unit, 0.0) / MILLI_G)
@@ -96,19 +104,20 @@ def require_rest(columns: Columns, rate_hz: float) -> None:
             )
 
 
-def judge(misses: dict[str, tuple[float, float]]) -> bool:
-    """Print by how much a model misses what was measured; return whether it can be trusted."""
+def judge(misses: dict[str, tuple[float, float]]) -> tuple[bool, str]:
+    """Return whether a model can be trusted, and a sentence on by how much it misses what was measured."""
     name = max(misses, key=lambda name: misses[name][0])
     factor, at_s = misses[name]
     if factor <= FITS:
-        print(f"verdict: the model holds within {100.0 * (factor - 1.0):.0f} % ({name} at {at_s:.3g} s)")
-        return True
-    print(f"verdict: NOT TO BE USED, the model misses {name} at {at_s:.3g} s by a factor of {factor:.2g}: disturbance, or no white noise.")
-    return False
+        return True, f"verdict: the model holds within {100.0 * (factor - 1.0):.0f} % ({name} at {at_s:.3g} s)"
+    words = f"verdict: NOT TO BE USED, the model misses {name} at {at_s:.3g} s by a factor of {factor:.2g}: disturbance, or no white noise."
+    return False, words
 
 
 def named(values: np.ndarray, rate_hz: float, name: str) -> np.ndarray:
     """Values of a column, checked to be usable."""
+    from lowcostnav_ros.calibration.record import checked_record
+
     return checked_record(values, rate_hz, f"'{name}'")
 
 
@@ -126,19 +135,32 @@ def out_dir(arguments: argparse.Namespace) -> Path | None:
     return out
 
 
-def print_columns(heads: tuple[str, ...], rows: list[tuple], columns: Columns) -> None:
+def heads_in(columns: "Columns", heads: tuple[str, ...]) -> tuple[str, ...]:
+    """Heads of a table with the unit of the columns in place of ``u``, where they have one in common."""
+    units = set(columns.units.values())
+    return tuple(head.replace("[u", f"[{unit}") for unit in units for head in heads) if len(units) == 1 and "" not in units else heads
+
+
+def print_columns(heads: tuple[str, ...], rows: list[tuple], columns: "Columns") -> None:
     """Print a row for each column, and what the unit is."""
+    from lowcostnav_ros.report.terminal import print_report
+
     units = ", ".join(sorted({unit for unit in columns.units.values() if unit})) or "the unit of the columns (give it with --unit)"
+    told = f"u is {units}; {columns.source}" if any("[u" in head for head in heads) else columns.source
     table = Table.plain("", heads, [(row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows])
-    print_report("", [table], [f"u is {units}; {columns.source}", *columns.notes])
+    print_report("", [table], [told, *columns.notes])
 
 
-def print_grade(drifts: dict[str, float], columns: Columns) -> None:
-    """Print of what grade the gyros are by their drift; a recording at rest does not show the turn-on bias."""
+def graded(drifts: dict[str, float], columns: "Columns") -> list[str]:
+    """Of what grade the gyros are by their drift, in a sentence, if there are any; a recording at rest does not show the turn-on bias."""
+    from lowcostnav_ros.calibration.profile_text import GYRO_UNITS
+    from lowcostnav_ros.sensors.imu_grade import grade
+
     gyros = {n: sigma * GYRO_UNITS[columns.units[n]] / DEGREE_PER_HOUR for n, sigma in drifts.items() if columns.units[n] in GYRO_UNITS}
     worst = max(gyros, key=lambda name: gyros[name], default=None)
-    if worst is not None and gyros[worst] > 0.0:
-        print(f"gyro drift of {gyros[worst]:.3g} deg/h ({worst}): {grade(gyros[worst])} grade at best; the turn-on bias may be larger.")
+    if worst is None or gyros[worst] <= 0.0:
+        return []
+    return [f"gyro drift of {gyros[worst]:.3g} deg/h ({worst}): {grade(gyros[worst])} grade at best; the turn-on bias may be larger."]
 
 
 def write_numbers(path: Path, heads: tuple[str, ...], rows: list[tuple]) -> None:
@@ -152,8 +174,10 @@ def quantity(unit: str) -> str:
     return {"rad/s": "gyro", "deg/s": "gyro", "deg/h": "gyro", "": "columns"}.get(unit, "accelerometer")
 
 
-def write_profile(out: Path, how: str, numbers: dict[str, tuple], columns: Columns, rate_hz: float) -> None:
+def write_profile(out: Path, how: str, numbers: dict[str, tuple], columns: "Columns", rate_hz: float) -> None:
     """Write what was found as the numbers of an IMU profile."""
+    from lowcostnav_ros.calibration.profile_text import profile_text
+
     source = f"{how} of {columns.source}, {len(next(iter(columns.values.values()))) / rate_hz / 3600.0:.2f} h at {rate_hz:.6g} Hz"
     text = profile_text(numbers, columns.units, rate_hz, source)
     (out / "profile.yaml").write_text(text, encoding="utf-8")

@@ -5,21 +5,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lowcostnav_ros.base.measurements import Attitude, MagneticField
-from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.cli.calibrate_input import Columns, is_table, read_table
-from lowcostnav_ros.cli.calibrate_rest import split
-from lowcostnav_ros.messages.bag import BagReader
-from lowcostnav_ros.messages.decode import Decoder
-from lowcostnav_ros.messages.foreign import parse_maps
-from lowcostnav_ros.messages.rules import DecodeRules
-from lowcostnav_ros.physics.geomagnetism import declination_of, field_n, year_of_stamp
-from lowcostnav_ros.physics.magnetic_heading import magnetic_heading
-from lowcostnav_ros.physics.rotation import quat_to_euler, wrap
+
+if TYPE_CHECKING:  # what works is imported by those that work: the options show at once
+    from lowcostnav_ros.cli.calibrate_input import Columns
 
 LEVEL_DEG, NEAR_S, SECTOR_DEG = 5.0, 0.05, 2.0
 """A swing is of level attitudes; a field belongs to an attitude this near in time; attitudes are averaged over sectors of this width, so
@@ -32,7 +25,7 @@ class Swung:
 
     heading: np.ndarray
     measured: np.ndarray
-    columns: Columns
+    columns: "Columns"
 
 
 def read_swing(arguments: argparse.Namespace) -> Swung:
@@ -46,6 +39,10 @@ def read_swing(arguments: argparse.Namespace) -> Swung:
     CalibrationError, BagError
         For missing columns, topics, place or date.
     """
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.cli.calibrate_input import is_table, read_table
+    from lowcostnav_ros.cli.calibrate_rest import split
+
     if not is_table(arguments.source):
         return _of_bag(arguments)
     wanted = split(arguments.column or "heading,measured")
@@ -67,7 +64,7 @@ class Pairs:
     known: np.ndarray
     measured: np.ndarray
     tilt: np.ndarray
-    columns: Columns
+    columns: "Columns"
 
 
 def read_pairs(arguments: argparse.Namespace, apply: Callable[[np.ndarray], np.ndarray] = lambda field: field) -> Pairs:
@@ -80,6 +77,16 @@ def read_pairs(arguments: argparse.Namespace, apply: Callable[[np.ndarray], np.n
     apply : callable
         Calibration of the fields.
     """
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.cli.calibrate_input import Columns
+    from lowcostnav_ros.messages.bag import BagReader
+    from lowcostnav_ros.messages.decode import Decoder
+    from lowcostnav_ros.messages.foreign import parse_maps
+    from lowcostnav_ros.messages.rules import DecodeRules
+    from lowcostnav_ros.physics.geomagnetism import declination_of, field_n, year_of_stamp
+    from lowcostnav_ros.physics.magnetic_heading import magnetic_heading
+    from lowcostnav_ros.physics.rotation import quat_to_euler
+
     rules, maps = DecodeRules(everywhere=tuple(arguments.frame)), parse_maps(arguments.map)
     with BagReader(arguments.source, Decoder(rules), maps) as reader:
         reader.require((arguments.topic, arguments.reference))
@@ -112,6 +119,9 @@ def read_pairs(arguments: argparse.Namespace, apply: Callable[[np.ndarray], np.n
 
 def _of_bag(arguments: argparse.Namespace) -> Swung:
     """Level headings of a bag, averaged by sector."""
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.physics.rotation import wrap
+
     pairs = read_pairs(arguments)
     level = pairs.tilt < math.radians(LEVEL_DEG)
     if not np.any(level):

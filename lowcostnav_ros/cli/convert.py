@@ -5,16 +5,9 @@ import sys
 from datetime import date
 from pathlib import Path
 
-from lowcostnav_ros import convert as conversion
 from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.progress import progress_bar
-from lowcostnav_ros.convert.any_log import convert_any
-from lowcostnav_ros.convert.guess import guess
-from lowcostnav_ros.convert.profile import ConvertError, shipped_profile_for
-from lowcostnav_ros.convert.recognise import Options
-from lowcostnav_ros.convert.rinex import convert_rinex
-from lowcostnav_ros.messages.foreign import parse_maps
 
 MOST_MALFORMED = 0.2
 """Share of malformed rows beyond which a conversion has failed."""
@@ -53,6 +46,12 @@ EXAMPLES = """examples:
 @job("Turn a recorded log of any known format into a bag with the standard topics.", add_arguments, EXAMPLES)
 def convert(arguments: argparse.Namespace) -> int:
     """Turn a recorded log into a bag."""
+    from lowcostnav_ros import convert as conversion
+    from lowcostnav_ros.convert.any_log import convert_any
+    from lowcostnav_ros.convert.profile import ConvertError, shipped_profile_for
+    from lowcostnav_ros.convert.recognise import Options
+    from lowcostnav_ros.messages.foreign import parse_maps
+
     if arguments.guess:
         return _guess(arguments)
     if not arguments.output:
@@ -77,6 +76,8 @@ def convert(arguments: argparse.Namespace) -> int:
 
 
 def _guess(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.convert.guess import guess
+
     text = guess(arguments.source)
     if arguments.output:
         write_text(arguments.output, text)
@@ -85,6 +86,9 @@ def _guess(arguments: argparse.Namespace) -> int:
 
 
 def _convert_rinex(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.convert.profile import ConvertError
+    from lowcostnav_ros.convert.rinex import convert_rinex
+
     if arguments.profile:
         raise ConvertError("--profile is for tables and --navigation for RINEX files; leave one of them out.")
     with progress_bar("convert") as advance:

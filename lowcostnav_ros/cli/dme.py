@@ -9,6 +9,7 @@ import argparse
 import csv
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +20,9 @@ from lowcostnav_ros.base.units import NAUTICAL_MILE
 from lowcostnav_ros.catalogue.config_files import find_config
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import between, check_files, check_folder, let_values_begin_with_minus, place_of
-from lowcostnav_ros.radionav.coverage import altitudes_above
-from lowcostnav_ros.radionav.navaid_import import NavaidList, lost_longitude_signs, navaids_from_text, select_near, table_as_text
-from lowcostnav_ros.report.dme.figures import drawings
-from lowcostnav_ros.report.dme.plan import make_plan
-from lowcostnav_ros.report.dme.tables import as_mapping, told
-from lowcostnav_ros.report.plan_folder import show_plan
+
+if TYPE_CHECKING:  # what works is imported by those that work: the options show at once
+    from lowcostnav_ros.radionav.navaid_import import NavaidList
 
 DEFAULT_STATIONS = "dme_stations_bay_area.csv"
 
@@ -63,6 +61,11 @@ def dme(arguments: argparse.Namespace) -> int:
 
 
 def _plan(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.report.dme.figures import drawings
+    from lowcostnav_ros.report.dme.plan import make_plan
+    from lowcostnav_ros.report.dme.tables import as_mapping, told
+    from lowcostnav_ros.report.plan_folder import show_plan
+
     check_folder(arguments.output)
     waypoints, elevation = _place(arguments)
     altitudes = _altitudes(arguments.altitude_m, elevation)
@@ -73,6 +76,8 @@ def _plan(arguments: argparse.Namespace) -> int:
 
 
 def _import(arguments: argparse.Namespace) -> int:
+
+    from lowcostnav_ros.radionav.navaid_import import lost_longitude_signs, select_near, table_as_text
 
     lat, lon, _ = place_of(arguments.near, "--near")
     if not arguments.within_nm > 0.0:
@@ -89,7 +94,9 @@ def _import(arguments: argparse.Namespace) -> int:
     return Exit.OK
 
 
-def _read(name: str, undulation_m: float) -> NavaidList:
+def _read(name: str, undulation_m: float) -> "NavaidList":
+    from lowcostnav_ros.radionav.navaid_import import navaids_from_text
+
     path = find_config(name)
     return navaids_from_text(foreign_text(path.read_bytes()), str(name), undulation_m)
 
@@ -122,6 +129,8 @@ def _waypoints(text: str, option: str) -> list[tuple[float, float]]:
 
 
 def _altitudes(text: str | None, elevation: float) -> list[float]:
+    from lowcostnav_ros.radionav.coverage import altitudes_above
+
     if text is None:
         return list(altitudes_above(elevation))
     return sorted({_number(cell, "--altitude-m", elevation, 20_000.0) for cell in text.split(",")})

@@ -6,16 +6,15 @@ import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_workers, check_files, check_folder, workers_of
-from lowcostnav_ros.report.faults.page import markdown, page
-from lowcostnav_ros.report.faults.tables import bad, fault_table, row_table, summary_table
-from lowcostnav_ros.report.terminal import print_table, result_console
-from lowcostnav_ros.studies.faults.judge import Row, Verdict
-from lowcostnav_ros.studies.faults.study import chosen, study
+
+if TYPE_CHECKING:  # what works is imported by those that work: the options show at once
+    from lowcostnav_ros.studies.faults.judge import Row
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,6 +39,11 @@ EXAMPLE = "example: lowcostnav faults --fault 'gps_*' --out result"
 @job("Inject faults into a flight and judge what every navigator makes of them.", add_arguments, EXAMPLE)
 def faults(arguments: argparse.Namespace) -> int:
     """Fly, judge, print; 1 when a navigator is wrong and sure."""
+    from lowcostnav_ros.report.faults.page import markdown, page
+    from lowcostnav_ros.report.faults.tables import bad, fault_table, row_table, summary_table
+    from lowcostnav_ros.report.terminal import print_table, result_console
+    from lowcostnav_ros.studies.faults.study import chosen, study
+
     names = chosen(arguments.fault, arguments.quick)
     console = result_console()
     if arguments.list:
@@ -67,6 +71,7 @@ def faults(arguments: argparse.Namespace) -> int:
 def _live(arguments: argparse.Namespace, names: list[str] | None) -> int:
     """Fly live; 1 when a replay differs from the flight."""
     from lowcostnav_ros.graph.faults import DOZEN, live_table, study_live
+    from lowcostnav_ros.report.terminal import print_table, result_console
 
     out = Path(arguments.out or "out/faults")
     seed = arguments.seed[0] if arguments.seed else 1
@@ -75,7 +80,7 @@ def _live(arguments: argparse.Namespace, names: list[str] | None) -> int:
     return Exit.WORSE if any(row.equal is False for row in rows) else Exit.OK
 
 
-def read_rows(paths: Iterable[str]) -> list[Row]:
+def read_rows(paths: Iterable[str]) -> "list[Row]":
     """Read what ``--out`` has written; of a fault, navigator and seed the last counts.
 
     Raises
@@ -83,6 +88,8 @@ def read_rows(paths: Iterable[str]) -> list[Row]:
     SettingsError
         For a file that is none of this command's.
     """
+    from lowcostnav_ros.studies.faults.judge import Row, Verdict
+
     rows: dict[tuple[str, str, int], Row] = {}
     for path in paths:
         try:

@@ -9,32 +9,22 @@ import argparse
 import datetime
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError, from_mapping
 from lowcostnav_ros.base.text import counted
-from lowcostnav_ros.catalogue.equipment import load_almanac
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import between, check_files, check_folder, let_values_begin_with_minus, place_of
 from lowcostnav_ros.cli.progress import progress_bar
-from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
-from lowcostnav_ros.gnss import GnssError
-from lowcostnav_ros.gnss.canyon import CanyonSettings
-from lowcostnav_ros.gnss.constellation import NAMES, TABLE_EPOCH_GPS_S, constellation_named
-from lowcostnav_ros.gnss.correction import CorrectionSettings
-from lowcostnav_ros.gnss.gps_time import SECOND, gps_ns
-from lowcostnav_ros.gnss.rinex_nav import Navigation
-from lowcostnav_ros.gnss.rinex_obs import Observations
-from lowcostnav_ros.gnss.sky_plan import plan_sky
-from lowcostnav_ros.gnss.track import Track, track
-from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, told
-from lowcostnav_ros.report.gnss.plan_figures import drawings
-from lowcostnav_ros.report.gnss.track import print_track, summarise, write_csv
-from lowcostnav_ros.report.gnss.track_page import write_page
-from lowcostnav_ros.report.plan_folder import show_plan
+
+if TYPE_CHECKING:  # what works is imported by those that work: the options show at once
+    from lowcostnav_ros.gnss.correction import CorrectionSettings
+    from lowcostnav_ros.gnss.rinex_nav import Navigation
+    from lowcostnav_ros.gnss.rinex_obs import Observations
+    from lowcostnav_ros.gnss.track import Track
 
 
 def add_arguments(gnss: argparse.ArgumentParser) -> None:
@@ -85,6 +75,10 @@ def gnss(arguments: argparse.Namespace) -> int:
 
 
 def _locate(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
+    from lowcostnav_ros.report.gnss.track import print_track, summarise, write_csv
+    from lowcostnav_ros.report.gnss.track_page import write_page
+
     settings = correction_settings(arguments)
     check_files(arguments.out, arguments.page)
     observations, navigation = read_observations(arguments.observations), read_navigation(arguments.navigation)
@@ -99,13 +93,15 @@ def _locate(arguments: argparse.Namespace) -> int:
     return Exit.OK
 
 
-def correction_settings(arguments: argparse.Namespace) -> CorrectionSettings:
+def correction_settings(arguments: argparse.Namespace) -> "CorrectionSettings":
     """Correction settings of the options, checked."""
+    from lowcostnav_ros.gnss.correction import CorrectionSettings
+
     values = {"mask_deg": arguments.mask_deg, "ionosphere": not arguments.no_ionosphere, "troposphere": not arguments.no_troposphere}
     return from_mapping(CorrectionSettings, {**values, "integrity_sigmas": arguments.integrity_sigmas}, "locate")
 
 
-def located_with_progress(observations: Observations, navigation: Navigation, settings: CorrectionSettings, label: str) -> Track:
+def located_with_progress(observations: "Observations", navigation: "Navigation", settings: "CorrectionSettings", label: str) -> "Track":
     """Locate a recording with a bar on a terminal.
 
     Raises
@@ -113,6 +109,9 @@ def located_with_progress(observations: Observations, navigation: Navigation, se
     GnssError
         When no epoch at all gives a position.
     """
+    from lowcostnav_ros.gnss import GnssError
+    from lowcostnav_ros.gnss.track import track
+
     with progress_bar(label) as advance:
         total = len(observations.epochs)
         located = track(observations.epochs, navigation, settings, advance=advance and (lambda done: advance(done / total)))
@@ -123,6 +122,11 @@ def located_with_progress(observations: Observations, navigation: Navigation, se
 
 
 def _plan(arguments: argparse.Namespace) -> int:
+    from lowcostnav_ros.gnss.sky_plan import plan_sky
+    from lowcostnav_ros.report.gnss.plan import GnssPlan, as_mapping, told
+    from lowcostnav_ros.report.gnss.plan_figures import drawings
+    from lowcostnav_ros.report.plan_folder import show_plan
+
     check_folder(arguments.output)
     place = place_of(arguments.place, "--place")
     between("--pdop", arguments.pdop, 1.0, 1000.0)
@@ -151,6 +155,10 @@ def _start(text: str | None) -> datetime.datetime:
 
 def _satellites(named: str, start: datetime.datetime) -> tuple[Any, float, list[str]]:
     """The satellites, the time of their constellation at the start, s, and notes on them."""
+    from lowcostnav_ros.catalogue.equipment import load_almanac
+    from lowcostnav_ros.gnss.constellation import NAMES, TABLE_EPOCH_GPS_S, constellation_named
+    from lowcostnav_ros.gnss.gps_time import SECOND, gps_ns
+
     gps = gps_ns(round(start.timestamp()) * SECOND)
     if named in NAMES:
         note = f"Nominal orbits of '{named}': this is what such a constellation gives on a day, not what is up on this one."
@@ -163,6 +171,8 @@ def _satellites(named: str, start: datetime.datetime) -> tuple[Any, float, list[
 
 def _lowest(arguments: argparse.Namespace) -> tuple[Any, str]:
     """Lowest visible elevation by azimuth, rad, and what hides the sky, in words."""
+    from lowcostnav_ros.gnss.canyon import CanyonSettings
+
 
     between("--mask-deg", arguments.mask_deg, 0.0, 89.0)
     mask = math.radians(arguments.mask_deg)

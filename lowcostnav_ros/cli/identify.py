@@ -8,11 +8,8 @@ from functools import partial
 import numpy as np
 
 from lowcostnav_ros.base.exit_codes import Exit
-from lowcostnav_ros.calibration.identification import identify_static
-from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli import calibrate_rest as rest
-from lowcostnav_ros.cli.calibrate_reference import identified
 from lowcostnav_ros.cli.jobs import job
 
 EXAMPLE = """examples:
@@ -24,6 +21,10 @@ EXAMPLE = """examples:
 @job("What an IMU shows: rate, noise, units, axes; at rest its error model, as numbers of a profile.", rest.add_arguments, EXAMPLE)
 def identify(arguments: argparse.Namespace) -> int:
     """Mean, scatter, correlation time of every column."""
+    from lowcostnav_ros.calibration.identification import identify_static
+    from lowcostnav_ros.cli import calibrate_charts as charts
+    from lowcostnav_ros.cli.calibrate_reference import identified
+
     other = None if files.is_table(arguments.source) or arguments.topic == "imu/data_raw" else identified(arguments)
     if other is not None:
         return other
@@ -41,22 +42,25 @@ def identify(arguments: argparse.Namespace) -> int:
         for n, f in found.items()
     ]
     heads = ("column", "mean [u]", "+- [u]", "white sigma/sample [u]", "drift sigma [u]", "tau [s]", "1-min sigma [u]")
-    rest.print_columns(heads, rows, columns)
-    for name, f in found.items():
-        if f.correlation_time_s is not None and not f.correlation_time_sure:
-            print(f"{name}: the record holds fewer than 20 correlation times; expect the true one to be longer.")
-    sound = rest.judge({name: f.coloured for name, f in found.items()}) and not (look is not None and look.findings)
-    rest.print_grade({name: f.drift_sigma for name, f in found.items()}, columns)
+    shown = rest.heads_in(columns, heads)
+    rest.print_columns(shown, rows, columns)
+    fits, verdict = rest.judge({name: f.coloured for name, f in found.items()})
+    unsure = [name for name, f in found.items() if f.correlation_time_s is not None and not f.correlation_time_sure]
+    said = [f"{name}: the record holds fewer than 20 correlation times; expect the true one to be longer." for name in unsure]
+    said += [verdict, *rest.graded({name: f.drift_sigma for name, f in found.items()}, columns)]
+    print("\n".join(said))
     out = rest.out_dir(arguments)
     if out is not None:
         drawn = charts.by_unit(columns.units, partial(_charts, columns.values, rate_hz))
-        said = [look.words(), *look.findings] if look is not None else []
-        charts.write_page(out / "identify.html", f"{columns.source} at rest", heads, rows, said, drawn)
+        said = ([look.words(), *look.findings] if look is not None else []) + said
+        charts.write_page(out / "identify.html", f"{columns.source} at rest", shown, rows, said, drawn)
         numbers = {n: (f.white_density, f.drift_sigma, f.correlation_time_s or 0.0) for n, f in found.items()}
-        rest.write_numbers(out / "identify.csv", heads, rows)
+        rest.write_numbers(out / "identify.csv", shown, rows)
         rest.write_profile(out, "mean, scatter and autocorrelation", numbers, columns, rate_hz)
-    return Exit.OK if sound else Exit.WORSE
+    return Exit.OK if fits and not (look is not None and look.findings) else Exit.WORSE
 
 
 def _charts(values: Mapping[str, np.ndarray], rate_hz: float, names: list[str], unit: str) -> list[str]:
+    from lowcostnav_ros.cli import calibrate_charts as charts
+
     return charts.identification_charts({name: values[name] for name in names}, rate_hz, unit)

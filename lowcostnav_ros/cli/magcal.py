@@ -3,28 +3,18 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lowcostnav_ros.base.documents import write_text
-from lowcostnav_ros.calibration import magnetometer_fit as fits
-from lowcostnav_ros.calibration.magnetometer_batch import batch_fit
-from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit, calibration_of
-from lowcostnav_ros.calibration.magnetometer_full import POOREST, full_fit, weakness
-from lowcostnav_ros.calibration.magnetometer_known_strength import known_strength_fit
-from lowcostnav_ros.calibration.magnetometer_swing import swing_calibration, swing_fit
-from lowcostnav_ros.calibration.magnetometer_two_step import level_turn_fit, two_step_fit
-from lowcostnav_ros.calibration.profile_text import calibration_text
-from lowcostnav_ros.calibration.record import CalibrationError
-from lowcostnav_ros.cli import calibrate_charts as charts
 from lowcostnav_ros.cli import calibrate_input as files
-from lowcostnav_ros.cli.calibrate_input import Columns
-from lowcostnav_ros.cli.calibrate_rest import split
-from lowcostnav_ros.cli.calibrate_swing import read_swing
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_reading, check_files, let_values_begin_with_minus, place_of
-from lowcostnav_ros.physics.geomagnetism import field_n
-from lowcostnav_ros.physics.rotation import wrap
+
+if TYPE_CHECKING:  # what works is imported by those that work: the options show at once
+    from lowcostnav_ros.calibration.magnetometer_fit import MagnetometerFit
+    from lowcostnav_ros.cli.calibrate_input import Columns
 
 METHODS = ("full", "two-step", "batch", "known-strength", "level-turn", "swing")
 UNITS = ("T", "G", "mG", "uT", "nT")
@@ -57,6 +47,12 @@ EXAMPLE = """examples:
 @job("Calibrate a magnetometer from a turn or a flight: hard iron, scale factors, and how far to trust them.", add_arguments, EXAMPLE)
 def magcal(arguments: argparse.Namespace) -> int:
     """Fit, print how far to trust it, write the calibration."""
+    from lowcostnav_ros.calibration import magnetometer_fit as fits
+    from lowcostnav_ros.calibration.magnetometer_full import POOREST, weakness
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.cli import calibrate_charts as charts
+    from lowcostnav_ros.cli.calibrate_rest import split
+
     check_files(arguments.output)
     arguments.place = None if arguments.place is None else place_of(arguments.place, "--place")
     if arguments.method == "swing":
@@ -86,6 +82,11 @@ def magcal(arguments: argparse.Namespace) -> int:
 
 def _swing(arguments: argparse.Namespace) -> int:
     """A deviation curve from known headings, and the level iron behind it, which the nodes take off."""
+    from lowcostnav_ros.calibration.magnetometer_swing import swing_calibration, swing_fit
+    from lowcostnav_ros.cli import calibrate_charts as charts
+    from lowcostnav_ros.cli.calibrate_swing import read_swing
+    from lowcostnav_ros.physics.rotation import wrap
+
     swung = read_swing(arguments)
     fit = swing_calibration(swung.heading, swung.measured, _strength_ut(arguments, swung.columns))
     curve = swing_fit(swung.heading, swung.measured)
@@ -100,7 +101,10 @@ def _swing(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _strength_ut(arguments: argparse.Namespace, columns: Columns) -> float:
+def _strength_ut(arguments: argparse.Namespace, columns: "Columns") -> float:
+
+    from lowcostnav_ros.calibration.record import CalibrationError
+    from lowcostnav_ros.physics.geomagnetism import field_n
 
     if arguments.strength is not None:
         return arguments.strength
@@ -115,7 +119,12 @@ def _strength_ut(arguments: argparse.Namespace, columns: Columns) -> float:
     return float(np.linalg.norm(used)) * 1e6
 
 
-def _fit(arguments: argparse.Namespace, measured_ut: np.ndarray, strength_ut: float) -> MagnetometerFit:
+def _fit(arguments: argparse.Namespace, measured_ut: np.ndarray, strength_ut: float) -> "MagnetometerFit":
+    from lowcostnav_ros.calibration.magnetometer_batch import batch_fit
+    from lowcostnav_ros.calibration.magnetometer_full import full_fit
+    from lowcostnav_ros.calibration.magnetometer_known_strength import known_strength_fit
+    from lowcostnav_ros.calibration.magnetometer_two_step import level_turn_fit, two_step_fit
+
     if arguments.method == "known-strength":
         return known_strength_fit(measured_ut, strength_ut)
     if arguments.method == "level-turn":
@@ -127,7 +136,7 @@ def _fit(arguments: argparse.Namespace, measured_ut: np.ndarray, strength_ut: fl
     return full_fit(measured_ut, strength_ut, arguments.min_coverage)
 
 
-def _print_fit(fit: MagnetometerFit, unit: str, given: bool) -> None:
+def _print_fit(fit: "MagnetometerFit", unit: str, given: bool) -> None:
     print(f"{fit.method}: {fit.samples} samples in {unit}{'' if given else ' (found from the magnitude)'}, field {fit.strength:.2f} uT")
     print(f"coverage: {fit.coverage}")
     for axis, name in enumerate("xyz"):
@@ -141,7 +150,11 @@ def _print_fit(fit: MagnetometerFit, unit: str, given: bool) -> None:
         print(f"note: {warning}")
 
 
-def _write_calibration(arguments: argparse.Namespace, fit: MagnetometerFit, drawn: Sequence[str]) -> None:
+def _write_calibration(arguments: argparse.Namespace, fit: "MagnetometerFit", drawn: Sequence[str]) -> None:
+    from lowcostnav_ros.calibration.magnetometer_fit import calibration_of
+    from lowcostnav_ros.calibration.profile_text import calibration_text
+    from lowcostnav_ros.cli import calibrate_charts as charts
+
     path = Path(arguments.output)
     text = calibration_text(calibration_of(fit, "uT"), fit, Path(arguments.source).name)
     write_text(path, text)

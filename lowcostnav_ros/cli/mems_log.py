@@ -9,12 +9,6 @@ from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.measurements import NavSolution
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_reading
-from lowcostnav_ros.messages.foreign import parse_maps
-from lowcostnav_ros.navigators.mems_ins.log import row_of
-from lowcostnav_ros.navigators.mems_ins.navigator import MemsIns
-from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
-from lowcostnav_ros.replay.selection import SelectionError
 
 EXAMPLE = "example: lowcostnav mems_log flight -o flight.txt --config my_settings   positions, offsets, biases, rates; a row a solution"
 
@@ -30,6 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 @job("Every signal of the MEMS navigator over a recording, as a table with tabs.", add_arguments, EXAMPLE)
 def mems_log(arguments: argparse.Namespace) -> int:
     """Replay, and write a row for each solution; a live flight's solutions are those of its recording."""
+    from lowcostnav_ros.messages.foreign import parse_maps
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
+    from lowcostnav_ros.replay.selection import SelectionError
+
     with arguments.output.open("w", encoding="utf-8") as file:
         logged = logging_to(file)
         options = ReplayOptions(config=arguments.config, maps=parse_maps(arguments.map), frames=tuple(arguments.frame))
@@ -44,6 +43,9 @@ def mems_log(arguments: argparse.Namespace) -> int:
 
 def logging_to(file: TextIO) -> Any:
     """The navigator, writing what it gives out."""
+    from lowcostnav_ros.navigators.mems_ins.log import row_of
+    from lowcostnav_ros.navigators.mems_ins.navigator import MemsIns
+
 
     class Logged(MemsIns):
         """As its base; the header is that of the first row."""

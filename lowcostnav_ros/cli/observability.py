@@ -9,30 +9,21 @@ import json
 from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.tables import Table
-from lowcostnav_ros.catalogue.building import build_navigators
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import check_files
-from lowcostnav_ros.gnss.operation_count import operations
-from lowcostnav_ros.messages.bag import BagReader
-from lowcostnav_ros.navigators.base import Navigator
-from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.radionav.observability import STATES
-from lowcostnav_ros.replay.links import output_topic
-from lowcostnav_ros.replay.selection import check_names
-from lowcostnav_ros.replay.session import Session
-from lowcostnav_ros.report.flight.figures import name_of
-from lowcostnav_ros.report.observability import drawings
-from lowcostnav_ros.report.plan_folder import page_of
-from lowcostnav_ros.report.terminal import Told, print_report
-from lowcostnav_ros.studies.observability import Observability, Watch
-from lowcostnav_ros.studies.range_observability import RangeWatch, RangeWindow
+
+if TYPE_CHECKING:  # what works is imported by those that work: the options show at once
+    from lowcostnav_ros.navigators.base import Navigator
+    from lowcostnav_ros.report.terminal import Told
+    from lowcostnav_ros.studies.observability import Observability
+    from lowcostnav_ros.studies.range_observability import RangeWindow
 
 WEAK = 0.5
 """A state counts as weakly observable when less than this share of it lies in the observable space."""
@@ -57,6 +48,10 @@ EXAMPLE = "example: lowcostnav observability flight --navigator ins_gps"
 @job("Which states of a navigator are observable, along a recording.", add_arguments, EXAMPLE)
 def observability(arguments: argparse.Namespace) -> int:
     """Replay the bag through one navigator and print which of its states were observable."""
+    from lowcostnav_ros.report.observability import drawings
+    from lowcostnav_ros.report.plan_folder import page_of
+    from lowcostnav_ros.report.terminal import print_report
+
     if not 0.0 < arguments.period <= 3600.0:
         raise SettingsError(f"--period must be above 0 and at most 3600 s, got {arguments.period:g}.")
     if arguments.ranges is not None and not 1.0 <= arguments.ranges <= 86400.0:
@@ -79,7 +74,7 @@ def observability(arguments: argparse.Namespace) -> int:
 
 def watch_bag(
     bag: Path, name: str, config: str | None, period_s: float, window_s: float | None = None
-) -> tuple[Navigator, list[Observability], list[RangeWindow]]:
+) -> "tuple[Navigator, list[Observability], list[RangeWindow]]":
     """Run a navigator over a recording and look every ``period_s`` seconds, and at its ranges in windows of ``window_s`` seconds.
 
     Raises
@@ -87,6 +82,14 @@ def watch_bag(
     ValueError
         (BagError, SettingsError) when the recording lacks what the navigator needs.
     """
+    from lowcostnav_ros.catalogue.building import build_navigators
+    from lowcostnav_ros.messages.bag import BagReader
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.replay.selection import check_names
+    from lowcostnav_ros.replay.session import Session
+    from lowcostnav_ros.studies.observability import Watch
+    from lowcostnav_ros.studies.range_observability import RangeWatch
+
     check_names([name], list(NAVIGATORS))
     kind: Any = NAVIGATORS[name]
     if reason := kind.not_observable:
@@ -111,14 +114,20 @@ def watch_bag(
     return navigator, watch.finish(), [] if ranges is None else ranges.windows()
 
 
-def _sources(navigator: Navigator, recorded: Collection[str]) -> dict[str, str]:
+def _sources(navigator: "Navigator", recorded: Collection[str]) -> dict[str, str]:
     """Navigators that must run beside, by name, each with the topic it publishes, which the recording lacks and the navigator needs."""
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.replay.links import output_topic
+
     lacking = {source for source, required in navigator.inputs.items() if required and source not in recorded}
     return {name: output_topic(name) for name in NAVIGATORS if output_topic(name) in lacking}
 
 
-def as_plain(navigator: Navigator, found: list[Observability], windows: Sequence[RangeWindow] = ()) -> dict[str, Any]:
+def as_plain(navigator: "Navigator", found: "list[Observability]", windows: "Sequence[RangeWindow]" = ()) -> dict[str, Any]:
     """Everything as plain numbers: states, and for each instant rank, singular values and the share of each state."""
+    from lowcostnav_ros.gnss.operation_count import operations
+    from lowcostnav_ros.radionav.observability import STATES
+
     instants = [
         {
             "t_s": o.stamp_ns / 1e9,
@@ -137,7 +146,10 @@ def as_plain(navigator: Navigator, found: list[Observability], windows: Sequence
     return plain
 
 
-def _told(navigator: Navigator, found: list[Observability]) -> Told:
+def _told(navigator: "Navigator", found: "list[Observability]") -> "Told":
+    from lowcostnav_ros.gnss.operation_count import operations
+    from lowcostnav_ros.report.flight.figures import name_of
+
     size, labels = navigator.core.layout.size, navigator.core.layout.labels
     heads = ("t [s]", "rows", "rank", f"unobservable, of {size}", "largest and smallest counted singular value")
     rows, start_ns = [], found[0].stamp_ns
@@ -155,7 +167,9 @@ def _told(navigator: Navigator, found: list[Observability]) -> Told:
     return "", (Table.plain("", heads, rows, left=0),), (ranked, weakly, load)
 
 
-def _print_ranges(windows: list[RangeWindow], start_ns: int) -> None:
+def _print_ranges(windows: "list[RangeWindow]", start_ns: int) -> None:
+    from lowcostnav_ros.report.terminal import print_report
+
     heads = ("t [s]", "ranges", "stations", "position, of 2", "wind too, of 4", "heading, airspeed too, of 6", "singular values, scaled")
     rows = []
     for w in windows:

@@ -9,28 +9,16 @@ import webbrowser
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lowcostnav_ros.base.tables import Column, Table
-from lowcostnav_ros.cli.convert import angles
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_tracks, check_files
 from lowcostnav_ros.cli.progress import progress_bar
-from lowcostnav_ros.convert.opened import Opened, open_log
-from lowcostnav_ros.convert.recognise import Options
-from lowcostnav_ros.formats.log import AUTOPILOT
-from lowcostnav_ros.messages.bag import BagReader
-from lowcostnav_ros.replay.bag_replay import DEFAULT_TRUTH, ReplayOptions, replay_bag
-from lowcostnav_ros.replay.withhold import parse_withhold
-from lowcostnav_ros.report.document import html_table, section
-from lowcostnav_ros.report.flight.figures import axis_of
-from lowcostnav_ros.report.flight.findings import findings
-from lowcostnav_ros.report.flight.page import page_of
-from lowcostnav_ros.report.flight.result_folder import read_result
-from lowcostnav_ros.report.flight.track_files import write_track
-from lowcostnav_ros.report.flight.vibration import vibration_section
-from lowcostnav_ros.report.outages.page import outage_finding, outage_section
-from lowcostnav_ros.report.svg import escape
-from lowcostnav_ros.studies.outages.study import OutageError, Plan, StudyAlong
+
+if TYPE_CHECKING:  # what works is imported by those that work: the options show at once
+    from lowcostnav_ros.convert.opened import Opened
+    from lowcostnav_ros.studies.outages.study import StudyAlong
 
 OUTAGES, LENGTHS_S, FIRST_S = 12, (10.0, 30.0, 60.0), 40.0
 """Losses of GPS that are studied at most, how long each lasts, and the first after the start, s."""
@@ -41,6 +29,8 @@ NO_STUDY_S = 1.5 * FIRST_S
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
+    from lowcostnav_ros.cli.convert import angles
+
     parser.add_argument("log", help="a log of any format that 'convert' reads, or a bag; a table needs --profile")
     parser.add_argument("--out", metavar="HTML", help="page to write (default: LOG.html in this folder)")
     parser.add_argument("--no-browser", action="store_true", help="write the page and do not show it")
@@ -62,6 +52,17 @@ EXAMPLES = """examples:
 @job("Any log as it comes off the aircraft, to a page: what it holds, our solutions beside its own, GPS outages.", add_arguments, EXAMPLES)
 def open(arguments: argparse.Namespace) -> int:
     """Convert, replay, study, write the page, show it; returns 0."""
+    from lowcostnav_ros.convert.opened import open_log
+    from lowcostnav_ros.convert.recognise import Options
+    from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
+    from lowcostnav_ros.replay.withhold import parse_withhold
+    from lowcostnav_ros.report.flight.figures import axis_of
+    from lowcostnav_ros.report.flight.findings import findings
+    from lowcostnav_ros.report.flight.page import page_of
+    from lowcostnav_ros.report.flight.result_folder import read_result
+    from lowcostnav_ros.report.flight.track_files import write_track
+    from lowcostnav_ros.report.flight.vibration import vibration_section
+
     log = Path(arguments.log)
     output = Path(arguments.out or f"{log.resolve().name.removesuffix('.gz')}.html")
     check_files(str(output), arguments.kml, arguments.gpx)
@@ -96,21 +97,31 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def _reference(opened: Opened) -> str | None:
+def _reference(opened: "Opened") -> str | None:
     """The log's own autopilot where there is no truth: beside ours, not above it."""
+    from lowcostnav_ros.formats.log import AUTOPILOT
+    from lowcostnav_ros.messages.bag import BagReader
+    from lowcostnav_ros.replay.bag_replay import DEFAULT_TRUTH
+
     with BagReader(opened.bag) as bag:
         own = f"{AUTOPILOT}/odometry"
         return own if DEFAULT_TRUTH not in bag.types and own in bag.types and f"{AUTOPILOT}/origin" in bag.types else None
 
 
-def _study(opened: Opened) -> StudyAlong:
+def _study(opened: "Opened") -> "StudyAlong":
     """A study of GPS outages, not more than :data:`OUTAGES` of them."""
+    from lowcostnav_ros.messages.bag import BagReader
+    from lowcostnav_ros.studies.outages.study import Plan, StudyAlong
+
     with BagReader(opened.bag) as bag:
         return StudyAlong(Plan(LENGTHS_S, max(LEAST_EVERY_S, (bag.duration_s - FIRST_S) / OUTAGES), FIRST_S))
 
 
-def _outages(along: StudyAlong | None, duration_s: float) -> tuple[str, str]:
+def _outages(along: "StudyAlong | None", duration_s: float) -> tuple[str, str]:
     """The study of GPS outages in a sentence and a section; why not where there can be none."""
+    from lowcostnav_ros.report.outages.page import outage_finding, outage_section
+    from lowcostnav_ros.studies.outages.study import OutageError
+
     if along is None:
         return "", ""
     if duration_s < NO_STUDY_S:
@@ -123,11 +134,16 @@ def _outages(along: StudyAlong | None, duration_s: float) -> tuple[str, str]:
 
 
 def _note(text: str) -> str:
+    from lowcostnav_ros.report.document import section
+    from lowcostnav_ros.report.svg import escape
+
     return section("Had GPS been lost", f'<p class="note">{escape(text)}</p>')
 
 
-def _sensors(opened: Opened) -> str:
+def _sensors(opened: "Opened") -> str:
     """What the log holds, and what was decided about it."""
+    from lowcostnav_ros.report.document import html_table, section
+
     heads = ("topic", "messages", "rate [Hz]", "longest gap [s]", "made of")
     columns = tuple(Column(head, lambda row, k=k: row[k], left=k in (0, 4)) for k, head in enumerate(heads))  # type: ignore[misc]
     table = Table.of(opened.heading, columns, opened.rows, notes=tuple(opened.notes))

@@ -8,14 +8,9 @@ import json
 from pathlib import Path
 
 from lowcostnav_ros.base.settings import SettingsError
-from lowcostnav_ros.catalogue.config_files import config_dir, vehicle_dir
+from lowcostnav_ros.catalogue.config_files import SHIPPED, config_dir, vehicle_dir
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_workers, between, workers_of
-from lowcostnav_ros.replay.result import plain
-from lowcostnav_ros.report.outages.page import write_page
-from lowcostnav_ros.report.terminal import print_table, result_console
-from lowcostnav_ros.studies.outages.study import SHIPPED, Case, Plan, study_outages
-from lowcostnav_ros.studies.outages.tables import outage_table
 
 NOTES = """\
 The recording is flown through once; at every start the navigators are copied as they fly and the copies fly on without GPS.
@@ -45,6 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 @job("Would it have survived losing GPS here? For every start of a recording at once.", add_arguments, NOTES)
 def outages(arguments: argparse.Namespace) -> int:
     """Fly, print the table and the worst; returns 0."""
+    from lowcostnav_ros.replay.result import plain
+    from lowcostnav_ros.report.outages.page import write_page
+    from lowcostnav_ros.report.terminal import print_table, result_console
+    from lowcostnav_ros.studies.outages.study import Case, Plan, study_outages
+    from lowcostnav_ros.studies.outages.tables import outage_table
+
     lengths_s = tuple(sorted({between("--length", _number(text), 1.0, 3600.0) for text in arguments.length.split(",")}))
     every_s = between("--every", arguments.every, 0.1, 3600.0)
     plan = Plan(lengths_s, every_s, between("--after", arguments.after, 0.0, 1e6), arguments.until, _names(arguments.withhold))

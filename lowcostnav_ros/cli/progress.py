@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
-LINE_EVERY_S = 10.0
+LINE_EVERY_S, DRAWN_EVERY_S = 10.0, 0.1
 
 
 @contextmanager
@@ -17,9 +17,17 @@ def progress_bar(label: str, in_lines: bool = False) -> Iterator[Callable[[float
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with Progress(console=Console(stderr=True), transient=True, auto_refresh=False) as bar:  # without a thread, so that work may fork
         task = bar.add_task(label, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        drawn = [0.0]
+
+        def advance(share: float) -> None:
+            now = perf_counter()
+            is_due = now - drawn[0] >= DRAWN_EVERY_S
+            drawn[0] = now if is_due else drawn[0]
+            bar.update(task, completed=share, refresh=is_due)
+
+        yield advance
 
 
 def _lines(label: str) -> Callable[[float], None]:

@@ -8,12 +8,8 @@ import argparse
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.settings import SettingsError
-from lowcostnav_ros.catalogue.equipment import load_stations
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import between
-from lowcostnav_ros.radionav.transmitters import BEACON, PSEUDOLITE
-from lowcostnav_ros.report.plan_folder import show_plan
-from lowcostnav_ros.report.transmitters import as_mapping, drawings, plan_transmitters, told
 
 DEFAULT_STATIONS = "pseudolites_range.csv"
 
@@ -37,6 +33,11 @@ EXAMPLE = "example: lowcostnav pseudolite plan --stations my_network.csv --heigh
 @job("Dilutions of ground transmitters over an area, and where the next one helps most.", add_arguments, EXAMPLE)
 def pseudolite(arguments: argparse.Namespace) -> int:
     """Plan; returns the exit status."""
+    from lowcostnav_ros.catalogue.equipment import load_stations
+    from lowcostnav_ros.radionav.transmitters import BEACON, PSEUDOLITE
+    from lowcostnav_ros.report.plan_folder import show_plan
+    from lowcostnav_ros.report.transmitters import as_mapping, drawings, plan_transmitters, told
+
     between("--height-m", arguments.height_m, -400.0, 30_000.0)
     between("--half-width-km", arguments.half_width_km, 0.1, 500.0)
     between("--pdop", arguments.pdop, 1.0, 1000.0)

@@ -8,17 +8,12 @@ from pathlib import Path
 from lowcostnav_ros.base.documents import write_text
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_tracks, check_files
-from lowcostnav_ros.cli.replay import add_common, replay_with_progress
-from lowcostnav_ros.report.flight.compared import side_by_side
-from lowcostnav_ros.report.flight.figures import axis_of
-from lowcostnav_ros.report.flight.page import page_of
-from lowcostnav_ros.report.flight.result_folder import read_result
-from lowcostnav_ros.report.flight.track_files import write_track
-from lowcostnav_ros.report.flight.vibration import vibration_section
 
 
 def add_arguments(report: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
+    from lowcostnav_ros.cli.replay import add_common
+
     report.add_argument("source", help="a bag, which is replayed first, or a directory written by replay --out")
     report.add_argument("-o", "--output", metavar="HTML", help="page to write (default: SOURCE.html)")
     text = "a further result of the same recording, a directory written by replay --out, to stand beside it; repeatable"
@@ -36,6 +31,14 @@ EXAMPLES = """examples:
 @job("One self-contained HTML page about a flight: map, errors in their sigmas, aids, tables.", add_arguments, EXAMPLES)
 def report(arguments: argparse.Namespace) -> int:
     """Write the page; returns 0."""
+    from lowcostnav_ros.cli.replay import replay_with_progress
+    from lowcostnav_ros.report.flight.compared import side_by_side
+    from lowcostnav_ros.report.flight.figures import axis_of
+    from lowcostnav_ros.report.flight.page import page_of
+    from lowcostnav_ros.report.flight.result_folder import read_result
+    from lowcostnav_ros.report.flight.track_files import write_track
+    from lowcostnav_ros.report.flight.vibration import vibration_section
+
     arguments.output = arguments.output or f"{Path(arguments.source).with_suffix('.html').name}"
     check_files(arguments.output, arguments.kml, arguments.gpx)
     source = Path(arguments.source)

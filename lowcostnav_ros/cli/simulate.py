@@ -4,31 +4,25 @@ import argparse
 import dataclasses
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
 from lowcostnav_ros.base.measurements import Measurement
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.base.truth import TruthBlock
-from lowcostnav_ros.catalogue.equipment import load_imu_profile
-from lowcostnav_ros.catalogue.imu_by_name import profile_settings
 from lowcostnav_ros.cli.jobs import job
-from lowcostnav_ros.cli.list import names_of
 from lowcostnav_ros.cli.progress import progress_bar
-from lowcostnav_ros.cores.imu_errors import ImuSettings
-from lowcostnav_ros.messages import encode
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, new_bag
-from lowcostnav_ros.messages.encode import Record
-from lowcostnav_ros.messages.store import to_cdr
-from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.simulation.scenario import Scenario, load_scenario
-from lowcostnav_ros.simulation.simulator import Simulation
-from lowcostnav_ros.simulation.truth_states import TruthStates
+
+if TYPE_CHECKING:  # what works is imported by those that work: the options show at once
+    from lowcostnav_ros.messages.encode import Record
+    from lowcostnav_ros.simulation.scenario import Scenario
 
 
 def add_arguments(simulate: argparse.ArgumentParser) -> None:
     """Add the options of the job."""
+    from lowcostnav_ros.cli.list import names_of
+
     simulate.add_argument("scenario", help=f"a scenario ({names_of('scenarios')}), or a YAML file")
     simulate.add_argument("-o", "--output", required=True, metavar="BAG", help="bag to create")
     simulate.add_argument("--seed", type=int, help="seed instead of the scenario's")
@@ -42,6 +36,8 @@ EXAMPLE = "example: lowcostnav simulate livermore -o flight"
 @job("Fly a scenario offline and record truth and sensors as the nodes would publish them.", add_arguments, EXAMPLE)
 def simulate(arguments: argparse.Namespace) -> int:
     """Fly a scenario and write the bag, with the settings a navigator needs to know its IMU by."""
+    from lowcostnav_ros.simulation.scenario import load_scenario
+
     if arguments.duration is not None and not arguments.duration > 0.0:
         raise SettingsError(f"--duration must be positive, got {arguments.duration:g}.")
     scenario = load_scenario(arguments.scenario, arguments.seed)
@@ -54,7 +50,7 @@ def simulate(arguments: argparse.Namespace) -> int:
 
 
 def write_bag(
-    scenario: Scenario, output: str, storage: str = "mcap", duration_s: float | None = None, settings: Mapping[str, str] | None = None
+    scenario: "Scenario", output: str, storage: str = "mcap", duration_s: float | None = None, settings: Mapping[str, str] | None = None
 ) -> dict[str, int]:
     """Fly a scenario into a bag; print notes on its equipment, return the number of messages by topic.
 
@@ -72,6 +68,9 @@ def write_bag(
     settings : mapping of navigator to YAML text, optional
         Settings that the recording carries.
     """
+    from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, new_bag
+    from lowcostnav_ros.simulation.simulator import Simulation
+
     simulation = Simulation(scenario)
     planned_s = duration_s or scenario.truth.duration_s
     with new_bag(output, storage) as writer, progress_bar("simulate") as advance:
@@ -87,11 +86,16 @@ def write_bag(
     return counts
 
 
-def navigator_settings(scenario: Scenario) -> dict[str, str]:
+def navigator_settings(scenario: "Scenario") -> dict[str, str]:
     """Return settings files (navigator to YAML text) for a replay of a scenario: the numbers of the IMU it flies with.
 
     Empty where there is no IMU aboard, or one without errors, which leaves a filter nothing to know.
     """
+    from lowcostnav_ros.catalogue.equipment import load_imu_profile
+    from lowcostnav_ros.catalogue.imu_by_name import profile_settings
+    from lowcostnav_ros.cores.imu_errors import ImuSettings
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+
 
     imu = getattr(scenario, "imu", None)
     if imu is None or "imu" not in scenario.sensors or not load_imu_profile(imu.profile).has_noise:
@@ -110,8 +114,12 @@ def _write_settings(files: Mapping[str, str], folder: Path) -> None:
         (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
 
 
-def _flown(blocks: Iterable[tuple[TruthBlock, list[Measurement]]], duration_s: float | None) -> Iterator[tuple[float, list[Record]]]:
+def _flown(blocks: Iterable[tuple[TruthBlock, list[Measurement]]], duration_s: float | None) -> "Iterator[tuple[float, list[Record]]]":
     """Records of each block in order of stamps, with the seconds flown."""
+    from lowcostnav_ros.messages import encode
+    from lowcostnav_ros.messages.store import to_cdr
+    from lowcostnav_ros.simulation.truth_states import TruthStates
+
     states, first_ns = TruthStates(), None
     for truth, measurements in blocks:
         first_ns = int(truth.stamps_ns[0]) if first_ns is None else first_ns

@@ -13,13 +13,6 @@ from lowcostnav_ros.catalogue.config_files import config_dir, vehicle_dir
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_workers, between, check_files, check_folder, workers_of
 from lowcostnav_ros.cli.progress import progress_bar
-from lowcostnav_ros.navigators.registry import NAVIGATORS
-from lowcostnav_ros.report.outages.tuning import tuning_page
-from lowcostnav_ros.report.terminal import print_table, result_console
-from lowcostnav_ros.studies.outages.tables import outage_table
-from lowcostnav_ros.studies.tuning.likelihood import Source
-from lowcostnav_ros.studies.tuning.study import tune as tune_study
-from lowcostnav_ros.studies.tuning.study import tuning_table, write_vehicle
 
 NOTES = """\
 The numbers that the innovations of the navigator make most likely, each held near its declared value by a prior; fitted on the first half
@@ -45,6 +38,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 @job("Tune noise numbers of a navigator to recordings of one's own aircraft, and write a vehicle.", add_arguments, NOTES)
 def tune(arguments: argparse.Namespace) -> int:
     """Tune, print before and after, write; 1, and nothing written, when the numbers are not better on what they were not fitted on."""
+    from lowcostnav_ros.navigators.registry import NAVIGATORS
+    from lowcostnav_ros.report.outages.tuning import tuning_page
+    from lowcostnav_ros.report.terminal import print_table, result_console
+    from lowcostnav_ros.studies.outages.tables import outage_table
+    from lowcostnav_ros.studies.tuning.likelihood import Source
+    from lowcostnav_ros.studies.tuning.study import tune as tune_study
+    from lowcostnav_ros.studies.tuning.study import tuning_table, write_vehicle
+
     name = arguments.navigator
     if name not in NAVIGATORS:
         raise SettingsError(f"Unknown navigator '{name}'{nearest(name, list(NAVIGATORS))}.")

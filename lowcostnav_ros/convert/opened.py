@@ -7,7 +7,8 @@ import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from lowcostnav_ros import __version__
+from lowcostnav_ros import __version__, formats
+from lowcostnav_ros import convert as convert_package
 from lowcostnav_ros.convert.any_log import convert_any, is_bag
 from lowcostnav_ros.convert.convert import convert
 from lowcostnav_ros.convert.profile import ConvertError, shipped_profile_for
@@ -126,9 +127,11 @@ def _stem(path: Path) -> str:
 
 
 def _fingerprint(path: Path, options: Options, profile: str | None) -> str:
-    """Of the content, of what was said about it, and of the version that reads it."""
+    """Of the content, of what was said about it, and of the program text that reads it: what is read otherwise is converted anew."""
     said = Path(profile).read_text(encoding="utf-8") if profile and Path(profile).is_file() else profile
     digest = hashlib.sha256(f"{__version__} {options} {said}".encode())
+    for file in sorted(file for package in (convert_package, formats) for file in Path(package.__path__[0]).glob("*.py")):
+        digest.update(file.read_bytes())
     for file in sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]:
         with file.open("rb") as opened:
             digest.update(hashlib.file_digest(opened, "sha256").digest())

@@ -16,8 +16,9 @@ from lowcostnav_ros.base.documents import cells_of, delimiter_of, number_in
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE
 from lowcostnav_ros.base.units import FOOT, FOOT_PER_MINUTE, INCH_OF_MERCURY, KNOT, ZERO_CELSIUS
 from lowcostnav_ros.catalogue.geoid import undulation
-from lowcostnav_ros.formats.air import RATIO_SIGMA, true_airspeed
+from lowcostnav_ros.formats.air import RATIO_SIGMA, is_reading, true_airspeed
 from lowcostnav_ros.formats.log import ATTITUDE_SIGMA, NO_DATE_S, FormatError, Log, read_bytes
+from lowcostnav_ros.formats.velocity_lag import taken_back
 from lowcostnav_ros.physics import atmosphere
 from lowcostnav_ros.physics.rotation import euler_to_quat
 
@@ -212,7 +213,8 @@ def _velocity(log: Log, stamps: np.ndarray, data: Columns, places: dict[str, str
         return
     origin += f", {places.get('climb', places.get('down', 'no vertical velocity'))}"
     sigma = np.array([0.3, 0.3, 0.5 if has_climb else _NO_VERTICAL])
-    log.add("gps/vel", stamps, origin, velocity=np.stack([north, east, down], axis=1), sigma=sigma)
+    stamps, velocity, late = taken_back(stamps, data["lat"], data["lon"], np.stack([north, east, down], axis=1))
+    log.add("gps/vel", stamps, origin + late, velocity=velocity, sigma=sigma)
 
 
 def _air(log: Log, stamps: np.ndarray, data: Columns, places: dict[str, str]) -> None:
@@ -236,8 +238,8 @@ def _air(log: Log, stamps: np.ndarray, data: Columns, places: dict[str, str]) ->
         origin = f"{places['ias']}: indicated airspeed, made true by the standard atmosphere"
     else:
         return
-    flying = tas > 5.0  # recorders write zero where there is no reading
-    log.add("air/velocity", stamps[flying], origin, tas=tas[flying], sigma=np.hypot(1.0, RATIO_SIGMA * tas[flying]))
+    measured = is_reading(tas, data.get("speed", np.inf))
+    log.add("air/velocity", stamps[measured], origin, tas=tas[measured], sigma=np.hypot(1.0, RATIO_SIGMA * tas[measured]))
 
 
 def _attitude(log: Log, stamps: np.ndarray, data: Columns, places: dict[str, str]) -> None:

@@ -18,8 +18,11 @@ from lowcostnav_ros.base.documents import number_in
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE
 from lowcostnav_ros.base.units import ZERO_CELSIUS
 from lowcostnav_ros.catalogue.geoid import undulation
+from lowcostnav_ros.formats.air import is_reading
 from lowcostnav_ros.formats.log import FormatError, Log, heading_attitude, read_bytes
+from lowcostnav_ros.formats.velocity_lag import taken_back
 from lowcostnav_ros.physics import atmosphere
+from lowcostnav_ros.physics.earth import radii
 
 _FIX = re.compile(r"B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])([AV])(-\d{4}|\d{5})(-\d{4}|\d{5})")
 _DATE = re.compile(r"^HFDTE(?:DATE:)? *(\d\d)(\d\d)(\d\d)", re.MULTILINE)
@@ -98,20 +101,24 @@ def _positions(log: Log, stamps: np.ndarray, table: np.ndarray, further: dict[st
 
 
 def _velocity(log: Log, stamps: np.ndarray, table: np.ndarray, further: dict[str, np.ndarray], places: dict[str, tuple[int, int]]) -> None:
+    lat, lon = np.radians(table[:, 1]), np.radians(table[:, 2])
     if {"GSP", "TRT"} <= places.keys():
         speed, track = further["GSP"] * _speed_factor("GSP", places), np.radians(further["TRT"])
+        level = np.stack([speed * np.cos(track), speed * np.sin(track)], axis=1)
         origin, sigma = "B records: ground speed GSP in km/h and its decimals, true track TRT", np.full(len(stamps), 0.5)
-        north, east = speed * np.cos(track), speed * np.sin(track)
     else:
-        step = np.maximum(np.diff(stamps, prepend=stamps[0] - 10**9) * 1e-9, 1e-3)
-        lat = np.radians(table[:, 1])
-        north = np.diff(lat, prepend=lat[0]) * 6.37e6 / step
-        east = np.diff(np.radians(table[:, 2]), prepend=np.radians(table[0, 2])) * 6.38e6 * np.cos(lat) / step
-        sigma = np.hypot(1.0, 1.5 / step)
-        origin = "differences of successive fixes (half a step late), for want of a recorded speed"
+        rising = np.diff(np.maximum.accumulate(stamps), prepend=-1) > 0
+        stamps, lat, lon = stamps[rising], lat[rising], lon[rising]
+        before, after = np.maximum(np.arange(len(stamps)) - 1, 0), np.minimum(np.arange(len(stamps)) + 1, len(stamps) - 1)
+        span = np.maximum((stamps[after] - stamps[before]) * 1e-9, 1e-3)
+        meridian, normal = radii(float(np.median(lat)))
+        east = normal * np.cos(lat) * (np.unwrap(lon)[after] - np.unwrap(lon)[before])
+        level = np.stack([meridian * (lat[after] - lat[before]), east], axis=1) / span[:, None]
+        origin, sigma = "differences of the fixes on either side, for want of a recorded speed", np.hypot(1.0, 1.5 / span)
         log.account.remark("The recorder writes no ground speed: velocity is made of successive fixes.")
-    sigmas = np.stack([sigma, sigma, np.full(len(stamps), _NO_VERTICAL)], axis=1)
-    log.add("gps/vel", stamps, origin, velocity=np.stack([north, east, np.zeros(len(stamps))], axis=1), sigma=sigmas)
+    stamps, velocity, late = taken_back(stamps, lat, lon, np.column_stack([level, np.zeros(len(stamps))]))
+    sigmas = np.column_stack([sigma, sigma, np.full(len(sigma), _NO_VERTICAL)])[: len(stamps)]
+    log.add("gps/vel", stamps, origin + late, velocity=velocity, sigma=sigmas)
 
 
 def _air(log: Log, stamps: np.ndarray, table: np.ndarray, further: dict[str, np.ndarray], places: dict[str, tuple[int, int]]) -> None:
@@ -122,13 +129,17 @@ def _air(log: Log, stamps: np.ndarray, table: np.ndarray, further: dict[str, np.
     if "TAS" not in places:
         return
     tas = further["TAS"] * _speed_factor("TAS", places)
-    flying = tas > 5.0
-    log.add("air/velocity", stamps[flying], "B records: true airspeed TAS in km/h and its decimals", tas=tas[flying], sigma=1.0)
+    ground_speed = further["GSP"] * _speed_factor("GSP", places) if "GSP" in places else np.inf
+    measured = is_reading(tas, ground_speed)
+    log.add("air/velocity", stamps[measured], "B records: true airspeed TAS in km/h and its decimals", tas=tas[measured], sigma=1.0)
     name = next((name for name in ("HDT", "TRT") if name in places), None)
     if name is None:
         return
     heading = np.radians(further[name])
-    known = np.isfinite(heading)
+    known = np.isfinite(heading) & (np.maximum.accumulate(np.nan_to_num(heading)) > 0.0)  # zero is written until there is one
+    if not known.all():
+        kind = "heading" if name == "HDT" else "track"
+        log.account.remark(f"{np.sum(~known)} fixes are without a {kind}, or before the first that is not zero.")
     origin = f"heading {'HDT' if name == 'HDT' else 'taken from the track TRT'}, bank of a coordinated turn, no pitch, interpolated"
     log.account.remark("The recorder knows no attitude: it is made of heading and turn, within 8 deg; its heading may be made of the wind.")
     heading_attitude(log, stamps[known], heading[known], tas[known], origin)

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from lowcostnav_ros.base.kernels import COMPILING
 from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.graph.executables import NAVIGATOR, kind_of
 from lowcostnav_ros.graph.monitor import number
@@ -43,7 +44,8 @@ def state_of(runner: GraphRunner, name: str) -> tuple[Level, str]:
         return Level.ERROR, "stopped" if process.given_up else "dead, starting again"
     rows, silent_s = runner.reports.of(name), runner.unreported_s(name)
     if not rows or silent_s is None:
-        return Level.WARN, "starting"
+        line = process.last_line()
+        return Level.WARN, line if line.startswith(COMPILING) else "starting"
     if silent_s > SILENT_S:
         return Level.ERROR, f"no report for {silent_s:.0f} s"
     worst = max(rows, key=lambda row: row["level"])

@@ -17,9 +17,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from lowcostnav_ros.base.kernels import on_stderr
 from lowcostnav_ros.graph.parent import RUNNER
 
-FIRST_S, REPLY_S = 20.0, 2.0  # until a parent is ready, longer where it has to compile; until one that is gives an answer
+READY = b"ready"
+FIRST_S, REPLY_S = 20.0, 2.0  # until a parent is ready, anew whenever it says that it compiles; until one that is gives an answer
 TITLE_BYTES = 4096  # room for the command lines of those that are forked
 _SET_SUBREAPER, _GET_SUBREAPER = 36, 37  # PR_..._CHILD_SUBREAPER of linux/prctl.h
 
@@ -159,8 +161,13 @@ class WarmParent:
             os.close(permission)
 
     def _get_ready(self, own: socket.socket, wait_s: float) -> bool:
-        if not self._is_ready and select.select([own], [], [], wait_s)[0]:
-            self._is_ready = own.recv(100) != b""
+        """Wait for it; one that compiles is given more time, since nodes of their own would all compile the same."""
+        while not self._is_ready and select.select([own], [], [], wait_s)[0]:
+            said = own.recv(200)
+            if said in (READY, b""):  # or gone
+                self._is_ready = said == READY
+                break
+            on_stderr(said.decode())
         return self._is_ready
 
     def end(self) -> None:

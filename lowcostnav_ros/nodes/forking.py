@@ -17,9 +17,11 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from lowcostnav_ros.base import kernels
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.graph.description import takes_scenario
 from lowcostnav_ros.graph.executables import NAVIGATOR, kind_of, needs_compiler
+from lowcostnav_ros.graph.warm_parent import READY
 from lowcostnav_ros.nodes.dispatch import main, maker
 
 
@@ -68,7 +70,7 @@ def _fly(name: str, file: Path) -> None:
 
 def serve(requests: socket.socket) -> list[str] | None:
     """Fork for every request; return its command line in the new process, None in this one once there are no more."""
-    requests.send(b"ready")
+    requests.send(READY)
     gc.collect()
     gc.freeze()  # what nobody writes to stays shared
     while True:
@@ -124,9 +126,16 @@ def _begin(number: int, *executables: str) -> int:
     if not any(map(needs_compiler, executables)):
         os.environ.setdefault("LOWCOSTNAV_KERNELS", "interpreted")
     requests = socket.socket(fileno=number)
+
+    def tell(words: str) -> None:
+        with suppress(OSError):  # nobody listens any more
+            requests.send(words.encode())
+
+    kernels.tell = tell
     take_in(executables)
     if settings := requests.recv(1 << 12):
         fly(executables, Path(os.fsdecode(settings)))
+    kernels.tell = kernels.on_stderr  # of the nodes
     if threading.active_count() > 1:
         print("something imported has started a thread, which no fork survives: nodes are started one by one", file=sys.stderr)
         return 0

@@ -12,6 +12,8 @@ from lowcostnav_ros.report import svg
 from lowcostnav_ros.report.decimate import straightened, thin, thin_dots, thin_envelope
 
 LEFT, RIGHT, TOP, BOTTOM = 62, 12, 20, 20
+EDGE = 3.2
+"""Half a digit of a tick's label, px: one that would pass the edge of the chart ends there."""
 HALF = 474
 """Width of a chart that another stands beside."""
 UNITS, LEVELS = 10_000, 4_000
@@ -267,7 +269,8 @@ def time_grid(frame: Frame) -> str:
     for t_s, label in frame.axis.ticks(10 if frame.width > 600 else 5):
         x = float(frame.pixel_x(t_s))
         lines.append(f"M{x:.1f} {TOP}V{base}")
-        parts.append(svg.text(x, base + 13, label, class_="tick mid"))
+        fits = x + EDGE * len(label) < frame.width
+        parts.append(svg.text(x if fits else frame.width, base + 13, label, class_="tick mid" if fits else "tick end"))
     return svg.element("path", d="".join(lines), class_="grid") + "".join(parts)
 
 

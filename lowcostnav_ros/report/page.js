@@ -239,7 +239,8 @@ window.pageReady = (async () => {
       along.forEach(([v, text], k) => {
         const x = this.x(zero + v * unit);
         make('path', {d: `M${x} ${TOP}V${base}`, class: 'grid'}, this.axes);
-        make('text', {x, y: base + 13, class: 'tick mid'}, this.axes, text + (k === along.length - 1 ? ' ' + name : ''));
+        const said = text + (k === along.length - 1 ? ' ' + name : ''), fits = x + 3.2 * said.length < this.width;
+        make('text', {x: fits ? x : this.width, y: base + 13, class: fits ? 'tick mid' : 'tick end'}, this.axes, said);
       });
       for (const e of this.modes) {
         const from = this.x(Math.max(+e.dataset.from, a)), to = this.x(Math.min(+e.dataset.to, b));

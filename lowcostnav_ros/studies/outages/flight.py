@@ -14,6 +14,7 @@ from lowcostnav_ros.navigators.solutions import Solutions
 from lowcostnav_ros.replay.links import Chain
 from lowcostnav_ros.replay.outages import GAP_NS
 from lowcostnav_ros.replay.withhold import Window, split
+from lowcostnav_ros.studies.aside import Aside
 
 SETTLED_NS = 2_000_000_000
 """A window is over once the flight's fused solutions are this far beyond its end; longer than any horizon of a chain."""
@@ -64,8 +65,14 @@ class Loss:
         return self._take(self._fed.add(given)) if given is not None else -(2**62)
 
     def end(self) -> None:
-        """Feed what has been gathered."""
+        """Feed what has been gathered, and keep of the solutions what belongs to the window."""
         self._take(self._fed.rest())
+        self.lost = _within(self.lost, self.span)
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Stamps between which solutions belong to it, ns."""
+        return self.window.start_ns - BEFORE_NS, self.window.end_ns
 
     def _take(self, given: Iterable[tuple[str, NavSolution | Rows]]) -> int:
         newest_ns = -(2**62)
@@ -73,6 +80,40 @@ class Loss:
             self.lost[name].append(part)
             newest_ns = max(newest_ns, part.stamp_ns)
         return newest_ns
+
+
+@dataclass(slots=True, eq=False)
+class Deferred(Loss):
+    """A window that is flown when all its measurements are there, aside if wanted, so that the flight with GPS goes on meanwhile."""
+
+    _measurements: list[Measurement] = field(default_factory=list)
+    aside: "Aside[ByNavigator] | None" = None
+
+    def feed(self, measurement: Measurement) -> int:
+        """Keep it; whether the window is over is told by the flight with GPS."""
+        self._measurements.append(measurement)
+        return -(2**62)
+
+    def end(self) -> None:
+        """Nothing yet: it is flown by :meth:`begin`."""
+
+    def begin(self, is_aside: bool) -> None:
+        """Fly it, here or aside."""
+        self.aside = Aside(self._flown, is_aside)
+        if not is_aside:
+            self.collect()
+
+    def collect(self) -> None:
+        """Wait for its solutions, where they are not here yet."""
+        if self.aside is not None:
+            self.lost, self.aside = self.aside.result(), None
+            self._measurements.clear()
+
+    def _flown(self) -> ByNavigator:
+        for measurement in self._measurements:
+            Loss.feed(self, measurement)
+        Loss.end(self)
+        return self.lost
 
 
 class Gathered:
@@ -103,6 +144,8 @@ class Losses:
         In order of their starts.
     to_the_end : bool
         Whether the flight with GPS goes on to the end of the last window, to be compared with, or to the last loss only.
+    kind : type
+        :class:`Loss`, or :class:`Deferred` where the flight with GPS goes on to the end in any case.
 
     Attributes
     ----------
@@ -112,7 +155,8 @@ class Losses:
         There was no GPS to lose: nothing that would be held back came within 3 s of the start, or not steadily for 10 s before it.
     """
 
-    def __init__(self, chain: Chain, windows: Sequence[Window], to_the_end: bool = True) -> None:
+    def __init__(self, chain: Chain, windows: Sequence[Window], to_the_end: bool = True, kind: type[Loss] = Loss) -> None:
+        self.kind = kind
         self.chain, self.skipped, self.to_the_end = chain, list[Window](), to_the_end
         self._waiting, self._flying = deque(windows), list[Loss]()
         self.is_done = not self._waiting
@@ -180,7 +224,7 @@ class Losses:
                 self.skipped.append(window)
             else:
                 before = {name: Solutions(solutions.parts) for name, solutions in self._kept.items()}
-                self._flying.append(Loss(window, self.chain.fork(), defaultdict(Solutions, before)))
+                self._flying.append(self.kind(window, self.chain.fork(), defaultdict(Solutions, before)))
         if abs(stamp_ns - self._heard_ns) > GAP_NS:  # one bad stamp costs a few starts, not all
             self._steady_ns = stamp_ns
         self._heard_ns = stamp_ns
@@ -189,8 +233,7 @@ class Losses:
         done = [loss for loss in self._flying if loss.window.end_ns + SETTLED_NS <= now_ns]
         for loss in done:
             loss.end()
-            span = loss.window.start_ns - BEFORE_NS, loss.window.end_ns
-            loss.lost, loss.kept, loss.is_whole = _within(loss.lost, *span), _within(self._kept, *span), now_ns < 2**62
+            loss.kept, loss.is_whole = _within(self._kept, loss.span), now_ns < 2**62
             yield loss
         if done:
             self._flying = [loss for loss in self._flying if loss not in done]
@@ -206,5 +249,6 @@ class Losses:
                 solutions.parts = [part for part in solutions.parts if part.stamp_ns >= oldest_ns]
 
 
-def _within(solutions: ByNavigator, first_ns: int, end_ns: int) -> ByNavigator:
+def _within(solutions: ByNavigator, span: tuple[int, int]) -> ByNavigator:
+    first_ns, end_ns = span
     return {name: those.between(first_ns, end_ns + SETTLED_NS) for name, those in solutions.items()}

@@ -3,7 +3,7 @@
 import copy
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 
@@ -12,7 +12,7 @@ import numpy as np
 from lowcostnav_ros import __version__
 from lowcostnav_ros.base.measurements import Attitude, GnssEpoch, GpsPosition, GpsVelocity, Measurement, NavSolution
 from lowcostnav_ros.base.settings import settings_hash
-from lowcostnav_ros.catalogue.config_files import config_dir
+from lowcostnav_ros.catalogue.config_files import SHIPPED, config_dir
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.messages.decode import Decoder
 from lowcostnav_ros.messages.rules import DecodeRules
@@ -22,15 +22,15 @@ from lowcostnav_ros.replay.evaluation import Truth
 from lowcostnav_ros.replay.links import Chain
 from lowcostnav_ros.replay.session import first_stamp
 from lowcostnav_ros.replay.withhold import NS, Window, Withhold, check_sources
+from lowcostnav_ros.studies.aside import room
 from lowcostnav_ros.studies.campaign import CampaignError, Workers, count, run_campaign
-from lowcostnav_ros.studies.outages.flight import Loss, Losses
+from lowcostnav_ros.studies.outages.flight import Deferred, Loss, Losses
 from lowcostnav_ros.studies.outages.judge import Reference, judge
 from lowcostnav_ros.studies.outages.result import Flown, Outage, OutageStudy, statistics_of
 from lowcostnav_ros.studies.outages.words import worst_sentence
 
 TRUTH_STEP_NS = 95_000_000
 """Of the truth one state is taken in so long a time: between them it is as good as straight."""
-SHIPPED = "shipped"
 
 
 class OutageError(ValueError):
@@ -131,7 +131,7 @@ def fly_case(case: Case) -> Pass:
 class _Flight:
     """The windows of a case over a recording, and what is found in them."""
 
-    def __init__(self, case: Case, cast: Cast, chain: Chain, first_ns: int, truth: Truth | None) -> None:
+    def __init__(self, case: Case, cast: Cast, chain: Chain, first_ns: int, truth: Truth | None, kind: type[Loss] = Loss) -> None:
         self.case, self.cast, self.first_ns, self.reference = case, cast, first_ns, Reference(truth)
         self.withheld = _withheld(cast, case.plan.withhold)
         windows = case.plan.windows(first_ns, first_ns + cast.reader.end_ns - cast.reader.start_ns, self.withheld)
@@ -139,7 +139,7 @@ class _Flight:
             span = f"the recording lasts {cast.reader.duration_s:.0f} s and the first loss is to come after {case.plan.after_s:g} s"
             raise OutageError(f"No outage of {min(case.plan.lengths_s):g} s fits: {span}; shorten one of them.")
         self.settings = {name: settings_hash(navigator.settings) for name, navigator in cast.navigators.items()}
-        self.losses = Losses(chain, runs_of(windows, first_ns, case.of)[case.share], not self.reference.is_whole)
+        self.losses = Losses(chain, runs_of(windows, first_ns, case.of)[case.share], not self.reference.is_whole, kind)
 
     def judge(self, loss: Loss) -> dict[str, Outage]:
         """Judge a window that is over: outages by navigator."""
@@ -167,7 +167,7 @@ class _Flight:
 
 
 class StudyAlong:
-    """A study in the very pass of a replay, whose ``watch`` option :meth:`begin` is.
+    """A study in the very pass of a replay, whose ``watch`` option :meth:`begin` is; windows are flown aside where there are cores.
 
     Parameters
     ----------
@@ -183,12 +183,12 @@ class StudyAlong:
         self.plan, self.seconds = plan, 0.0
         self._flight: _Flight | None = None
         self._refusal = OutageError("Nothing was replayed, so that no outage could be studied.")
-        self._judged = list[dict[str, Outage]]()
+        self._over = list[Deferred]()
 
     def begin(self, cast: Cast, chain: Chain, first_ns: int) -> "StudyAlong":
         """Lay the windows over a replay that begins."""
         try:
-            self._flight = _Flight(Case(cast.reader.path, self.plan), cast, chain, first_ns, _truth_of(cast))
+            self._flight = _Flight(Case(cast.reader.path, self.plan), cast, chain, first_ns, _truth_of(cast), Deferred)
         except OutageError as error:
             self._refusal = error
         return self
@@ -206,11 +206,19 @@ class StudyAlong:
             self._flight.losses.take(name, solution)
 
     def after(self) -> None:
-        """Judge the windows that are over."""
+        """Fly the windows that are over."""
         if self._flight is not None and not self._flight.losses.is_done:
             began = perf_counter()
-            self._judged += [self._flight.judge(loss) for loss in self._flight.losses.over()]
+            self._fly(self._flight.losses.over())
             self.seconds += perf_counter() - began
+
+    def _fly(self, losses: Iterable[Loss]) -> None:
+        """The first one here, so that what the others need is loaded; then as many aside as there is room for."""
+        for loss in losses:
+            assert isinstance(loss, Deferred)
+            running = sum(one.aside is not None and one.aside.is_running for one in self._over)
+            loss.begin(is_aside=bool(self._over) and running < room())
+            self._over.append(loss)
 
     def study(self) -> OutageStudy:
         """Return what was found, once the replay is over.
@@ -222,8 +230,10 @@ class StudyAlong:
         """
         if self._flight is None:
             raise self._refusal
-        self._judged += [self._flight.judge(loss) for loss in self._flight.losses.rest()]
-        return _joined([self._flight.result(self._judged)])
+        self._fly(self._flight.losses.rest())
+        for loss in self._over:
+            loss.collect()
+        return _joined([self._flight.result([self._flight.judge(loss) for loss in self._over])])
 
 
 def _truth_of(cast: Cast) -> Truth | None:
