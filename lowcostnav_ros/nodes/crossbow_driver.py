@@ -1,10 +1,8 @@
 """A Crossbow DMU or AHRS400 on a serial port onto imu/data_raw and imu/mag; its own attitude onto imu/data where it is asked for."""
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from lowcostnav_ros.base.measurements import Attitude, Measurement
 from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.formats.crossbow import LAYOUTS, CrossbowParser, CrossbowUnit
 from lowcostnav_ros.formats.parser import Parser
@@ -29,18 +27,8 @@ class CrossbowSettings(PortSettings):
 class CrossbowDriver(DriverNode):
     """Publish what a Crossbow unit measures."""
 
-    name = "crossbow_driver"
-    Settings = CrossbowSettings
-
     def make_parser(self) -> Parser:
         """Packets of the unit's mode."""
         s = self.settings
         unit = CrossbowUnit(s.packet, s.rate_range_dps, s.accel_range_g)
         return CrossbowParser(unit, math.radians(s.declination_deg), s.started)
-
-    def published(self, measurement: Measurement) -> Iterable[Measurement]:
-        """Publish the sensors, and the attitude where it is asked for."""
-        if not isinstance(measurement, Attitude):
-            yield measurement
-        elif self.settings.attitude:
-            yield from (measurement, replace(measurement, source="imu/data"))

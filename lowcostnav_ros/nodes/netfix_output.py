@@ -19,9 +19,6 @@ class NetfixOutputSettings(OutputSettings):
 class NetfixOutput(OutputNode):
     """Write values."""
 
-    name = "netfix_output"
-    Settings = NetfixOutputSettings
-
     def make_encoder(self) -> Encoder:
         """Lines."""
         return NetfixLines()

@@ -22,9 +22,6 @@ class NmeaOutputSettings(OutputSettings):
 class NmeaOutput(OutputNode):
     """Send NMEA 0183."""
 
-    name = "nmea_output"
-    Settings = NmeaOutputSettings
-
     def make_encoder(self) -> Encoder:
         """Sentences of the talker."""
         return NmeaSentences(self.settings.talker)

@@ -23,9 +23,6 @@ class UbloxSettings(PortSettings):
 class UbloxDriver(DriverNode):
     """Publish what a u-blox receiver says."""
 
-    name = "ublox_driver"
-    Settings = UbloxSettings
-
     def make_parser(self) -> Parser:
         """Frames; without raw data no satellite is located."""
         parser = UbloxParser()

@@ -19,9 +19,6 @@ class XPlaneSettings(OutputSettings):
 class XPlaneOutput(OutputNode):
     """Send XGPS and XATT."""
 
-    name = "xplane_output"
-    Settings = XPlaneSettings
-
     def make_encoder(self) -> Encoder:
         """Lines."""
         return XPlaneText()

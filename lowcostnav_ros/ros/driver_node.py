@@ -2,10 +2,10 @@
 
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from lowcostnav_ros.base.measurements import Measurement
+from lowcostnav_ros.base.measurements import Attitude, Measurement
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.formats.clock_fit import ClockFit
@@ -49,7 +49,7 @@ class PortSettings:
 
 
 class DriverNode(PortNode):
-    """Base of the drivers; a subclass gives ``name``, ``Settings`` and :meth:`make_parser`, and may choose what is published."""
+    """Base of the drivers; a subclass gives :meth:`make_parser` and, in ``@executable``, its name and settings."""
 
     name: ClassVar[str]
     Settings: ClassVar[type[PortSettings]] = PortSettings
@@ -73,8 +73,11 @@ class DriverNode(PortNode):
         raise NotImplementedError
 
     def published(self, measurement: Measurement) -> Iterable[Measurement]:
-        """Return what is published of a measurement, with the topics' names."""
-        yield measurement
+        """Return what is published of a measurement; its own attitude only where ``attitude`` asks for it, as imu/data too."""
+        if not isinstance(measurement, Attitude) or not hasattr(self.settings, "attitude"):
+            yield measurement
+        elif self.settings.attitude:
+            yield from (measurement, replace(measurement, source="imu/data"))
 
     def rows(self) -> Iterable[Status]:
         """Add the state of the port and of the protocol to the rows of every node."""

@@ -40,7 +40,7 @@ class OutputSettings:
 
 
 class OutputNode(PortNode):
-    """Base of the outputs; a subclass gives ``name``, ``Settings`` and :meth:`make_encoder`."""
+    """Base of the outputs; a subclass gives :meth:`make_encoder` and, in ``@executable``, its name and settings."""
 
     name: ClassVar[str]
     Settings: ClassVar[type[OutputSettings]] = OutputSettings
