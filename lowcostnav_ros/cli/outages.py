@@ -7,11 +7,11 @@ import argparse
 import json
 from pathlib import Path
 
+from lowcostnav_ros.base.plain import plain
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.catalogue.config_files import config_dir, vehicle_dir
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_workers, between, workers_of
-from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.report.outages.page import write_page
 from lowcostnav_ros.report.terminal import print_table, result_console
 from lowcostnav_ros.studies.outages.study import SHIPPED, Case, Plan, study_outages
