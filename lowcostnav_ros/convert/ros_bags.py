@@ -43,7 +43,6 @@ def convert_bag(
     out_bag: str | Path,
     maps: Mapping[str, str] | None = None,
     mounting_deg: tuple[float, float, float] | None = None,
-    storage: str = "mcap",
 ) -> Summary:
     """Convert a bag of ROS 1 or of another system's topics.
 
@@ -57,8 +56,6 @@ def convert_bag(
         Instead of what is guessed.
     mounting_deg : tuple of three floats, optional
         Roll, pitch, yaw from the axes of the inertial sensor to those of the body.
-    storage : str
-        ``mcap`` or ``sqlite3``.
 
     Raises
     ------
@@ -72,7 +69,7 @@ def convert_bag(
     for recorded, msgtype in types.items():
         if recorded not in chosen:
             account.left_out[f"{recorded} ({msgtype})"] += 1
-    with new_bag(out_bag, storage) as bag:
+    with new_bag(out_bag) as bag:
         standard = Standard(bag, mounting_deg)
         for recorded, received_ns, message in (_messages_1(path, set(chosen)) if is_first else _messages_2(path, set(chosen))):
             ours = chosen[recorded]

@@ -318,7 +318,6 @@ def replay_stream(
     navigators: Mapping[str, Navigator],
     withhold: Sequence[Withhold] = (),
     out: Path | None = None,
-    on_progress: Callable[[int], None] | None = None,
     smooth: bool = False,
 ) -> ReplayResult:
     """Feed a stream of measurements and true states to navigators; return the statistics.
@@ -334,8 +333,6 @@ def replay_stream(
         Sources kept from the navigators.
     out : Path, optional
         Folder for the result files.
-    on_progress : callable, optional
-        Called with the newest stamp (ns) now and then.
     smooth : bool
         Whether every navigator that can is smoothed at the end.
     """
@@ -345,13 +342,11 @@ def replay_stream(
     first_ns = min((first_stamp(item) for item in head), default=0)
     has_truth = any(isinstance(item, TruthBlock) for item in head)
     session = Session(navigators, [resolve(w, first_ns) for w in withhold], has_truth, out=out, smooth=smooth)
-    for count, item in enumerate(itertools.chain(head, items)):
+    for item in itertools.chain(head, items):
         if isinstance(item, TruthBlock):
             session.feed_truth(item)
         else:
             session.feed(item)
-        if on_progress is not None and count % 200 == 0:
-            on_progress(session.newest_ns)
     return timed(session.finish(), perf_counter() - began, 0.0)
 
 
