@@ -15,7 +15,7 @@ from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.radionav.interrogation import SCHEMES, InterrogationSchedule, Slot, answered_share, transponder_load
 from lowcostnav_ros.radionav.selection import audible, best_pair, view
 from lowcostnav_ros.radionav.stations import RANGING, Station, StationTable
-from lowcostnav_ros.sensors.registry import simulator
+from lowcostnav_ros.sensors.registry import SimulatorSettings, simulator
 from lowcostnav_ros.sensors.station_drift import DistanceFlown, StationDrift
 
 CHOOSE_EVERY_S = 60.0
@@ -23,10 +23,9 @@ CHOOSE_EVERY_S = 60.0
 
 
 @dataclass(frozen=True)
-class DmeSimulatorSettings:
+class DmeSimulatorSettings(SimulatorSettings):
     """Settings of the DME simulator."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     scheme: str = setting("one_receiver", "Receiver: one that alternates, two, or a scanning one.", choices=SCHEMES)
     interval_s: float = setting(15.0, "Time between ranges; 0 takes the shortest the pulse budget allows.", unit="s", minimum=0.0)
     over_budget: bool = setting(False, "Fly an interval over the pulse budget of a station; what it costs is said.")

@@ -29,7 +29,7 @@ from lowcostnav_ros.radionav.transmitters import PSEUDOLITE
 from lowcostnav_ros.radionav.weather import Weather
 from lowcostnav_ros.sensors.airframe import AirframeSettings, slips_per_s
 from lowcostnav_ros.sensors.carrier_errors import CarrierErrors, CarrierErrorSettings
-from lowcostnav_ros.sensors.reception import check_outages, outage_windows
+from lowcostnav_ros.sensors.reception import ReceiverSettings, outage_windows
 from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
@@ -56,10 +56,10 @@ class AirSettings:
 
 
 @dataclass(frozen=True)
-class PseudoliteSimulatorSettings:
+class PseudoliteSimulatorSettings(ReceiverSettings):
     """Settings of the simulator of ground transmitters."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    receiver = "Pseudolites"
     rate_hz: float = setting(10.0, "Output rate.", unit="Hz", minimum=0.1, maximum=50.0)
     stations_file: str = setting("pseudolites_range.csv", "Station table in the config directory, or a path.")
     wavelength_m: float = setting(WAVELENGTH_M, "Wavelength of the carrier.", unit="m", minimum=0.01, maximum=2.0)
@@ -69,7 +69,6 @@ class PseudoliteSimulatorSettings:
     clock_drift_mps: float = setting(10.0, "Receiver clock drift at switch-on, 1 sigma.", unit="m/s", minimum=0.0)
     clock_step: list = setting([], "The receiver sets its clock: time (s), step (m), time, step, ...")
     near_far_m: float = setting(200.0, "Closer to a transmitter than this no other is received.", unit="m", minimum=0.0)
-    outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
     lost_sync: list = setting([], "Transmitters out of step: start (s), ident as a number, offset (m), rate (m/s), start, ...")
     errors: CarrierErrorSettings = group(CarrierErrorSettings)
     airframe: AirframeSettings = group(AirframeSettings)
@@ -80,7 +79,7 @@ class PseudoliteSimulatorSettings:
     weather_humidity_pct: float = setting(3.0, "Error of a station's humidity, 1 sigma, constant.", unit="%", minimum=0.0)
 
     def __post_init__(self) -> None:
-        check_outages(self.outages_s, "Pseudolites")
+        super().__post_init__()
         if len(self.lost_sync) % 4 or len(self.clock_step) % 2:
             raise SettingsError("Pseudolites: 'lost_sync' needs four numbers each, 'clock_step' two; add what is missing.")
         if len(self.lever_arm_b_m) != 3:
