@@ -125,7 +125,7 @@ def test_a_stamp_that_stands_still_is_stale_and_a_clock_that_starts_anew_is_take
         assert (cockpit.picture(0.1 * k).lat is None) == (10 < k <= 30)  # after 3 s a standing clock counts as a new one, once
     cockpit = Cockpit(CockpitLimits())
     cockpit.take(solution(), 0.0)
-    assert cockpit.picture(0.0).reason == "the navigator does not say how it is"
+    assert cockpit.picture(0.0).reason == "the navigator reports no health"
 
 
 def test_a_protection_level_makes_nic_until_it_is_withdrawn_or_old():

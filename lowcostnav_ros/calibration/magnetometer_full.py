@@ -135,7 +135,7 @@ def _without_outliers(measured: np.ndarray, strength: float, scale_sigma: float,
     if len(wrong):
         fit = known_strength_fit(np.delete(measured, wrong, axis=0), strength, prior)
         rows = ", ".join(str(row + 1) for row in wrong[:SHOWN_ROWS]) + (", ..." if len(wrong) > SHOWN_ROWS else "")
-        fit = replace(fit, warnings=(*fit.warnings, f"{len(wrong)} outliers left out: samples {rows}."))
+        fit = replace(fit, warnings=(*fit.warnings, f"{len(wrong)} outliers excluded: samples {rows}."))
     grown = _growth(fit, np.delete(measured, wrong, axis=0))
     sigmas = {name: grown * getattr(fit, name) for name in ("hard_iron_sigma", "scale_sigma", "cross_sigma")}
     return replace(fit, **sigmas)

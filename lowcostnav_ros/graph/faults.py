@@ -178,7 +178,7 @@ def live_table(rows: Sequence[Live]) -> Table:
         Column("worst error", lambda r: number(r.worst_m), "m", short="worst"),
         Column("level", lambda r: r.level.name),
         Column("named after", lambda r: number(r.named_s), "s", short="named"),
-        Column("what was said", lambda r: r.sentence, left=True),
+        Column("reported", lambda r: r.sentence, left=True),
     )
     return Table.of("Live", columns, rows)
 

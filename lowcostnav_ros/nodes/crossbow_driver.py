@@ -18,7 +18,7 @@ class CrossbowSettings(PortSettings):
     packet: str = setting("angle", "Mode of the unit: AHRS400 angle or scaled, VG angle, DMU-6X scaled.", choices=tuple(LAYOUTS))
     rate_range_dps: float = setting(100.0, "Range of the gyros, of the unit's label.", unit="deg/s", minimum=1.0, maximum=1000.0)
     accel_range_g: float = setting(2.0, "Range of the accelerometers, of the unit's label.", unit="g", minimum=0.5, maximum=50.0)
-    started: bool = setting(True, "Tell the unit to take this mode and to send; off where it does so by itself.")
+    started: bool = setting(True, "Command the unit into this mode and to send; off for a unit that does so by itself.")
     attitude: bool = setting(False, "Publish the unit's own attitude as imu/data and imu/data_fused: not beside the node ahrs.")
     declination_deg: float = setting(0.0, "Declination, east positive, added to its heading.", unit="deg", minimum=-180.0, maximum=180.0)
 

@@ -260,7 +260,7 @@ class _Replay(Cast):
         self._written.clear()
 
     def _check_window(self, window: Window, first_ns: int) -> None:
-        """Refuse, before the work, a window in which there is nothing to withhold, and say what is silent there."""
+        """Refuse, before the work, a window in which there is nothing to withhold, with what has no data there."""
         last: dict[str, int] = {}
         silent: dict[str, str] = {}
         with _reader(self.reader.path, self.options) as reader:  # its own files: this one is being read
@@ -272,7 +272,7 @@ class _Replay(Cast):
                     silent[source] = f"{source} from {1e-9 * (last[source] - first_ns):.0f} to {1e-9 * (stamp_ns - first_ns):.0f} s"
                 last[source] = stamp_ns
         ended = (f"{source} from {1e-9 * (last[source] - first_ns):.0f} s on" for source in sorted(last.keys() - silent.keys()))
-        missing = f"; silent already, from the start: {', '.join([*silent.values(), *ended])}" if last else ""
+        missing = f"; already without data, from the start: {', '.join([*silent.values(), *ended])}" if last else ""
         end_s = 1e-9 * max(last.values(), default=first_ns)
         span = f"the recording spans {1e-9 * first_ns:.1f} to {end_s:.1f} s (0 to {end_s - 1e-9 * first_ns:.1f} s from the start)"
         raise WithholdError(f"--withhold: nothing fell in the window '{window.text}'; {span}{missing}.")

@@ -71,5 +71,5 @@ def mountings_of(reader: BagReader) -> Mountings:
         if frame is not None and stand is not None:
             found.stands[source], found.frames[source] = stand, (frame,)
         elif frame is not None and kind is not None and frame not in kind.frames:
-            found.remarks[f"/tf_static does not lead from frame '{frame}' of {source} to base_link: the settings say how it stands"] = 1
+            found.remarks[f"/tf_static does not lead from frame '{frame}' of {source} to base_link: the settings' mounting is used"] = 1
     return found

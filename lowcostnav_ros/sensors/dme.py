@@ -28,7 +28,7 @@ class DmeSimulatorSettings(SimulatorSettings):
 
     scheme: str = setting("one_receiver", "Receiver: one that alternates, two, or a scanning one.", choices=SCHEMES)
     interval_s: float = setting(15.0, "Time between ranges; 0 takes the shortest the pulse budget allows.", unit="s", minimum=0.0)
-    over_budget: bool = setting(False, "Fly an interval over the pulse budget of a station; what it costs is said.")
+    over_budget: bool = setting(False, "Allow an interval over the pulse budget of a station; the cost is reported.")
     tracking_aircraft: int = setting(0, "Other aircraft that track every station.", minimum=0, maximum=10_000)
     searching_aircraft: int = setting(0, "Other aircraft that search for every station.", minimum=0, maximum=10_000)
     stations_file: str = setting("dme_stations_bay_area.csv", "Station table in the config directory, or a path.")

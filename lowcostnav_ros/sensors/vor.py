@@ -32,7 +32,7 @@ class VorSimulatorSettings(ReceiverSettings):
     receivers: int = setting(2, "Receivers aboard, each tuned to one station at a time.", minimum=1, maximum=4)
     stations_file: str = setting("dme_stations_bay_area.csv", "Station table in the config directory, or a path.")
     stations: str = setting("", "Idents to tune in turn, separated by commas; empty takes the nearest on the way.")
-    dwell_s: float = setting(60.0, "A receiver is tuned anew after this long.", unit="s", minimum=1.0)
+    dwell_s: float = setting(60.0, "A receiver is retuned after this time.", unit="s", minimum=1.0)
     settle_s: float = setting(3.0, "Time without a bearing after a change of station.", unit="s", minimum=0.0)
     bias_deg: float = setting(0.6, "Constant error of each station (alignment), 1 sigma.", unit="deg", minimum=0.0, maximum=10.0)
     bend_deg: float = setting(0.75, "Course bends of each station, 1 sigma.", unit="deg", minimum=0.0, maximum=10.0)

@@ -27,7 +27,7 @@ def has_gps(summary: ReplayResult) -> bool:
 def findings(summary: ReplayResult, outages: str = "") -> list[str]:
     """The sentences; ``outages`` is what a study of outages adds."""
     if not any(one.solutions for one in summary.navigators.values()):
-        return ["No navigator could fly on what was recorded; what is there is drawn, and what is missing is said at the end of the page."]
+        return ["No navigator could run on this recording; what was recorded is drawn, and the end of the page lists what is missing."]
     return [text for text in (_position(summary), outages, _sigmas(summary), _trouble(summary)) if text]
 
 
@@ -69,7 +69,7 @@ def _sigmas(summary: ReplayResult) -> str:
     text = [f"{word} for {_listed(names)}" for word, names in found.items() if names]
     if not text:
         return ""
-    wrong = " What is too small must not be trusted as it stands." if found["too small"] else ""
+    wrong = " Do not rely on sigmas that are too small." if found["too small"] else ""
     return f"Sigmas {', '.join(text)}.{wrong}"
 
 
