@@ -80,8 +80,8 @@ class _Listener:
             if what == "navigator":
                 self.levels[node] = max(self.levels[node], level)
             more = [words for words, count in refused.items() if count > self._before.get(f"{node} {words}", 0) + EXCESS]
-            said = [*([f"{what}: {row['message']}"] if level > Level.OK else []), *more]
-            found = next((words for words in said if any(source in words for source in self._fault.sources)), "")
+            reports = [*([f"{what}: {row['message']}"] if level > Level.OK else []), *more]
+            found = next((words for words in reports if any(source in words for source in self._fault.sources)), "")
             if found and node not in self.named:
                 self.named[node] = since_s, found
 

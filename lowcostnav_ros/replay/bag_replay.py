@@ -339,7 +339,7 @@ def _navigators(reader: BagReader, options: ReplayOptions, mountings: Mountings)
     registry = NAVIGATORS if options.registry is None else options.registry
     check_names(options.navigators or (), list(registry))
     wanted = dict.fromkeys(options.navigators or registry)
-    navigators = build_navigators(wanted, registry, options.config, reader.settings_folder, mountings.told)
+    navigators = build_navigators(wanted, registry, options.config, reader.settings_folder, mountings.adapted)
     for navigator in navigators.values():
         reader.decoder.rules.accept(navigator)
     inputs = {name: navigator.inputs for name, navigator in navigators.items()}

@@ -32,8 +32,8 @@ class Mountings:
     frames: dict[str, tuple[str, ...]] = field(default_factory=dict)
     remarks: dict[str, int] = field(default_factory=dict)
 
-    def told(self, settings: Any) -> Any:
-        """Settings with the stands in place of what is left at zero; what is set stays, and where the recording differs it is said."""
+    def adapted(self, settings: Any) -> Any:
+        """Settings with the stands in place of what is left at zero; what is set stays, a recording that differs gives a remark."""
         for source, stand in self.stands.items():
             for name, part in SETTINGS[source].items():
                 key, _, attribute = name.partition(".")

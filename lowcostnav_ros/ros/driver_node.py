@@ -101,7 +101,7 @@ class DriverNode(PortNode):
 
     def _listen(self, port: Port, is_searching: bool) -> bool:
         """Read until the port is gone; return False where no frame came at this rate."""
-        opened = heard = time.monotonic()
+        opened_s = last_byte_s = time.monotonic()
         before = sum(self.parser.framer.frames.values())
         while self.running():
             data = port.read(READ_S)
@@ -113,19 +113,19 @@ class DriverNode(PortNode):
                     self._stopping.wait(READ_S)
                 return True
             now = time.monotonic()
-            heard = now if data else heard
+            last_byte_s = now if data else last_byte_s
             self._bytes += len(data)
             self.parser.arrived_ns = 0 if self._is_file else received_ns
             self._publish(self.parser.feed(data), received_ns)
             found = sum(self.parser.framer.frames.values()) > before
-            if is_searching and not found and now - opened > TRY_S:
+            if is_searching and not found and now - opened_s > TRY_S:
                 self._say(f"{self.settings.source} gives {'no known message' if self._bytes else 'no bytes'} at {self._baud} baud")
                 return False
-            if now - heard > self.settings.silent_after_s:
-                self._say(f"{self.settings.source} is open, but no bytes have come for {now - heard:.0f} s; check the wiring")
+            if now - last_byte_s > self.settings.silent_after_s:
+                self._say(f"{self.settings.source} is open, but no bytes have come for {now - last_byte_s:.0f} s; check the wiring")
             elif found:
                 self._say("", f"{self.settings.source} open{f' at {self._baud} baud' if self._baud else ''}, messages come")
-            elif self._bytes and now - opened > TRY_S:
+            elif self._bytes and now - opened_s > TRY_S:
                 rate = f" at {self._baud} baud (0 finds the rate)" if self.settings.baud else ""
                 self._say(f"{self.settings.source} gives no known message{rate}; check what the device sends")
         return True

@@ -38,7 +38,7 @@ class WatchingNode(NodeBase):
     def __init__(self, name: str, settings: Sequence[Any], **kwargs: Any) -> None:
         super().__init__(name, settings, **kwargs)
         self._watched: set[str] = set()
-        self._look_at, self._said = 0.0, ""
+        self._look_at, self._cause = 0.0, ""
         try:
             tables: Iterable[str] = self.parameters.settings[0].stations
             self.picture = Picture({station.ident: station for table in tables for station in load_stations(table)}.values())
@@ -70,9 +70,9 @@ class WatchingNode(NodeBase):
         except Exception as error:
             if not self.context.ok():
                 raise
-            if (said := type(error).__name__) != self._said:
-                self._said = said
-                self.get_logger().error(f"part of the picture cannot be drawn: {said}: {error}")
+            if (cause := type(error).__name__) != self._cause:
+                self._cause = cause
+                self.get_logger().error(f"part of the picture cannot be drawn: {cause}: {error}")
 
     def _listen_to(self, topic: str, kind: Kind) -> None:
         profile = qos.latched() if kind.latched else QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)

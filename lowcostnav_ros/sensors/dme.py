@@ -131,8 +131,8 @@ class DmeSimulator:
 
     def _reply(self, truth: TruthBlock, row: int, station: Station, flown_m: float) -> list[SlantRange]:
         place = truth.lat[row], truth.lon[row], truth.height[row]
-        heard = self._answered >= 1.0 or self._traffic_rng.random() < self._answered
-        if not heard or not audible(station, *place):
+        answered = self._answered >= 1.0 or self._traffic_rng.random() < self._answered
+        if not answered or not audible(station, *place):
             return []
         if station.ident not in self._errors:
             self._errors[station.ident] = range_error(self.settings, station.ident)

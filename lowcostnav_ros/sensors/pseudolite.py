@@ -177,7 +177,7 @@ class PseudoliteSimulator:
         self.delays_m = self._air.delays(self._heights, height, ranges, middle)
         banked = abs(math.atan2(C_nb[2, 1], C_nb[2, 2])) > math.radians(own.errors.bank_deg)
         slips_hz = slips_per_s(own.airframe, sight_e @ C_en @ C_nb, own.wavelength_m)
-        errors = self.errors.draw(self._heard(ranges, t_s), banked, slips_hz)
+        errors = self.errors.draw(self._received(ranges, t_s), banked, slips_hz)
         if not errors.locked.any():
             return None
         offset, rate = self._sync(t_s)
@@ -190,12 +190,12 @@ class PseudoliteSimulator:
         observed = (whole + errors.code_m)[used], carrier[used], doppler[used], wave[used], np.zeros(len(valid))
         return CarrierEpoch(stamp_ns, self.source, self._ident[used], *observed, valid, valid)
 
-    def _heard(self, ranges: np.ndarray, t_s: float) -> np.ndarray:
+    def _received(self, ranges: np.ndarray, t_s: float) -> np.ndarray:
         """Which transmitters are received at these ranges (n,), m."""
         if any(start <= t_s < end for start, end in outage_windows(self.settings.outages_s)):
             return np.zeros(len(ranges), dtype=bool)
-        heard = (ranges >= self._reach[:, 0]) & (ranges <= self._reach[:, 1])
-        return heard & (ranges == ranges.min()) if ranges.min() < self.settings.near_far_m else heard
+        received = (ranges >= self._reach[:, 0]) & (ranges <= self._reach[:, 1])
+        return received & (ranges == ranges.min()) if ranges.min() < self.settings.near_far_m else received
 
     def _sync(self, t_s: float) -> tuple[np.ndarray, np.ndarray]:
         """By how much each transmitter is out of step, m and m/s."""

@@ -41,19 +41,19 @@ def _position(summary: ReplayResult) -> str:
     other = compared_with(summary.recording)
     reference = other or next((one.errors.reference for one in located.values() if one.errors.reference), None)
     spans = [f"{clock(a - start)} to {clock(b - start)}" for a, b in lost.intervals_s]
-    said = f"GPS lost {_listed(spans)}" if spans else "GPS all flight" if has_gps(summary) else "No GPS was recorded"
+    gps = f"GPS lost {_listed(spans)}" if spans else "GPS all flight" if has_gps(summary) else "No GPS was recorded"
     during = {n: one.errors.without_gps for n, one in located.items() if one.errors.without_gps and one.errors.without_gps.horizontal_m}
     if spans and during:
         ranked = sorted((part.horizontal_m.max, part.horizontal_m.p95, name) for name, part in during.items() if part.horizontal_m)
         text = [f"{name} stayed within {distance(worst)} (95 % within {distance(p95)})" for worst, p95, name in ranked[:2]]
         silent = [name for name in located if name not in during]
-        return f"{said}; {', '.join(text)}{f'; without a position then: {_listed(silent)}' if silent else ''}."
+        return f"{gps}; {', '.join(text)}{f'; without a position then: {_listed(silent)}' if silent else ''}."
     whole = {name: one.errors.whole.horizontal_m for name, one in located.items() if one.errors.whole and one.errors.whole.horizontal_m}
     if not whole:
-        return f"{said}; there is no truth in the recording to judge the position by."
+        return f"{gps}; there is no truth in the recording to judge the position by."
     best = sorted(whole.items(), key=lambda pair: pair[1].p95)[:2]
     within = ", ".join(f"{name} within {distance(size.p95)} for 95 % of the time" for name, size in best)
-    return f"{said}; against {reference or 'the reference'}: {within}."
+    return f"{gps}; against {reference or 'the reference'}: {within}."
 
 
 def _sigmas(summary: ReplayResult) -> str:
