@@ -31,7 +31,8 @@ from lowcostnav_ros.graph.executables import NAVIGATOR, SIMULATOR, SOURCE, kind_
 from lowcostnav_ros.graph.process import What
 from lowcostnav_ros.graph.runner import GraphRunner
 from lowcostnav_ros.messages import topics
-from lowcostnav_ros.messages.bag import BagError, BagReader
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagError
 from lowcostnav_ros.messages.decode import Decoder, Rejected
 from lowcostnav_ros.sensors.registry import SIMULATORS
 

@@ -13,7 +13,7 @@ from lowcostnav_ros.base.plain import plain
 from lowcostnav_ros.catalogue.imu_by_name import profile_settings
 from lowcostnav_ros.cores.imu_errors import ImuSettings, of_axes
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.ins_gnss import InsGnss, InsGnssSettings

@@ -18,7 +18,7 @@ from lowcostnav_ros.cli.list import names_of
 from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.cores.imu_errors import ImuSettings
 from lowcostnav_ros.messages import encode
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, new_bag
+from lowcostnav_ros.messages.bag_writer import SETTINGS_FOLDER, new_bag
 from lowcostnav_ros.messages.encode import Record
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.registry import NAVIGATORS

@@ -17,7 +17,7 @@ from lowcostnav_ros.formats.mavlink import MavlinkParser
 from lowcostnav_ros.formats.nmea import NmeaParser
 from lowcostnav_ros.formats.parser import UTC, Parser, shifted
 from lowcostnav_ros.formats.ubx import UbloxParser
-from lowcostnav_ros.messages.bag import new_bag
+from lowcostnav_ros.messages.bag_writer import new_bag
 
 HEAD = 65_536
 """Bytes looked at to tell a format."""

@@ -19,7 +19,7 @@ from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
 from lowcostnav_ros.gnss.track import HOLD_S, Track, track
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter, new_bag
+from lowcostnav_ros.messages.bag_writer import SETTINGS_FOLDER, BagWriter, new_bag
 from lowcostnav_ros.messages.encode import Record
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnlySettings

@@ -15,7 +15,8 @@ from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.standard import Standard, Summary
 from lowcostnav_ros.formats.parser import Account
-from lowcostnav_ros.messages.bag import BagReader, new_bag
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import new_bag
 from lowcostnav_ros.messages.decode import decode
 from lowcostnav_ros.messages.foreign import mapped, offers
 from lowcostnav_ros.messages.parts import header, twist_stamped

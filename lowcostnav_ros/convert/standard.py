@@ -14,7 +14,7 @@ from lowcostnav_ros.base.units import STANDARD_GRAVITY
 from lowcostnav_ros.formats.log import AUTOPILOT, Series, own_solution
 from lowcostnav_ros.formats.parser import Account
 from lowcostnav_ros.formats.records import CheckedRecords
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.encode import Record, encode_rows
 from lowcostnav_ros.messages.samples import TableRow
 from lowcostnav_ros.messages.store import to_cdr

@@ -11,7 +11,8 @@ from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.base.tables import Column, Table, number
 from lowcostnav_ros.graph.description import Graph, GraphError, parse_graph
 from lowcostnav_ros.graph.runner import GraphRunner
-from lowcostnav_ros.messages.bag import BagReader, BagWriter
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag

@@ -5,7 +5,8 @@ from typing import Any
 
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.graph.executables import executable
-from lowcostnav_ros.messages.bag import BagError, BagReader
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagError
 from lowcostnav_ros.messages.rules import FURTHER, parse_further
 from lowcostnav_ros.messages.topics import CLOCK, DIAGNOSTICS, TopicSpec, kind_of
 from lowcostnav_ros.ros.node_base import Output

@@ -18,7 +18,8 @@ from lowcostnav_ros.catalogue.config_files import config_dir, load_settings
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.estimation.air_data.computer import AIR, INPUTS, REQUIRED, AirDataComputer, AirDataComputerSettings
 from lowcostnav_ros.messages import topics, windows
-from lowcostnav_ros.messages.bag import BagError, BagReader
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagError
 from lowcostnav_ros.messages.decode import Decoder, decode
 from lowcostnav_ros.messages.foreign import offers
 from lowcostnav_ros.messages.foreign import options as word_options
