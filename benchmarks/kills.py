@@ -56,7 +56,7 @@ class Probe:
         from rclpy.qos import qos_profile_sensor_data
 
         from lowcostnav_ros.ros import qos
-        from lowcostnav_ros.ros.node_base import message_class
+        from lowcostnav_ros.ros.publishing import message_class
 
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)

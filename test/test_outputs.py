@@ -218,7 +218,7 @@ def test_a_navigator_reaches_a_tablet(ros):
     from lowcostnav_ros.nodes.gdl90_output import Gdl90Output
     from lowcostnav_ros.physics.earth import LocalFrame
     from lowcostnav_ros.ros import qos
-    from lowcostnav_ros.ros.node_base import message_class
+    from lowcostnav_ros.ros.publishing import message_class
 
     tablet = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     tablet.bind(("127.0.0.1", 0))

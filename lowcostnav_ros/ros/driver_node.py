@@ -12,9 +12,9 @@ from lowcostnav_ros.formats.clock_fit import ClockFit
 from lowcostnav_ros.formats.parser import ARRIVAL, Parser, shifted
 from lowcostnav_ros.formats.records import CheckedRecords
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, WARN, Status
-from lowcostnav_ros.ros.node_base import Output
 from lowcostnav_ros.ros.port import BAUDS, Port, open_port, parse_source
 from lowcostnav_ros.ros.port_node import PortNode
+from lowcostnav_ros.ros.publishing import Output
 
 READ_S = 0.2
 TRY_S = 2.0

@@ -17,7 +17,8 @@ from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.messages.topics import DIAGNOSTICS
 from lowcostnav_ros.radionav.station_cells import StationError
 from lowcostnav_ros.ros import qos
-from lowcostnav_ros.ros.node_base import NodeBase, message_class
+from lowcostnav_ros.ros.node_base import NodeBase
+from lowcostnav_ros.ros.publishing import message_class
 
 LOOK_S = 1.0
 DEPTH = 10  # the newest is what is shown
