@@ -113,6 +113,7 @@ def test_topics_and_frames_of_a_sensor_are_settings():
     ("cls", "aids", "sentence"),
     [
         (GnssOnly, ["gnss", "airdata"], "gnss_only cannot take the aid 'airdata': it does not estimate an attitude with its error"),
+        (GnssOnly, ["gnss", "radar"], "'aids' adds 'radar', but 'radar.topic' is empty"),
         (GnssOnly, ["gnss", "magnetic"], "gnss_only cannot take the aid 'magnetic'"),
         (InsGps, ["baro"], "ins_gps cannot start without 'gps'"),
         (InsGps, ["gps", "barro"], "did you mean 'baro'"),

@@ -115,7 +115,7 @@ class _Narrator:
         self._next = time.monotonic() + DRAW_S
         self._show()
         source = self._runner.rows.get("truth_source: source", {})
-        flown = number(source, "flown_s") or 0.0
+        flown = number(source.get("values", {}), "flown_s") or 0.0
         row = self._runner.navigator("supervisor")
         chosen = tuple(row.get("values", {}).get(key, "") for key in ("mode", "flying_on"))
         if row and chosen != self._printed:

@@ -92,7 +92,7 @@ class Reports:
         for name, row in list(self.rows.items()):
             node, _, what = name.partition(": ")
             kind, _, topic = what.partition(" ")
-            count = number(row, "count")
+            count = number(row["values"], "count")
             if kind == "output" and count is not None:
                 entry = table.setdefault(topic, {"sent": 0})
                 entry["sent"] += int(count)
@@ -101,10 +101,10 @@ class Reports:
         return table
 
 
-def number(row: Mapping[str, Any], name: str) -> float | None:
-    """A value of a row as a number, None where it is none."""
+def number(values: Mapping[str, str], name: str) -> float | None:
+    """One of the values of a row as a number, None where it is none."""
     with contextlib.suppress(KeyError, ValueError):
-        value = float(row["values"][name])
+        value = float(values[name])
         return value if math.isfinite(value) else None
     return None
 
