@@ -8,14 +8,14 @@ from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.formats.mavlink import MavlinkParser
 from lowcostnav_ros.formats.parser import Parser
 from lowcostnav_ros.graph.executables import executable
-from lowcostnav_ros.ros.driver_node import DriverNode, PortSettings
+from lowcostnav_ros.ros.driver_node import DriverNode, PortSettings, source_setting
 
 
 @dataclass(frozen=True)
 class MavlinkSettings(PortSettings):
     """Port and what is published of an autopilot."""
 
-    source: str = setting("/dev/ttyACM0", "Serial port (best by /dev/serial/by-id/...), file:PATH, tcp:HOST:PORT or udp:PORT.")
+    source: str = source_setting("/dev/ttyACM0")
     attitude: bool = setting(False, "Publish the autopilot's own attitude as imu/data and imu/data_fused: not beside the node ahrs.")
     solution: bool = setting(True, "Publish the autopilot's own position as autopilot/odometry, to compare with.")
 

@@ -8,14 +8,14 @@ from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.formats.parser import Parser
 from lowcostnav_ros.formats.ubx import UbloxParser
 from lowcostnav_ros.graph.executables import executable
-from lowcostnav_ros.ros.driver_node import DriverNode, PortSettings
+from lowcostnav_ros.ros.driver_node import DriverNode, PortSettings, source_setting
 
 
 @dataclass(frozen=True)
 class UbloxSettings(PortSettings):
     """Port and what is published of a u-blox receiver."""
 
-    source: str = setting("/dev/ttyACM0", "Serial port (best by /dev/serial/by-id/...), file:PATH, tcp:HOST:PORT or udp:PORT.")
+    source: str = source_setting("/dev/ttyACM0")
     raw: bool = setting(True, "Publish gnss/raw where the receiver gives RXM-RAWX and RXM-SFRBX.")
 
 

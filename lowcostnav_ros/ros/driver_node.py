@@ -33,11 +33,16 @@ class ClockSettings:
     latency_s: float = setting(0.0, "Shortest delay from the measurement to its arrival, taken off.", unit="s", minimum=0.0, maximum=2.0)
 
 
+def source_setting(usual: str) -> Any:
+    """Declare where a driver's bytes come from; a subclass of :class:`PortSettings` may have another default."""
+    return setting(usual, "Serial port (best by /dev/serial/by-id/...), file:PATH, tcp:HOST:PORT or udp:PORT.")
+
+
 @dataclass(frozen=True)
 class PortSettings:
     """A port and the time of what comes from it."""
 
-    source: str = setting("/dev/ttyUSB0", "Serial port (best by /dev/serial/by-id/...), file:PATH, tcp:HOST:PORT or udp:PORT.")
+    source: str = source_setting("/dev/ttyUSB0")
     baud: int = setting(0, "Serial rate; 0 finds it.", minimum=0, maximum=4_000_000)
     silent_after_s: float = setting(3.0, "A port without a byte for longer is reported.", unit="s", minimum=0.5, maximum=600.0)
     file_pace: float = setting(1.0, "A file is read at this multiple of its own time; 0: at once.", minimum=0.0, maximum=1000.0)
