@@ -17,8 +17,8 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, Attitude, NavSolution
 from lowcostnav_ros.base.modes import Level
+from lowcostnav_ros.base.text import numeric
 from lowcostnav_ros.catalogue.geoid import undulation
-from lowcostnav_ros.graph.monitor import number
 from lowcostnav_ros.messages.decode import Decoder
 from lowcostnav_ros.messages.kind import Kind
 from lowcostnav_ros.navigators.registry import NAVIGATORS, label_of
@@ -275,18 +275,18 @@ def _is_drawn(topic: str, kind: Kind) -> bool:
 
 
 def _input(topic: str, row: _Row, silent: float) -> dict[str, Any]:
-    age = number(row.values, "age_s")
-    rejected = {"rejected": int(number(row.values, "rejected") or 0), "why": row.values.get("last_reject", "")}
-    rate = number(row.values, "rate_hz")
+    age = numeric(row.values, "age_s")
+    rejected = {"rejected": int(numeric(row.values, "rejected") or 0), "why": row.values.get("last_reject", "")}
+    rate = numeric(row.values, "rate_hz")
     age = None if age is None else round(age + silent, 1)
     return {"topic": topic, "level": row.level, "message": row.message, "rate": rate, "age": age, **rejected}
 
 
 def _aid(name: str, row: _Row, silent: float) -> dict[str, Any]:
-    values, age = row.values, number(row.values, "age_s")
-    counts = {key: int(number(values, key) or 0) for key in ("fused", "rejected")}
+    values, age = row.values, numeric(row.values, "age_s")
+    counts = {key: int(numeric(values, key) or 0) for key in ("fused", "rejected")}
     age = None if age is None else round(age + silent, 1)
-    ratio = number(values, "test_ratio")
+    ratio = numeric(values, "test_ratio")
     return {"aid": name, "level": row.level, "ratio": ratio, "age": age, "why": values.get("reason", ""), **counts}
 
 
