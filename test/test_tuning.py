@@ -129,5 +129,5 @@ def test_the_page_of_a_tuning_says_what_it_gained_and_what_was_learned():
     found = fitting.Fit(np.array([math.log(2.0)]), np.array([[0.01]]), 9.0)
     source = Source(Path("bag"), "dead_reckoning", ("dead_reckoning",), Path("config"))
     better, worse = (tuning_page(Tuned(source, [gust], found, found, judged, 40, [])) for judged in (3.5, -1.0))
-    assert "1 of 1 numbers of dead_reckoning are determined by the recordings; they are better" in better and "wind.gust_mps" in better
+    assert "1 of 1 numbers of dead_reckoning are told by the recordings; they are better" in better and "wind.gust_mps" in better
     assert "they are not better" in worse

@@ -126,9 +126,9 @@ def _stem(path: Path) -> str:
 
 
 def _fingerprint(path: Path, options: Options, profile: str | None) -> str:
-    """Of the content, of what its user states of it, and of the version that reads it."""
-    content = Path(profile).read_text(encoding="utf-8") if profile and Path(profile).is_file() else profile
-    digest = hashlib.sha256(f"{__version__} {options} {content}".encode())
+    """Of the content, of what was said about it, and of the version that reads it."""
+    said = Path(profile).read_text(encoding="utf-8") if profile and Path(profile).is_file() else profile
+    digest = hashlib.sha256(f"{__version__} {options} {said}".encode())
     for file in sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]:
         with file.open("rb") as opened:
             digest.update(hashlib.file_digest(opened, "sha256").digest())
