@@ -36,7 +36,8 @@ from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.catalogue.equipment import load_almanac, load_stations
 from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.graph.description import load_graph
-from lowcostnav_ros.messages.bag import BagReader, BagWriter
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.physics.earth import geodetic_to_ecef
 
 SECONDS, MEGABYTES = 60, 1000

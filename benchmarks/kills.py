@@ -31,7 +31,8 @@ from lowcostnav_ros.graph.executables import NAVIGATOR, SIMULATOR, SOURCE, kind_
 from lowcostnav_ros.graph.process import What
 from lowcostnav_ros.graph.runner import GraphRunner
 from lowcostnav_ros.messages import topics
-from lowcostnav_ros.messages.bag import BagError, BagReader
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagError
 from lowcostnav_ros.messages.decode import Decoder, Rejected
 from lowcostnav_ros.sensors.registry import SIMULATORS
 
@@ -55,7 +56,7 @@ class Probe:
         from rclpy.qos import qos_profile_sensor_data
 
         from lowcostnav_ros.ros import qos
-        from lowcostnav_ros.ros.node_base import message_class
+        from lowcostnav_ros.ros.publishing import message_class
 
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=domain)

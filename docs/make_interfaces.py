@@ -45,7 +45,8 @@ field, then it writes `magnetometer_N.yaml` into `output.folder`, to be loaded w
 manoeuvres to fly.
 
 `aids` lists the sensors of a navigator, in a file, by `-p aids:=[gps,baro,baro2]` or in a graph; a second one of a kind has a number, a
-group of settings (`baro2.sigma_m`) and topics of its own (`air2/static_pressure`, or those of `baro2.topics`). `lowcostnav parameters
+group of settings (`baro2.sigma_m`) and topics of its own (`air2/static_pressure`, or those of `baro2.topics`). One that is added to the
+usual list is on; of the usual ones `enabled` decides (`vor.enabled`). `lowcostnav parameters
 ins_gps --aids gps baro baro2` prints the parameter file of a list. A graph records and plays such topics; where recorder and player are
 started alone, their parameter `further` names them.
 

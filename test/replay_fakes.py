@@ -10,7 +10,7 @@ from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.estimation.aiding import AidStatus
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.physics.earth import LocalFrame, displace

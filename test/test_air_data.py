@@ -23,7 +23,7 @@ from lowcostnav_ros.estimation.air_data.computer import (
 )
 from lowcostnav_ros.graph.description import load_graph
 from lowcostnav_ros.graph.wiring import completed
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.encode import encode
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.messages.topics import spec

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from test_ins_gps import GPS_ONLY, errors, fed, measurements
 
 from lowcostnav_ros.base.measurements import GpsPosition, GpsVelocity, ImuBlock, NavSolution
+from lowcostnav_ros.base.plain import plain
 from lowcostnav_ros.catalogue.imu_by_name import profile_settings
 from lowcostnav_ros.cores.imu_errors import ImuSettings, of_axes
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.ins_gnss import InsGnss, InsGnssSettings
@@ -20,7 +21,6 @@ from lowcostnav_ros.navigators.ins_gps import InsGps
 from lowcostnav_ros.physics.earth import EARTH_RATE, LocalFrame, gravity
 from lowcostnav_ros.physics.rotation import euler_to_quat, quat_to_dcm
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
-from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.replay.withhold import parse_withhold
 from lowcostnav_ros.starts.levelling import agrees_with_track, gyrocompass, gyrocompass_sigma
 from lowcostnav_ros.trajectory import build

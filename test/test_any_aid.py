@@ -113,7 +113,8 @@ def test_topics_and_frames_of_a_sensor_are_settings():
     ("cls", "aids", "sentence"),
     [
         (GnssOnly, ["gnss", "airdata"], "gnss_only cannot take the aid 'airdata': it does not estimate an attitude with its error"),
-        (GnssOnly, ["gnss", "magnetic"], "gnss_only cannot take the aid 'hard_iron'"),
+        (GnssOnly, ["gnss", "radar"], "'aids' adds 'radar', but 'radar.topic' is empty"),
+        (GnssOnly, ["gnss", "magnetic"], "gnss_only cannot take the aid 'magnetic'"),
         (InsGps, ["baro"], "ins_gps cannot start without 'gps'"),
         (InsGps, ["gps", "barro"], "did you mean 'baro'"),
         (InsGps, ["gps", "gps"], "names a sensor twice"),
@@ -123,6 +124,13 @@ def test_topics_and_frames_of_a_sensor_are_settings():
 def test_what_cannot_be_is_refused_in_a_sentence(cls, aids, sentence):
     with pytest.raises(SettingsError, match=sentence):
         made(cls, aids)
+
+
+def test_an_aid_that_is_added_to_the_list_is_on():
+    assert not InsGps.Settings().vor.enabled and "vor/bearing" not in made(InsGps, ["gps", "vor"]).inputs  # of its own list: as shipped
+    added = made(GnssOnly, ["gnss", "vor"])
+    assert added.settings.vor.enabled and "vor/bearing" in added.inputs
+    assert "vor2/bearing" in made(InsGps, ["gps", "vor", "vor2"]).inputs
 
 
 def test_a_barometer_helps_satellites_alone(flight):

@@ -6,7 +6,8 @@ import pytest
 from lowcostnav_ros.base import measurements as m
 from lowcostnav_ros.messages import encode as e
 from lowcostnav_ros.messages import topics
-from lowcostnav_ros.messages.bag import BagError, BagReader, BagWriter
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagError, BagWriter
 from lowcostnav_ros.messages.decode import Rejected, decode
 from lowcostnav_ros.messages.store import to_cdr
 

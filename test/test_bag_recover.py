@@ -11,7 +11,8 @@ import pytest
 from lowcostnav_ros.cli.main import main
 from lowcostnav_ros.messages import bag as bags
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagError, BagReader, BagWriter
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import SETTINGS_FOLDER, BagError, BagWriter
 from lowcostnav_ros.messages.store import to_cdr
 
 SECOND = 1_000_000_000

@@ -9,7 +9,7 @@ from lowcostnav_ros.base.measurements import Attitude, GpsPosition, ImuBlock, Ma
 from lowcostnav_ros.calibration.magnetometer_swing import level_field
 from lowcostnav_ros.catalogue.config_files import load_settings
 from lowcostnav_ros.cli import main as cli
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.navigators.ahrs.navigator import AhrsSettings
 from lowcostnav_ros.physics.geomagnetism import field_n

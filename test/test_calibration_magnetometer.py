@@ -350,7 +350,7 @@ def test_outliers_are_found_and_named():
     fit = full_fit(measured, 48.0)
     np.testing.assert_allclose(fit.hard_iron, [12.0, -8.0, 20.0], atol=0.1)
     np.testing.assert_allclose(fit.scale, 1.0, atol=2e-3)
-    assert fit.warnings == ("8 outliers left out: samples 1, 101, 201, 301, 401, 501, 601, 701.",)
+    assert fit.warnings == ("8 outliers excluded: samples 1, 101, 201, 301, 401, 501, 601, 701.",)
     measured[::5] += np.random.default_rng(0).normal(0.0, 30.0, (160, 3))
     with pytest.raises(CalibrationError, match="look for interference"):
         full_fit(measured, 48.0)

@@ -12,7 +12,7 @@ from replay_fakes import REGISTRY, flight, write_bag, write_config
 
 from lowcostnav_ros.cli.main import main
 from lowcostnav_ros.messages import topics
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag_writer import BagWriter
 
 
 @pytest.fixture(scope="module")

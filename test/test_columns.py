@@ -11,7 +11,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from lowcostnav_ros.base import measurements as m
 from lowcostnav_ros.messages import arrival, encode, topics
-from lowcostnav_ros.messages.bag import BagReader, BagWriter
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.decode import Decoder, Rejected
 from lowcostnav_ros.messages.layouts import layout_of
 from lowcostnav_ros.messages.store import STORE, from_cdr, to_cdr

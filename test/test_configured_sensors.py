@@ -11,7 +11,7 @@ from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.graph import wiring
 from lowcostnav_ros.graph.description import parse_graph
 from lowcostnav_ros.graph.process import write_parameters
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter
+from lowcostnav_ros.messages.bag_writer import SETTINGS_FOLDER, BagWriter
 from lowcostnav_ros.messages.encode import encode, encode_cdr
 from lowcostnav_ros.messages.rules import DecodeRules, parse_further
 from lowcostnav_ros.messages.store import to_cdr

@@ -15,8 +15,8 @@ from lowcostnav_ros.messages.topics import spec
 from lowcostnav_ros.nodes.mavlink_driver import MavlinkDriver
 from lowcostnav_ros.nodes.nmea_driver import NmeaDriver
 from lowcostnav_ros.nodes.ublox_driver import UbloxDriver
-from lowcostnav_ros.ros.node_base import message_class
 from lowcostnav_ros.ros.port import PortError, _why, open_port, parse_source
+from lowcostnav_ros.ros.publishing import message_class
 
 
 class Terminal:

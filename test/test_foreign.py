@@ -6,7 +6,8 @@ import pytest
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.cli.main import main
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import BagError, BagReader, BagWriter
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagError, BagWriter
 from lowcostnav_ros.messages.foreign import mapped, offers, parse_maps
 from lowcostnav_ros.messages.store import to_cdr
 

@@ -118,7 +118,7 @@ def test_mavlink_uses_the_best_inertial_message_and_one_autopilot():
     left_out = {"SCALED_IMU": 2, "RAW_IMU": 1, "SCALED_IMU3": 2, "VFR_HUD beside AIRSPEED": 1, "another system": 1}
     assert parser.utc_offset_ns == 1_754_049_600 * 10**9 and parser.account.left_out == left_out
     parsed(parser, mavlink_frame(295, struct.pack("<ffhBB", 90.0, 12.0, 2000, 0, 3)))
-    assert parser.account.refused == {"AIRSPEED of a sensor that says it is unhealthy": 1}
+    assert parser.account.refused == {"AIRSPEED of a sensor reported unhealthy": 1}
     np.testing.assert_allclose(np.diag(found["gps/fix"][0].cov_n), [0.72, 0.72, 3.61])
     assert found["gps/fix"][0].height == 472.0 and found["air/velocity"][0].vel_b[0] > 50.0
 
@@ -169,7 +169,7 @@ def test_what_a_log_lacks_is_said(tmp_path, frames, said):
     from drivers import inertial
 
     frames = frames if said else [*frames, *(inertial(1_000_000 + 20_000 * k) for k in range(100))]
-    said = said or "No GPS: nothing tells a navigator where it begins"
+    said = said or "No GPS: a navigator has no starting position"
     (tmp_path / "log").write_bytes(b"".join(frames))
     assert said in str(convert_any(tmp_path / "log", tmp_path / "bag"))
 

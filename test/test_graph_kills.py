@@ -10,7 +10,8 @@ pytest.importorskip("rclpy")
 
 from lowcostnav_ros.graph.description import parse_graph
 from lowcostnav_ros.graph.runner import GraphRunner
-from lowcostnav_ros.messages.bag import BagError, BagReader
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagError
 
 TRUTH = {"executable": "truth_source", "parameters": {"kind": "dataset", "name": "LD", "duration_s": 300.0}}
 FLYING = {"scenario": "ld", "nodes": [TRUTH, "imu_simulator", "gps_simulator", "ins_gps", "recorder"]}

@@ -17,7 +17,8 @@ from lowcostnav_ros.convert.units_by_name import UNITS
 from lowcostnav_ros.estimation.horizon import FusionHorizon
 from lowcostnav_ros.graph.wiring import recorded_topics
 from lowcostnav_ros.messages import checks, parts, topics
-from lowcostnav_ros.messages.bag import BagReader, BagWriter
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected, decode
 from lowcostnav_ros.messages.encode import encode, encode_cdr, encode_rows
 from lowcostnav_ros.messages.kind import NAVIGATOR_TOPICS, TOPICS, Quantity, TopicSpec, describe

@@ -42,7 +42,7 @@ def small_bag(tmp_path):
     import numpy as np
 
     from lowcostnav_ros.base.measurements import ImuBlock
-    from lowcostnav_ros.messages.bag import BagWriter
+    from lowcostnav_ros.messages.bag_writer import BagWriter
 
     stamps = 10**18 + 10_000_000 * np.arange(100)
     block = ImuBlock.of("imu/data_raw", stamps, np.tile([0.0, 0.0, -9.81], (100, 1)), np.zeros((100, 3)))

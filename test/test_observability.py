@@ -14,7 +14,7 @@ from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.cli import main as cli
 from lowcostnav_ros.cores.imu_errors import imu_settings
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnly, GnssOnlySettings
 from lowcostnav_ros.navigators.ins_gnss import InsGnss

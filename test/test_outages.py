@@ -12,13 +12,13 @@ import pytest
 from replay_fakes import FakeSettings, FixFollower, flight
 
 from lowcostnav_ros.base.measurements import GpsPosition
+from lowcostnav_ros.base.plain import plain, typed
 from lowcostnav_ros.cli.main import main
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.physics.rotation import euler_to_quat
 from lowcostnav_ros.replay.bag_replay import Cast, ReplayOptions, replay_bag
 from lowcostnav_ros.replay.columns import blank_columns
 from lowcostnav_ros.replay.links import Chain
-from lowcostnav_ros.replay.result import plain, typed
 from lowcostnav_ros.replay.runs import NavigatorRun
 from lowcostnav_ros.replay.session import first_stamp
 from lowcostnav_ros.replay.withhold import NS, Window, Withhold
@@ -48,9 +48,7 @@ def test_a_copy_flies_through_its_window_as_a_replay_from_the_start_does_to_the_
     start_s, length_s = 14.0, 12.0  # before the recording itself loses GPS at 20 s
     replayed = {}
     take = NavigatorRun.take
-    monkeypatch.setattr(
-        NavigatorRun, "take", lambda run, s: (replayed.setdefault(run.navigator.name, []).append(s), take(run, s))[1]
-    )
+    monkeypatch.setattr(NavigatorRun, "take", lambda run, s: (replayed.setdefault(run.navigator.name, []).append(s), take(run, s))[1])
     replay_bag(REFERENCE, ReplayOptions(withhold=(Withhold(GPS, start_s, start_s + length_s),)))
     with BagReader(REFERENCE) as reader, BagReader(REFERENCE) as reference:
         cast = Cast(reader, reference, ReplayOptions())

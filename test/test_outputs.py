@@ -125,7 +125,7 @@ def test_a_stamp_that_stands_still_is_stale_and_a_clock_that_starts_anew_is_take
         assert (cockpit.picture(0.1 * k).lat is None) == (10 < k <= 30)  # after 3 s a standing clock counts as a new one, once
     cockpit = Cockpit(CockpitLimits())
     cockpit.take(solution(), 0.0)
-    assert cockpit.picture(0.0).reason == "the navigator does not say how it is"
+    assert cockpit.picture(0.0).reason == "the navigator reports no health"
 
 
 def test_a_protection_level_makes_nic_until_it_is_withdrawn_or_old():
@@ -218,7 +218,7 @@ def test_a_navigator_reaches_a_tablet(ros):
     from lowcostnav_ros.nodes.gdl90_output import Gdl90Output
     from lowcostnav_ros.physics.earth import LocalFrame
     from lowcostnav_ros.ros import qos
-    from lowcostnav_ros.ros.node_base import message_class
+    from lowcostnav_ros.ros.publishing import message_class
 
     tablet = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     tablet.bind(("127.0.0.1", 0))

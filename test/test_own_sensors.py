@@ -12,7 +12,8 @@ from lowcostnav_ros.graph.description import GraphError, load_graph, parse_graph
 from lowcostnav_ros.graph.runner import GraphRunner
 from lowcostnav_ros.graph.wiring import flown_settings, shared_parameters
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import BagReader, BagWriter
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.decode import Decoder, DecodeRules, Rejected, decode
 from lowcostnav_ros.messages.frames import TO_FRD, FrameTree
 from lowcostnav_ros.messages.inputs import Inputs, parse_inputs

@@ -80,7 +80,7 @@ def test_absurd_weather(weather, why):
     ("row", "sentence"),
     [
         ("400,D,-106.2,32.9,1250,PSEUDOLITE,,,,,", "lat_deg of -106.2 must lie between -90 and 90"),
-        ("400,D,42.9,-16.1,1250,PSEUDOLITE,,,,,", "Station 400 lies more than 300 km from all others: check its coordinates"),
+        ("400,D,42.9,-16.1,1250,PSEUDOLITE,,,,,", "Station 400 is more than 300 km from all others: check its coordinates"),
         ("400,D,32.85,-106.2,-2300,PSEUDOLITE,,,,,", "height_m of -2300 must lie between"),
         ("400,D,32.85,-106.2,4100,PSEUDOLITE,,,,,", "Station 400 is 2850 m above the others; check its height"),
         ("100,D,32.85,-106.2,1250,PSEUDOLITE,,,,,", "Station 100 is listed twice"),

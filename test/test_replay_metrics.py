@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lowcostnav_ros.base.plain import plain
 from lowcostnav_ros.physics.earth import LocalFrame
 from lowcostnav_ros.physics.rotation import eulers_to_quat, wrap
 from lowcostnav_ros.replay.columns import NavColumns, blank_columns, concatenate, interpolate, position_difference_n
 from lowcostnav_ros.replay.metrics import AXES, ErrorStatistics, errors_between
 from lowcostnav_ros.replay.outages import GAP_NS, GpsGaps
-from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.replay.sketch import MagnitudeStatistics
 
 NS = 1_000_000_000

@@ -8,11 +8,12 @@ import pytest
 from replay_fakes import FakeSettings, FixFollower
 from rich.console import Console
 
+from lowcostnav_ros.base.plain import plain
 from lowcostnav_ros.gnss.accuracy import SERVICES
 from lowcostnav_ros.replay.metrics import AXES, Errors, ErrorStatistics
 from lowcostnav_ros.replay.outages import GAP_NS, GpsGaps
 from lowcostnav_ros.replay.requirements import HOLE_NS, LISTED, Coverage, IntegrityMonitor
-from lowcostnav_ros.replay.result import NavigatorErrors, plain
+from lowcostnav_ros.replay.result import NavigatorErrors
 from lowcostnav_ros.replay.session import replay_stream
 from lowcostnav_ros.replay.tables import accuracy_table, alarm_table, approach_table, exceedance_table, interval_kind, percent
 from lowcostnav_ros.report.document import html_table

@@ -5,7 +5,8 @@ import json
 import pytest
 from replay_fakes import FakeAhrs, FakeSettings, FixFollower, flight
 
-from lowcostnav_ros.replay.result import ErrorSummary, NavigatorErrors, ReplayResult, plain, typed
+from lowcostnav_ros.base.plain import plain, typed
+from lowcostnav_ros.replay.result import ErrorSummary, NavigatorErrors, ReplayResult
 from lowcostnav_ros.replay.session import replay_stream
 from lowcostnav_ros.replay.withhold import parse_withhold
 

@@ -9,6 +9,7 @@ import pytest
 from replay_fakes import REGISTRY, SPEED, FakeAhrs, FakeSettings, FixFollower, Listener, flight, truth, write_bag, write_config
 
 from lowcostnav_ros.base.measurements import Attitude, ImuBlock, NavSolution
+from lowcostnav_ros.base.plain import plain
 from lowcostnav_ros.estimation.aiding import AidStatus, Reason
 from lowcostnav_ros.messages import encode
 from lowcostnav_ros.navigators.base import HorizonSettings
@@ -19,7 +20,6 @@ from lowcostnav_ros.replay.digest import Comparison, imu_record, odometry_record
 from lowcostnav_ros.replay.evaluation import Evaluation, Truth
 from lowcostnav_ros.replay.links import in_order
 from lowcostnav_ros.replay.outages import GpsGaps
-from lowcostnav_ros.replay.result import plain
 from lowcostnav_ros.replay.result_files import SOLUTION_HEADER, seconds_text
 from lowcostnav_ros.replay.runs import AidStatistics
 from lowcostnav_ros.replay.selection import Selection, SelectionError, select, spared

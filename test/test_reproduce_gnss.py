@@ -9,14 +9,10 @@ from lowcostnav_ros.reproduce.registry import BY_DEFINITION, DIFFERS, REPRODUCED
 
 @pytest.fixture(scope="module")
 def mine():
-    """The entries of the module; where the registry does not list their study yet, they are taken out again."""
+    """The entries of the module."""
     from lowcostnav_ros.reproduce.solimeno import gnss as solimeno_gnss
 
-    entries = {e.id: e for e in registry._ENTRIES.values() if e.function.__module__ == solimeno_gnss.__name__}
-    yield entries
-    if "solimeno_gnss" not in registry.MODULES:
-        for name in entries:
-            registry._ENTRIES.pop(name, None)
+    return {e.id: e for e in registry._ENTRIES.values() if e.function.__module__ == solimeno_gnss.__name__}
 
 
 @pytest.mark.parametrize("name", [f"SR{k}" for k in range(9, 22)])

@@ -154,8 +154,8 @@ def _turns_by(stamps_s: np.ndarray, force: np.ndarray, rate: np.ndarray, usual: 
         return None
     u = u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-9)
     turned = (u[2:] - u[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
-    said = -np.cross(w[1:-1], u[1:-1])
-    power, across = float(np.sum(said**2)), float(np.sum(said * turned))
+    by_gyros = -np.cross(w[1:-1], u[1:-1])
+    power, across = float(np.sum(by_gyros**2)), float(np.sum(by_gyros * turned))
     strength = math.sqrt(power * float(np.sum(turned**2)))
     if strength == 0.0 or float(np.quantile(np.linalg.norm(turned, axis=1), 0.9)) < TURNED or abs(across) < SURE * strength:
         return None
@@ -181,7 +181,7 @@ def _unit_findings(force_unit: str, rate_unit: str, block: ImuBlock) -> list[str
 
 
 def _axis_findings(mean_force: np.ndarray, turns_by: float | None) -> list[str]:
-    """What is to be said of the axes: where gravity lies, and whether it turns the way the gyros say."""
+    """Remarks on the axes: along which gravity is, and whether it turns as the gyros measure."""
     found = []
     axis, size = int(np.argmax(np.abs(mean_force))), float(np.abs(mean_force).max())
     if turns_by is not None and turns_by < 0.0:

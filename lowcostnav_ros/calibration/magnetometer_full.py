@@ -30,8 +30,8 @@ beyond what chance makes of it (chi-square, three parameters, one in a thousand)
 FACTORS = (0.8, 1.25)
 """No magnetometer's factors lie outside: a wrong strength or unit, or no ellipsoid."""
 _SCALE_SIGMA, _CROSS_SIGMA, _USUAL_CROSS = 0.1, 0.1, 0.03
-_TOLD = 3.0
-"""Sigmas from which on a parameter is told from zero."""
+_SIGNIFICANT = 3.0
+"""Sigmas from which on a parameter differs from zero."""
 
 
 def full_fit(measured: np.ndarray, strength: float, minimum_strip_deg: float = NARROW_DEG) -> MagnetometerFit:
@@ -63,9 +63,9 @@ def full_fit(measured: np.ndarray, strength: float, minimum_strip_deg: float = N
             remedy = "bank and pitch more in all headings, or use the fit with known field strength"
             raise CalibrationError(f"The samples {soft}do not show {missing}; {remedy}.")
         fit = _simpler(plain, modest)
-    elif not _told(fit.matrix[[1, 0, 0], [2, 2, 1]], fit.cross_sigma):
+    elif not _significant(fit.matrix[[1, 0, 0], [2, 2, 1]], fit.cross_sigma):
         fit = _simpler(plain, fit)
-    if not np.any(fit.matrix[[1, 0, 0], [2, 2, 1]]) and not _told(np.diag(fit.matrix) - 1.0, fit.scale_sigma):
+    if not np.any(fit.matrix[[1, 0, 0], [2, 2, 1]]) and not _significant(np.diag(fit.matrix) - 1.0, fit.scale_sigma):
         fit = _simpler(_without_outliers(measured, strength, 0.0, 0.0), fit)
     if fit.residual_rms > POOREST * strength:
         share = 100.0 * fit.residual_rms / strength
@@ -75,9 +75,9 @@ def full_fit(measured: np.ndarray, strength: float, minimum_strip_deg: float = N
     return replace(fit, method="full")
 
 
-def _told(values: np.ndarray, sigmas: np.ndarray) -> bool:
-    """Whether any of these is told from zero."""
-    return bool(np.any(np.abs(values) > _TOLD * sigmas))
+def _significant(values: np.ndarray, sigmas: np.ndarray) -> bool:
+    """Whether any of these differs from zero beyond its sigma."""
+    return bool(np.any(np.abs(values) > _SIGNIFICANT * sigmas))
 
 
 def _contradicted(simple: MagnetometerFit, rich: MagnetometerFit) -> bool:
@@ -135,7 +135,7 @@ def _without_outliers(measured: np.ndarray, strength: float, scale_sigma: float,
     if len(wrong):
         fit = known_strength_fit(np.delete(measured, wrong, axis=0), strength, prior)
         rows = ", ".join(str(row + 1) for row in wrong[:SHOWN_ROWS]) + (", ..." if len(wrong) > SHOWN_ROWS else "")
-        fit = replace(fit, warnings=(*fit.warnings, f"{len(wrong)} outliers left out: samples {rows}."))
+        fit = replace(fit, warnings=(*fit.warnings, f"{len(wrong)} outliers excluded: samples {rows}."))
     grown = _growth(fit, np.delete(measured, wrong, axis=0))
     sigmas = {name: grown * getattr(fit, name) for name in ("hard_iron_sigma", "scale_sigma", "cross_sigma")}
     return replace(fit, **sigmas)

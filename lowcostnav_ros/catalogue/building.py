@@ -17,7 +17,7 @@ _NODE_GROUPS = ("output.", "qos.", "input.")
 
 
 def build_navigators(
-    names: Iterable[str], registry: Registry, config: Path | None, flown: Path | None = None, told: Callable[[Any], Any] = lambda s: s
+    names: Iterable[str], registry: Registry, config: Path | None, flown: Path | None = None, adapt: Callable[[Any], Any] = lambda s: s
 ) -> dict[str, Navigator]:
     """Make fresh navigators.
 
@@ -31,8 +31,8 @@ def build_navigators(
         defaults where there is no file.
     flown : Path, optional
         Directory of settings that a recording carries, any or none of the files.
-    told : callable
-        Settings to those with what a recording itself tells of its sensors.
+    adapt : callable
+        Settings to those with what a recording itself states of its sensors.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def build_navigators(
         raise SettingsError(f"Configuration directory {config} does not exist; give one that holds <navigator>.yaml files.")
     if config is not None and not any((config / f"{name}.yaml").is_file() for name in registry):
         raise SettingsError(f"{config} holds no <navigator>.yaml file; those known are {', '.join(sorted(registry))}.")
-    return {name: make_navigator(told(_settings(name, registry[name], config, flown)), registry[name]) for name in names}
+    return {name: make_navigator(adapt(_settings(name, registry[name], config, flown)), registry[name]) for name in names}
 
 
 def _settings(name: str, navigator_class: type[Navigator], config: Path | None, flown: Path | None) -> Any:

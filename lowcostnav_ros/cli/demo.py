@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.tables import Table
+from lowcostnav_ros.base.text import numeric
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import check_folder
 from lowcostnav_ros.cli.progress import progress_bar
 from lowcostnav_ros.graph.description import Graph, GraphError, graph_names, load_graph
-from lowcostnav_ros.graph.monitor import number
 from lowcostnav_ros.graph.process import Event
 from lowcostnav_ros.graph.runner import GraphRunner
 from lowcostnav_ros.graph.up import once_shown
@@ -115,7 +115,7 @@ class _Narrator:
         self._next = time.monotonic() + DRAW_S
         self._show()
         source = self._runner.rows.get("truth_source: source", {})
-        flown = number(source, "flown_s") or 0.0
+        flown = numeric(source.get("values", {}), "flown_s") or 0.0
         row = self._runner.navigator("supervisor")
         chosen = tuple(row.get("values", {}).get(key, "") for key in ("mode", "flying_on"))
         if row and chosen != self._printed:

@@ -7,6 +7,7 @@ import argparse
 import json
 from pathlib import Path
 
+from lowcostnav_ros.base.plain import plain
 from lowcostnav_ros.base.settings import SettingsError
 from lowcostnav_ros.catalogue.config_files import SHIPPED, config_dir, vehicle_dir
 from lowcostnav_ros.cli.jobs import job
@@ -40,7 +41,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 @job("Would it have survived losing GPS here? For every start of a recording at once.", add_arguments, NOTES)
 def outages(arguments: argparse.Namespace) -> int:
     """Fly, print the table and the worst; returns 0."""
-    from lowcostnav_ros.replay.result import plain
     from lowcostnav_ros.report.outages.page import write_page
     from lowcostnav_ros.report.terminal import print_table, result_console
     from lowcostnav_ros.studies.outages.study import Case, Plan, study_outages

@@ -68,7 +68,7 @@ def write_bag(
     settings : mapping of navigator to YAML text, optional
         Settings that the recording carries.
     """
-    from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, new_bag
+    from lowcostnav_ros.messages.bag_writer import SETTINGS_FOLDER, new_bag
     from lowcostnav_ros.simulation.simulator import Simulation
 
     simulation = Simulation(scenario)

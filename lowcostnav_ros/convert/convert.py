@@ -13,7 +13,7 @@ from lowcostnav_ros.convert.table import Table, read_table
 from lowcostnav_ros.convert.timebase import stamps_ns
 from lowcostnav_ros.convert.units_by_name import NMEA
 from lowcostnav_ros.messages import conversions as conv
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter, new_bag
+from lowcostnav_ros.messages.bag_writer import SETTINGS_FOLDER, BagWriter, new_bag
 from lowcostnav_ros.messages.encode import Record, encode_rows
 from lowcostnav_ros.messages.samples import TableRow
 from lowcostnav_ros.messages.topics import spec

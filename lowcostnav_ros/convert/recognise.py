@@ -17,7 +17,7 @@ from lowcostnav_ros.formats.mavlink import MavlinkParser
 from lowcostnav_ros.formats.nmea import NmeaParser
 from lowcostnav_ros.formats.parser import UTC, Parser, shifted
 from lowcostnav_ros.formats.ubx import UbloxParser
-from lowcostnav_ros.messages.bag import new_bag
+from lowcostnav_ros.messages.bag_writer import new_bag
 
 HEAD = 65_536
 """Bytes looked at to tell a format."""
@@ -96,7 +96,7 @@ def recognise(path: Path) -> Format | None:
     return next((one for one in FORMATS if one.fits(head)), None)
 
 
-def convert_log(path: Path, form: Format, out_bag: str | Path, options: Options | None = None, storage: str = "mcap") -> Summary:
+def convert_log(path: Path, form: Format, out_bag: str | Path, options: Options | None = None) -> Summary:
     """Convert a log of a known format to a bag with the standard topics.
 
     Parameters
@@ -107,8 +107,6 @@ def convert_log(path: Path, form: Format, out_bag: str | Path, options: Options 
     out_bag : str or Path
         Bag to create.
     options : Options, optional
-    storage : str
-        ``mcap`` or ``sqlite3``.
 
     Raises
     ------
@@ -116,7 +114,7 @@ def convert_log(path: Path, form: Format, out_bag: str | Path, options: Options 
         Each with one sentence that says what to do.
     """
     options = options or Options()
-    with new_bag(out_bag, storage) as bag:
+    with new_bag(out_bag) as bag:
         standard = Standard(bag, options.mounting_deg)
         log: Log | None = None
         if form.read is not None:

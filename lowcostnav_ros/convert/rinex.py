@@ -17,10 +17,9 @@ from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.convert.convert import write_records
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.rinex_files import read_navigation, read_observations
-from lowcostnav_ros.gnss.correction import CorrectionSettings
 from lowcostnav_ros.gnss.track import HOLD_S, Track, track
 from lowcostnav_ros.messages import encode, topics
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagWriter, new_bag
+from lowcostnav_ros.messages.bag_writer import SETTINGS_FOLDER, BagWriter, new_bag
 from lowcostnav_ros.messages.encode import Record
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.gnss_only import GnssOnlySettings
@@ -86,8 +85,6 @@ def convert_rinex(
     out_bag: str | Path,
     *,
     at_rest: bool = False,
-    settings: CorrectionSettings | None = None,
-    storage: str = "mcap",
     on_progress: Callable[[float], None] | None = None,
 ) -> RinexReport:
     """Convert RINEX observations and ephemerides to a bag.
@@ -101,9 +98,6 @@ def convert_rinex(
         Bag to create.
     at_rest : bool
         The receiver stood at the coordinates in the header: they are recorded as ``truth/odometry``, for a replay to compare with.
-    settings : CorrectionSettings, optional
-    storage : str
-        ``mcap`` or ``sqlite3``.
     on_progress : callable, optional
         Called with the share done.
 
@@ -112,8 +106,8 @@ def convert_rinex(
     GnssError, ConvertError, BagError
         Each with one sentence that says what to do.
     """
-    with new_bag(out_bag, storage) as bag:
-        return _converted(observations, navigation, bag, at_rest, settings, on_progress)
+    with new_bag(out_bag) as bag:
+        return _converted(observations, navigation, bag, at_rest, on_progress)
 
 
 def _converted(
@@ -121,14 +115,13 @@ def _converted(
     navigation: Sequence[str | Path],
     bag: BagWriter,
     at_rest: bool,
-    settings: CorrectionSettings | None,
     on_progress: Callable[[float], None] | None,
 ) -> RinexReport:
     read, ephemerides = read_observations(observations), read_navigation(navigation)
     if at_rest and read.approx_position_e is None:
         raise ConvertError(f"{observations} has no coordinates in its header to take for the truth; drop --at-rest.")
     total = len(read.epochs)
-    followed = track(read.epochs, ephemerides, settings, advance=on_progress and (lambda done: on_progress(done / total)))
+    followed = track(read.epochs, ephemerides, advance=on_progress and (lambda done: on_progress(done / total)))
     report = RinexReport(epochs=total, verdicts=followed.verdicts(), left_out=followed.rejected + read.rejected)
     report.remarks = [*(sentence for _, sentence in followed.remarks), *read.remarks, *ephemerides.remarks]
     epochs = _kept(followed, report)

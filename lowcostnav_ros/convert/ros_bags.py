@@ -15,7 +15,8 @@ from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.convert.profile import ConvertError
 from lowcostnav_ros.convert.standard import Standard, Summary
 from lowcostnav_ros.formats.parser import Account
-from lowcostnav_ros.messages.bag import BagReader, new_bag
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import new_bag
 from lowcostnav_ros.messages.decode import decode
 from lowcostnav_ros.messages.foreign import mapped, offers
 from lowcostnav_ros.messages.parts import header, twist_stamped
@@ -43,7 +44,6 @@ def convert_bag(
     out_bag: str | Path,
     maps: Mapping[str, str] | None = None,
     mounting_deg: tuple[float, float, float] | None = None,
-    storage: str = "mcap",
 ) -> Summary:
     """Convert a bag of ROS 1 or of another system's topics.
 
@@ -57,8 +57,6 @@ def convert_bag(
         Instead of what is guessed.
     mounting_deg : tuple of three floats, optional
         Roll, pitch, yaw from the axes of the inertial sensor to those of the body.
-    storage : str
-        ``mcap`` or ``sqlite3``.
 
     Raises
     ------
@@ -72,7 +70,7 @@ def convert_bag(
     for recorded, msgtype in types.items():
         if recorded not in chosen:
             account.left_out[f"{recorded} ({msgtype})"] += 1
-    with new_bag(out_bag, storage) as bag:
+    with new_bag(out_bag) as bag:
         standard = Standard(bag, mounting_deg)
         for recorded, received_ns, message in (_messages_1(path, set(chosen)) if is_first else _messages_2(path, set(chosen))):
             ours = chosen[recorded]

@@ -14,7 +14,7 @@ from lowcostnav_ros.base.units import STANDARD_GRAVITY
 from lowcostnav_ros.formats.log import AUTOPILOT, Series, own_solution
 from lowcostnav_ros.formats.parser import Account
 from lowcostnav_ros.formats.records import CheckedRecords
-from lowcostnav_ros.messages.bag import BagWriter
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.encode import Record, encode_rows
 from lowcostnav_ros.messages.samples import TableRow
 from lowcostnav_ros.messages.store import to_cdr
@@ -54,7 +54,7 @@ class Found:
 
 LACKING = {
     "No inertial samples and no attitude: gnss_only alone can fly, on raw satellites.": ("imu/data_raw", "imu/data", "imu/data_fused"),
-    "No GPS: nothing tells a navigator where it begins, and no outage can be studied.": ("gps/fix", "gnss/raw"),
+    "No GPS: a navigator has no starting position, and no outage can be studied.": ("gps/fix", "gnss/raw"),
 }
 """What is said of a recording that has none of these topics."""
 
@@ -98,7 +98,7 @@ class Summary:
         if self.account.left_out:
             names = sorted(self.account.left_out.items(), key=lambda item: -item[1])
             shown = ", ".join(f"{name} ({count})" for name, count in names[:12])
-            lines.append(f"left out, no topic is made of it: {shown}{f' and {len(names) - 12} more' if len(names) > 12 else ''}")
+            lines.append(f"not converted, no topic takes it: {shown}{f' and {len(names) - 12} more' if len(names) > 12 else ''}")
         lines += [sentence for sentence, topics in LACKING.items() if not any(topic in self.found for topic in topics)]
         return [*lines, *self.account.remarks]
 
@@ -167,8 +167,8 @@ class Standard:
         turn = ",".join(f"{45 * round(np.degrees(angle) / 45) % 360}" for angle in (roll, pitch))
         seen = ", ".join(f"{value:.1f}" for value in mean)
         return (
-            f"The mean specific force is ({seen}) m/s^2 forward right down, where level flight has (0, 0, -9.8): the sensor is turned, or "
-            f"its axes are others; --mounting={turn},0 makes it level (the last angle, of the heading, is yours to say)."
+            f"The mean specific force is ({seen}) m/s^2 forward right down, not (0, 0, -9.8) as in level flight: the sensor is turned "
+            f"or has other axes; --mounting={turn},0 makes it level (give its heading as the last angle)."
         )
 
     def rejected(self) -> dict[str, int]:

@@ -181,14 +181,6 @@ class AirCorrectionsCore(ReckoningCore):
                     column[column == angle] = -1
         return column
 
-    def know_corrections(self, y: np.ndarray, sigma: np.ndarray) -> None:
-        """Begin from known corrections (12,) with their sigmas, each in the first state that adds to it."""
-        for k, value in enumerate(y):
-            rows = np.flatnonzero(self._all == k)
-            if len(rows):
-                self.estimate[rows[0]] = value - (1.0 if k == model.SCALE else 0.0)
-                kalman.reset_block(self.P, slice(rows[0], rows[0] + 1), np.array([[sigma[k] ** 2]]))
-
     def move(self, to_ns: int) -> None:
         """Move the mean to ``to_ns`` with what is held; the covariance follows in :meth:`settle`."""
         if to_ns <= self.t_ns:

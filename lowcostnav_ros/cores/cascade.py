@@ -63,7 +63,7 @@ class CascadeSettings(SensorSettings):
     x0_ft: float = setting(1.0, "Initial state of both filters.", unit="ft", minimum=-1e6, maximum=1e6)
     p0_ft2: float = setting(999999.0, "Initial variance of both filters.", unit="ft^2", minimum=1e-6, maximum=1e12)
     stale_s: float = setting(2.0, "A fix older than this is none.", unit="s", minimum=0.1, maximum=60.0)
-    watch: bool = setting(True, "Leave GPS out that the offset of INS and GPS speaks against.")
+    watch: bool = setting(True, "Exclude GPS whose offset from the INS is implausible.")
     gate: GateSettings = group(GateSettings, recovery_s=60.0)
 
 

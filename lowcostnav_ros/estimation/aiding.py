@@ -297,7 +297,7 @@ class Aid(ABC):
         for view in self.views:
             if not isinstance(host.core, view):
                 what = (view.__doc__ or view.__name__).splitlines()[0].rstrip(".").lower()
-                raise SettingsError(f"{host.name} cannot take the aid '{self.status.name}': it does not estimate {what}.")
+                raise SettingsError(f"{host.name} cannot take the aid '{self.key}': it does not estimate {what}.")
         self._teaching = host.layout.mask(*map(self.own, self.teaches)) if self.teaches else None
         self._all = np.ones(host.layout.size)
         self.restart()

@@ -132,7 +132,7 @@ class Cockpit:
         if solution is None:
             return "the solution is stale" if NavSolution in self._latest else "no solution has come"
         if not isinstance(health, Health):
-            return "the navigator does not say how it is"
+            return "the navigator reports no health"
         return f"the navigator has failed: {health.reason or health.mode}" if health.level >= Level.ERROR else ""
 
     def _air(self, now_s: float) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from lowcostnav_ros.physics.earth import radii
 _FIX = re.compile(r"B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])([AV])(-\d{4}|\d{5})(-\d{4}|\d{5})")
 _DATE = re.compile(r"^HFDTE(?:DATE:)? *(\d\d)(\d\d)(\d\d)", re.MULTILINE)
 _EXTENSION = re.compile(r"(\d\d)(\d\d)([A-Z0-9]{3})")
-DEFAULT_SIGMA_M, VERTICAL, RESOLUTION_M = 10.0, 1.7, 1.0
+DEFAULT_SIGMA_M, VERTICAL = 10.0, 1.7
 _DAY_S = 86_400
 _NO_VERTICAL = float(np.sqrt(UNKNOWN_VARIANCE))
 

@@ -232,7 +232,7 @@ class MavlinkParser(Parser):
         if message["id"]:
             self.account.left_out["AIRSPEED of a further sensor"] += 1
         elif int(message["flags"]) & _UNHEALTHY:
-            self.account.refused["AIRSPEED of a sensor that says it is unhealthy"] += 1
+            self.account.refused["AIRSPEED of a sensor reported unhealthy"] += 1
         else:
             self._pitot_ns = self._boot_ns
             yield from self._true("AIRSPEED", message["airspeed"])

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from lowcostnav_ros.base.documents import number_in
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, AirTemperature, AirVelocity, GpsPosition, GpsVelocity, Measurement, Pressure
 from lowcostnav_ros.base.units import DEGREE, FOOT, FOOT_PER_MINUTE, KNOT, kelvin
 from lowcostnav_ros.catalogue.geoid import undulation
@@ -104,10 +105,7 @@ class NetfixParser(Parser):
             self.account.refused[f"NetFIX {key} flagged old, bad or failed"] += 1
             self._values.pop(key, None)
             return
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
+        value = number_in(text)
         if not math.isfinite(value):
             self.account.refused[f"NetFIX {key} is no number"] += 1
             return

@@ -78,8 +78,8 @@ class Almanac:
         """What was excluded, in sentences."""
         count = len(self.unhealthy)
         noun = "satellite" if count == 1 else "satellites"
-        said = [f"{self.where}: {count} unhealthy {noun} left out ({', '.join(self.unhealthy)})."] if count else []
-        return said + [f"{self.where}: {count} x {reason} left out." for reason, count in sorted(self.rejected.items())]
+        lines = [f"{self.where}: {count} unhealthy {noun} left out ({', '.join(self.unhealthy)})."] if count else []
+        return lines + [f"{self.where}: {count} x {reason} left out." for reason, count in sorted(self.rejected.items())]
 
     def near(self, gps: int) -> list[Ephemeris]:
         """The satellites with their weeks completed to those nearest to a GPS time, ns."""

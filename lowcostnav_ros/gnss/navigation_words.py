@@ -37,7 +37,7 @@ def decode_word(word: int, before: int = 0) -> int:
     """
     data = word >> 6 ^ (0xFFFFFF if before & 1 else 0)
     if _parity(data, before) != word & 0x3F:
-        raise GnssError("The parity of a navigation word does not fit; leave the subframe out.")
+        raise GnssError("The parity of a navigation word does not fit; drop the subframe.")
     return data
 
 

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from lowcostnav_ros.base.documents import number_in
 from lowcostnav_ros.gnss import GnssError
 from lowcostnav_ros.gnss.ionosphere import Klobuchar
 
@@ -45,10 +46,7 @@ class Header:
 
 def number(text: str) -> float:
     """Number of a fixed-width field, with D or E exponents; NaN when the field is blank or no number."""
-    try:
-        return float(text.replace("D", "E").replace("d", "e"))
-    except ValueError:
-        return math.nan
+    return number_in(text.replace("D", "E").replace("d", "e"))
 
 
 def read_header(lines: list[str], kind: str) -> tuple[Header, int]:

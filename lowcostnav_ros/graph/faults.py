@@ -11,7 +11,8 @@ from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.base.tables import Column, Table, number
 from lowcostnav_ros.graph.description import Graph, GraphError, parse_graph
 from lowcostnav_ros.graph.runner import GraphRunner
-from lowcostnav_ros.messages.bag import BagReader, BagWriter
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagWriter
 from lowcostnav_ros.messages.encode import encode_cdr
 from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.replay.bag_replay import ReplayOptions, replay_bag
@@ -80,8 +81,8 @@ class _Listener:
             if what == "navigator":
                 self.levels[node] = max(self.levels[node], level)
             more = [words for words, count in refused.items() if count > self._before.get(f"{node} {words}", 0) + EXCESS]
-            said = [*([f"{what}: {row['message']}"] if level > Level.OK else []), *more]
-            found = next((words for words in said if any(source in words for source in self._fault.sources)), "")
+            reports = [*([f"{what}: {row['message']}"] if level > Level.OK else []), *more]
+            found = next((words for words in reports if any(source in words for source in self._fault.sources)), "")
             if found and node not in self.named:
                 self.named[node] = since_s, found
 
@@ -178,7 +179,7 @@ def live_table(rows: Sequence[Live]) -> Table:
         Column("worst error", lambda r: number(r.worst_m), "m", short="worst"),
         Column("level", lambda r: r.level.name),
         Column("named after", lambda r: number(r.named_s), "s", short="named"),
-        Column("what was said", lambda r: r.sentence, left=True),
+        Column("reported", lambda r: r.sentence, left=True),
     )
     return Table.of("Live", columns, rows)
 

@@ -6,7 +6,6 @@ none of them decides whether a process lives.
 
 import contextlib
 import json
-import math
 import os
 import threading
 import time
@@ -16,6 +15,7 @@ from typing import Any
 
 from lowcostnav_ros.base.modes import Level
 from lowcostnav_ros.base.tally import Tally
+from lowcostnav_ros.base.text import numeric
 from lowcostnav_ros.graph.executables import MONITOR
 from lowcostnav_ros.graph.process import NodeProcess
 from lowcostnav_ros.graph.warm_parent import WarmParent
@@ -92,21 +92,13 @@ class Reports:
         for name, row in list(self.rows.items()):
             node, _, what = name.partition(": ")
             kind, _, topic = what.partition(" ")
-            count = number(row, "count")
+            count = numeric(row["values"], "count")
             if kind == "output" and count is not None:
                 entry = table.setdefault(topic, {"sent": 0})
                 entry["sent"] += int(count)
             elif kind == "input" and count is not None:
                 table.setdefault(topic, {"sent": 0})[node] = int(count)
         return table
-
-
-def number(row: Mapping[str, Any], name: str) -> float | None:
-    """A value of a row as a number, None where it is none."""
-    with contextlib.suppress(KeyError, ValueError):
-        value = float(row["values"][name])
-        return value if math.isfinite(value) else None
-    return None
 
 
 def _row(line: str) -> dict[str, Any] | None:

@@ -95,8 +95,8 @@ class GraphRunner:
             raise GraphError(str(error)) from error
         self.domain = self._domain.enter_context(free_domain(wanted))
         environment = node_environment(self.domain, self.log_dir)
-        heard = environment.get(RANGE, "").upper()
-        self.title = f"{graph.name} on ROS domain {self.domain}, {'this machine' if heard == LOCALHOST else heard.lower() or 'subnet'}"
+        reach = environment.get(RANGE, "").upper()
+        self.title = f"{graph.name} on ROS domain {self.domain}, {'this machine' if reach == LOCALHOST else reach.lower() or 'subnet'}"
         return environment
 
     def _begin_parents(self, environment: dict[str, str]) -> None:

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 from lowcostnav_ros.base.kernels import COMPILING
 from lowcostnav_ros.base.modes import Level
+from lowcostnav_ros.base.text import numeric
 from lowcostnav_ros.graph.executables import NAVIGATOR, kind_of
-from lowcostnav_ros.graph.monitor import number
 from lowcostnav_ros.graph.runner import GraphRunner
 from lowcostnav_ros.graph.watchdog import SILENT_S
 
@@ -59,5 +59,5 @@ def inputs_of(runner: GraphRunner, name: str) -> str:
     """Return the inputs of a node with their rates, e.g. ``imu/data_raw 100 Hz``."""
     prefix = f"{name}: input "
     rows = [row for row in runner.reports.of(name) if row["name"].startswith(prefix)]
-    shown = [f"{row['name'].removeprefix(prefix)} {number(row, 'rate_hz') or 0.0:.0f} Hz" for row in rows[:6]]
+    shown = [f"{row['name'].removeprefix(prefix)} {numeric(row['values'], 'rate_hz') or 0.0:.0f} Hz" for row in rows[:6]]
     return ", ".join(shown) + (f" and {len(rows) - 6} more" if len(rows) > 6 else "")

@@ -97,11 +97,11 @@ def _watch(runner: GraphRunner, show: bool, until_finished: bool) -> None:
 
 def once_shown(runner: GraphRunner, say: Callable[[str], None]) -> Callable[[], None]:
     """Return what is to be called again and again to say, once, where the flight is shown."""
-    said: list[str] = []
+    printed: list[str] = []
 
     def look() -> None:
-        if not said and runner.page:
-            said.append(runner.page)
+        if not printed and runner.page:
+            printed.append(runner.page)
             say(f"the flight is shown at {runner.page}")
 
     return look

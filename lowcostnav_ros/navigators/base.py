@@ -215,8 +215,11 @@ class Navigator(ABC):
         sources = {**self.inputs, **{source: False for source in self.own_inputs() if source not in self.inputs}}
         for key in getattr(self.settings, "aids", ()):
             own = getattr(self.settings, key)
-            sensor = sensor_of(key, {s.name: s for s in self.sensors})
+            usual = {s.name: s for s in self.sensors}
+            sensor = sensor_of(key, usual)
             aids = sensor.build(own, key, self.stations) if self.wants(key) else []
+            if key not in usual and getattr(own, "topic", None) == "":
+                raise SettingsError(f"'aids' adds '{key}', but '{key}.topic' is empty; name the topic it subscribes to.")
             kinds = {aid.source: aid.topic for aid in aids}  # an adapter's source carries messages of its own kind
             for aid in aids:
                 aid.source = self.source_of(aid)

@@ -35,7 +35,7 @@ def kind_of(key: str) -> str:
 
 
 def sensor_of(key: str, own: Mapping[str, Sensor]) -> Sensor:
-    """The sensor that an entry of the list names: as the navigator has it, else as it is defined.
+    """The sensor that an entry of the list names: as the navigator has it, else as it is defined; one that is added to the list is on.
 
     Raises
     ------
@@ -44,9 +44,10 @@ def sensor_of(key: str, own: Mapping[str, Sensor]) -> Sensor:
     """
     kind = kind_of(key)
     try:
-        return own[kind] if kind in own else AIDS[kind]
+        sensor = own[kind] if kind in own else AIDS[kind]
     except RegistryError as error:
         raise SettingsError(f"'aids': {error}") from error
+    return sensor if key in own or not hasattr(sensor.settings, "enabled") else sensor.but(enabled=True)
 
 
 @cache

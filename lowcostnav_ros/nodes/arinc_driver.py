@@ -1,10 +1,8 @@
 """ARINC 429 words, framed by a microcontroller, onto the GPS, inertial and DME topics; an AHRS's attitude where it is asked for."""
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from lowcostnav_ros.base.measurements import Attitude, Measurement
 from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.formats.arinc429 import ArincParser
 from lowcostnav_ros.formats.dme import parse_stations
@@ -31,17 +29,7 @@ class ArincSettings(PortSettings):
 class ArincDriver(DriverNode):
     """Publish what a bus carries."""
 
-    name = "arinc_driver"
-    Settings = ArincSettings
-
     def make_parser(self) -> Parser:
         """Words."""
         s = self.settings
         return ArincParser(parse_stations(s.dme_stations), math.radians(s.declination_deg), s.gravity_positive)
-
-    def published(self, measurement: Measurement) -> Iterable[Measurement]:
-        """Publish the sensors, and the attitude where it is asked for."""
-        if not isinstance(measurement, Attitude):
-            yield measurement
-        elif self.settings.attitude:
-            yield from (measurement, replace(measurement, source="imu/data"))

@@ -28,9 +28,6 @@ class CsvSettings(PortSettings):
 class CsvDriver(DriverNode):
     """Publish the rows of a stream."""
 
-    name = "csv_driver"
-    Settings = CsvSettings
-
     def make_parser(self) -> Parser:
         """Rows by the profile."""
         return TableParser(load_profile(self.settings.profile))

@@ -24,9 +24,6 @@ class DmeDriverSettings(PortSettings):
 class DmeDriver(DriverNode):
     """Publish the distances of a DME receiver."""
 
-    name = "dme_driver"
-    Settings = DmeDriverSettings
-
     def make_parser(self) -> Parser:
         """Sentences and words."""
         return DmeParser(parse_stations(self.settings.dme_stations))

@@ -34,7 +34,7 @@ def take_in(executables: Sequence[str]) -> None:
 
     from lowcostnav_ros.messages.topics import DIAGNOSTICS, TOPICS
     from lowcostnav_ros.ros import run  # noqa: F401
-    from lowcostnav_ros.ros.node_base import message_class
+    from lowcostnav_ros.ros.publishing import message_class
     from lowcostnav_ros.simulation.scenario import scenario_class
 
     for name in executables:

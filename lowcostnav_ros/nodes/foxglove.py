@@ -16,7 +16,8 @@ from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.store import STORE
 from lowcostnav_ros.ros import polling, qos
 from lowcostnav_ros.ros.input_monitor import OK, Status
-from lowcostnav_ros.ros.node_base import NodeBase, message_class
+from lowcostnav_ros.ros.node_base import NodeBase
+from lowcostnav_ros.ros.publishing import message_class
 
 LOOK_S, MOST_CHANNELS, DEPTH, BACKLOG = 1.0, 1000, 50, 256
 USUAL = "127.0.0.1:8765"

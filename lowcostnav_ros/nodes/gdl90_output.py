@@ -28,8 +28,6 @@ class Gdl90Settings(OutputSettings):
 class Gdl90Output(OutputNode):
     """Send GDL 90."""
 
-    name = "gdl90_output"
-    Settings = Gdl90Settings
     further = ("air/velocity", "air/static_pressure")
 
     def make_encoder(self) -> Encoder:

@@ -20,9 +20,6 @@ class NetfixSettings(PortSettings):
 class NetfixDriver(DriverNode):
     """Publish what the bus carries."""
 
-    name = "netfix_driver"
-    Settings = NetfixSettings
-
     def make_parser(self) -> Parser:
         """Values of the gateway."""
         return NetfixParser()

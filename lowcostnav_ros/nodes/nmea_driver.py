@@ -10,8 +10,6 @@ from lowcostnav_ros.ros.driver_node import DriverNode, PortSettings
 class NmeaDriver(DriverNode):
     """Publish what an NMEA receiver says."""
 
-    name = "nmea_driver"
-
     def make_parser(self) -> Parser:
         """Sentences."""
         return NmeaParser()

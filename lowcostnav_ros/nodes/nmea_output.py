@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.formats.nmea_sentences import NmeaSentences
 from lowcostnav_ros.graph.executables import executable
-from lowcostnav_ros.ros.output_node import Encoder, OutputNode, OutputSettings
+from lowcostnav_ros.ros.output_node import Encoder, OutputNode, OutputSettings, destination_setting
 
 
 @dataclass(frozen=True)
 class NmeaOutputSettings(OutputSettings):
     """What is shown, and where it goes."""
 
-    destination: str = setting("udp:127.0.0.1:10110", "udp:HOST:PORT, tcp:HOST:PORT, a serial port, or file:PATH that is appended to.")
+    destination: str = destination_setting("udp:127.0.0.1:10110")
     talker: str = setting(
         "GP", "Talker of the sentences: many instruments take GP alone; IN is integrated navigation.", choices=("GP", "GN", "IN")
     )
@@ -21,9 +21,6 @@ class NmeaOutputSettings(OutputSettings):
 @executable("nmea_output", Settings=NmeaOutputSettings, compiled=False)
 class NmeaOutput(OutputNode):
     """Send NMEA 0183."""
-
-    name = "nmea_output"
-    Settings = NmeaOutputSettings
 
     def make_encoder(self) -> Encoder:
         """Sentences of the talker."""

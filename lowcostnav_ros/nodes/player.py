@@ -5,10 +5,11 @@ from typing import Any
 
 from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.graph.executables import executable
-from lowcostnav_ros.messages.bag import BagError, BagReader
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagError
 from lowcostnav_ros.messages.rules import FURTHER, parse_further
 from lowcostnav_ros.messages.topics import CLOCK, DIAGNOSTICS, TopicSpec, kind_of
-from lowcostnav_ros.ros.node_base import Output
+from lowcostnav_ros.ros.publishing import Output
 from lowcostnav_ros.ros.source_node import SourceNode
 
 NOT_PLAYED = (CLOCK, DIAGNOSTICS)  # a new clock is made; recorded diagnostics would be taken for those of running nodes

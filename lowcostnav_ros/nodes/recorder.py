@@ -15,7 +15,7 @@ from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.graph.wiring import recorded_topics
 from lowcostnav_ros.messages import topics
-from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagError, BagWriter
+from lowcostnav_ros.messages.bag_writer import SETTINGS_FOLDER, BagError, BagWriter
 from lowcostnav_ros.messages.rules import FURTHER, parse_further
 from lowcostnav_ros.ros.flow import header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status

@@ -8,23 +8,20 @@ from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.formats.parser import Parser
 from lowcostnav_ros.formats.ubx import UbloxParser
 from lowcostnav_ros.graph.executables import executable
-from lowcostnav_ros.ros.driver_node import DriverNode, PortSettings
+from lowcostnav_ros.ros.driver_node import DriverNode, PortSettings, source_setting
 
 
 @dataclass(frozen=True)
 class UbloxSettings(PortSettings):
     """Port and what is published of a u-blox receiver."""
 
-    source: str = setting("/dev/ttyACM0", "Serial port (best by /dev/serial/by-id/...), file:PATH, tcp:HOST:PORT or udp:PORT.")
+    source: str = source_setting("/dev/ttyACM0")
     raw: bool = setting(True, "Publish gnss/raw where the receiver gives RXM-RAWX and RXM-SFRBX.")
 
 
 @executable("ublox_driver", kind="driver", Settings=UbloxSettings)
 class UbloxDriver(DriverNode):
     """Publish what a u-blox receiver says."""
-
-    name = "ublox_driver"
-    Settings = UbloxSettings
 
     def make_parser(self) -> Parser:
         """Frames; without raw data no satellite is located."""

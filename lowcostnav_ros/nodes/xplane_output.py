@@ -2,25 +2,21 @@
 
 from dataclasses import dataclass
 
-from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.formats.xplane_text import XPlaneText
 from lowcostnav_ros.graph.executables import executable
-from lowcostnav_ros.ros.output_node import Encoder, OutputNode, OutputSettings
+from lowcostnav_ros.ros.output_node import Encoder, OutputNode, OutputSettings, destination_setting
 
 
 @dataclass(frozen=True)
 class XPlaneSettings(OutputSettings):
     """What is shown, and where it goes."""
 
-    destination: str = setting("udp:127.0.0.1:49002", "udp:HOST:PORT, tcp:HOST:PORT, a serial port, or file:PATH that is appended to.")
+    destination: str = destination_setting("udp:127.0.0.1:49002")
 
 
 @executable("xplane_output", Settings=XPlaneSettings, compiled=False)
 class XPlaneOutput(OutputNode):
     """Send XGPS and XATT."""
-
-    name = "xplane_output"
-    Settings = XPlaneSettings
 
     def make_encoder(self) -> Encoder:
         """Lines."""

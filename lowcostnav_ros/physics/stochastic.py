@@ -102,21 +102,6 @@ class GaussMarkov(Process):
 
 
 @dataclass(frozen=True, slots=True)
-class RandomWalk(Process):
-    """Integrated white noise that starts at zero; ``density`` in unit/s/sqrt(Hz), variance density^2 t."""
-
-    density: float
-
-    def variance_increment(self, dt: float) -> float:
-        """density^2 dt."""
-        return self.density**2 * dt
-
-    def driving_psd(self) -> float:
-        """density^2."""
-        return self.density**2
-
-
-@dataclass(frozen=True, slots=True)
 class RandomConstant(Process):
     """A value drawn once at switch-on (a turn-on bias) with standard deviation ``sigma``."""
 
@@ -125,21 +110,6 @@ class RandomConstant(Process):
     def initial_sigma(self) -> float:
         """The sigma of the draw."""
         return self.sigma
-
-
-@dataclass(frozen=True, slots=True)
-class White(Process):
-    """White noise of a rate-like quantity, averaged over each sample; ``density`` in unit/sqrt(Hz), two-sided PSD density^2."""
-
-    density: float
-
-    def transition(self, dt: float) -> float:
-        """Zero: samples remember nothing."""
-        return 0.0
-
-    def variance_increment(self, dt: float) -> float:
-        """Variance density^2/dt of the mean over one sample."""
-        return self.density**2 / dt
 
 
 @kernel

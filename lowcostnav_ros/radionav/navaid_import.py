@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lowcostnav_ros.base.documents import number_in
 from lowcostnav_ros.base.units import FOOT, NAUTICAL_MILE
 from lowcostnav_ros.physics.earth import geodetic_to_ecef
 from lowcostnav_ros.radionav import stations as table
@@ -175,7 +176,7 @@ def _xplane(text: str) -> Iterator[tuple[str, dict[str, str]]]:
         volume = _volume_within(cells[5])
         if not volume:
             yield "range below 25 NM", {}
-        elif _as_number(cells[6]) != 0.0:
+        elif number_in(cells[6]) != 0.0:
             yield "range offset by design", {}
         else:
             yield cells[9][0:1] if enroute else "", {
@@ -190,15 +191,8 @@ def _xplane(text: str) -> Iterator[tuple[str, dict[str, str]]]:
 
 
 def _volume_within(range_nm: str) -> str:
-    value = _as_number(range_nm)
+    value = number_in(range_nm)
     return "H" if value >= 100.0 else "L" if value >= 40.0 else "T" if value >= 25.0 else ""
-
-
-def _as_number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
 
 
 def _paired(frequency: str, per_mhz: float) -> str:

@@ -54,11 +54,11 @@ def dilutions(places: np.ndarray, transmitters: np.ndarray, reach_m: np.ndarray 
     """Dilution at each place (k, 3), of the transmitters (n, 3) received there: within ``reach_m`` (n, 2)."""
     out = []
     for place in places:
-        heard = np.ones(len(transmitters), bool)
+        received = np.ones(len(transmitters), bool)
         if reach_m is not None:
             ranges = np.linalg.norm(transmitters - place, axis=1)
-            heard = (ranges >= reach_m[:, 0]) & (ranges <= reach_m[:, 1])
-        out.append(dilution(place, transmitters[heard], clock) if heard.any() else Dilution())
+            received = (ranges >= reach_m[:, 0]) & (ranges <= reach_m[:, 1])
+        out.append(dilution(place, transmitters[received], clock) if received.any() else Dilution())
     return out
 
 

@@ -82,7 +82,7 @@ def refuse_outliers(stations: Sequence[Placed]) -> None:
         if min(_apart_m(station.lat, station.lon, s) for s in others) > ALONE_M:
             swapped = abs(station.lon) <= math.pi / 2 and min(_apart_m(station.lon, station.lat, s) for s in others) < ALONE_M
             why = "latitude and longitude look swapped" if swapped else "check its coordinates"
-            raise StationError(f"Station {station.ident} lies more than {ALONE_M / 1000:.0f} km from all others: {why}.")
+            raise StationError(f"Station {station.ident} is more than {ALONE_M / 1000:.0f} km from all others: {why}.")
         higher = station.height - median(s.height for s in others)
         if abs(higher) > APART_M:
             side = "above" if higher > 0.0 else "below"

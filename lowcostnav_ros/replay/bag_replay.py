@@ -18,7 +18,8 @@ from lowcostnav_ros.catalogue.config_files import config_dir, load_settings
 from lowcostnav_ros.catalogue.navigator_topics import fused_topics
 from lowcostnav_ros.estimation.air_data.computer import AIR, INPUTS, REQUIRED, AirDataComputer, AirDataComputerSettings
 from lowcostnav_ros.messages import topics, windows
-from lowcostnav_ros.messages.bag import BagError, BagReader
+from lowcostnav_ros.messages.bag import BagReader
+from lowcostnav_ros.messages.bag_writer import BagError
 from lowcostnav_ros.messages.decode import Decoder, decode
 from lowcostnav_ros.messages.foreign import offers
 from lowcostnav_ros.messages.foreign import options as word_options
@@ -260,7 +261,7 @@ class _Replay(Cast):
         self._written.clear()
 
     def _check_window(self, window: Window, first_ns: int) -> None:
-        """Refuse, before the work, a window in which there is nothing to withhold, and say what is silent there."""
+        """Refuse, before the work, a window in which there is nothing to withhold, with what has no data there."""
         last: dict[str, int] = {}
         silent: dict[str, str] = {}
         with _reader(self.reader.path, self.options) as reader:  # its own files: this one is being read
@@ -272,7 +273,7 @@ class _Replay(Cast):
                     silent[source] = f"{source} from {1e-9 * (last[source] - first_ns):.0f} to {1e-9 * (stamp_ns - first_ns):.0f} s"
                 last[source] = stamp_ns
         ended = (f"{source} from {1e-9 * (last[source] - first_ns):.0f} s on" for source in sorted(last.keys() - silent.keys()))
-        missing = f"; silent already, from the start: {', '.join([*silent.values(), *ended])}" if last else ""
+        missing = f"; already without data, from the start: {', '.join([*silent.values(), *ended])}" if last else ""
         end_s = 1e-9 * max(last.values(), default=first_ns)
         span = f"the recording spans {1e-9 * first_ns:.1f} to {end_s:.1f} s (0 to {end_s - 1e-9 * first_ns:.1f} s from the start)"
         raise WithholdError(f"--withhold: nothing fell in the window '{window.text}'; {span}{missing}.")
@@ -339,7 +340,7 @@ def _navigators(reader: BagReader, options: ReplayOptions, mountings: Mountings)
     registry = NAVIGATORS if options.registry is None else options.registry
     check_names(options.navigators or (), list(registry))
     wanted = dict.fromkeys(options.navigators or registry)
-    navigators = build_navigators(wanted, registry, options.config, reader.settings_folder, mountings.told)
+    navigators = build_navigators(wanted, registry, options.config, reader.settings_folder, mountings.adapted)
     for navigator in navigators.values():
         reader.decoder.rules.accept(navigator)
     inputs = {name: navigator.inputs for name, navigator in navigators.items()}

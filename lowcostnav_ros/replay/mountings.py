@@ -32,8 +32,8 @@ class Mountings:
     frames: dict[str, tuple[str, ...]] = field(default_factory=dict)
     remarks: dict[str, int] = field(default_factory=dict)
 
-    def told(self, settings: Any) -> Any:
-        """Settings with the stands in place of what is left at zero; what is set stays, and where the recording differs it is said."""
+    def adapted(self, settings: Any) -> Any:
+        """Settings with the stands in place of what is left at zero; what is set stays, a recording that differs gives a remark."""
         for source, stand in self.stands.items():
             for name, part in SETTINGS[source].items():
                 key, _, attribute = name.partition(".")
@@ -71,5 +71,5 @@ def mountings_of(reader: BagReader) -> Mountings:
         if frame is not None and stand is not None:
             found.stands[source], found.frames[source] = stand, (frame,)
         elif frame is not None and kind is not None and frame not in kind.frames:
-            found.remarks[f"/tf_static does not lead from frame '{frame}' of {source} to base_link: the settings say how it stands"] = 1
+            found.remarks[f"/tf_static does not lead from frame '{frame}' of {source} to base_link: the settings' mounting is used"] = 1
     return found

@@ -1,25 +1,17 @@
 """What a replay found, typed; :meth:`ReplayResult.to_mapping` is the layout of ``summary.json`` and of ``--json``.
 
 Every class here is a level of that file and its attributes are the keys, in order.  Numbers end in their unit; stamps and times are s.
-An attribute that is None stands in the file as null, but for those declared :func:`_omitted`, which are not written.
+An attribute that is None stands in the file as null, but for those declared ``omitted()``, which are not written.
 """
 
 import dataclasses
-import math
-import types
 from collections.abc import Iterator, Mapping
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any
+
+from lowcostnav_ros.base.plain import empty, omitted, plain, typed
 
 PARTS = ("flight", "withheld_gps", "without_gps")
 """Parts of a flight over which errors are summed up."""
-
-
-def _omitted() -> Any:
-    return dataclasses.field(default=None, metadata={"omitted": True})
-
-
-def _empty() -> Any:
-    return dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -69,18 +61,18 @@ class ErrorSummary:
     """
 
     samples: int
-    horizontal_m: Size | None = _omitted()
-    vertical_m: Size | None = _omitted()
-    position_m: Size | None = _omitted()
-    velocity_mps: Size | None = _omitted()
-    roll_deg: Size | None = _omitted()
-    pitch_deg: Size | None = _omitted()
-    heading_deg: Size | None = _omitted()
-    wind_mps: Size | None = _omitted()
-    error_over_sigma: dict[str, float] = _empty()
+    horizontal_m: Size | None = omitted()
+    vertical_m: Size | None = omitted()
+    position_m: Size | None = omitted()
+    velocity_mps: Size | None = omitted()
+    roll_deg: Size | None = omitted()
+    pitch_deg: Size | None = omitted()
+    heading_deg: Size | None = omitted()
+    wind_mps: Size | None = omitted()
+    error_over_sigma: dict[str, float] = empty()
     nees_horizontal: float | None = None
-    position: PositionErrors | None = _omitted()
-    approach: Approach | None = _omitted()
+    position: PositionErrors | None = omitted()
+    approach: Approach | None = omitted()
 
     def size(self, name: str) -> Size | None:
         """Statistics of one size by its name, such as ``horizontal_m``."""
@@ -137,7 +129,7 @@ class NavigatorErrors:
     reference: str | None = None
     whole: ErrorSummary | None = dataclasses.field(default=None, metadata={"names": ("withheld_gps", "flight")})
     without_gps: ErrorSummary | None = None
-    services: dict[str, ServiceErrors] = _empty()
+    services: dict[str, ServiceErrors] = empty()
     position_present_s: float = 0.0
     outages: tuple[IntervalErrors, ...] = ()
     windows: tuple[IntervalErrors, ...] = ()
@@ -238,10 +230,10 @@ class AidSummary:
     used: int
     not_used_or_limited: dict[str, int]
     tested: int
-    nis_per_dof: float | None = _omitted()
-    innovation_mean: dict[str, float] | None = _omitted()
-    innovation_rms: dict[str, float] | None = _omitted()
-    innovation_correlation: dict[str, float] | None = _omitted()
+    nis_per_dof: float | None = omitted()
+    innovation_mean: dict[str, float] | None = omitted()
+    innovation_rms: dict[str, float] | None = omitted()
+    innovation_correlation: dict[str, float] | None = omitted()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -261,16 +253,16 @@ class NavigatorResult:
     solutions: int
     mode_at_end: str
     reason_at_end: str
-    mode_seconds: dict[str, float] = _empty()
-    restarts: dict[str, int] = _empty()
+    mode_seconds: dict[str, float] = empty()
+    restarts: dict[str, int] = empty()
     errors: NavigatorErrors = NavigatorErrors()
     integrity: IntegritySummary | None = None
-    aids: dict[str, AidSummary] = _empty()
-    inputs: dict[str, InputSummary] = _empty()
+    aids: dict[str, AidSummary] = empty()
+    inputs: dict[str, InputSummary] = empty()
     feed_seconds: float = 0.0
-    smoothed: NavigatorErrors | None = _omitted()
+    smoothed: NavigatorErrors | None = omitted()
     contradictions: tuple[ContradictionSummary, ...] = ()
-    stamps: dict[str, StampSummary] = _empty()
+    stamps: dict[str, StampSummary] = empty()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -296,9 +288,9 @@ class Recording:
 
     bag: Bag
     truth: str | None = None
-    left_out: dict[str, str] = _empty()
-    inputs: dict[str, SourceCounts] = _empty()
-    assumed: dict[str, int] = _empty()
+    left_out: dict[str, str] = empty()
+    inputs: dict[str, SourceCounts] = empty()
+    assumed: dict[str, int] = empty()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -356,8 +348,8 @@ class ReplayResult:
     without_gps: WithoutGps
     stations: tuple[Place, ...]
     navigators: dict[str, NavigatorResult]
-    time: Times | None = _omitted()
-    verdicts: tuple[dict[str, str], ...] | None = _omitted()
+    time: Times | None = omitted()
+    verdicts: tuple[dict[str, str], ...] | None = omitted()
 
     def navigator(self, name: str) -> NavigatorResult:
         """The part about one navigator."""
@@ -379,57 +371,3 @@ class ReplayResult:
             When a level is no mapping or lacks a key.
         """
         return typed(cls, values)
-
-
-def plain(value: Any) -> Any:
-    """Turn a result, or a part of one, into plain values."""
-    if not hasattr(value, "__dataclass_fields__"):
-        if isinstance(value, Mapping):
-            return {key: plain(item) for key, item in value.items()}
-        if isinstance(value, float) and not math.isfinite(value):
-            return None  # a sum that ran over: no number, and none that JSON could hold
-        return [plain(item) for item in value] if isinstance(value, tuple | list) else value
-    out: dict[str, Any] = {}
-    for field in dataclasses.fields(value):
-        item, how = getattr(value, field.name), field.metadata
-        if "flat" in how:
-            out |= plain(item) if item is not None else {}
-        elif "hidden" not in how and not ("omitted" in how and item is None):
-            out[how["names"][value.against_truth] if "names" in how else field.name] = plain(item)
-    return out
-
-
-def typed(kind: Any, value: Any) -> Any:
-    """Turn plain values into what :func:`plain` made them of, a class of this module.
-
-    Raises
-    ------
-    ValueError
-        When a level is no mapping or lacks a key.
-    """
-    if hasattr(kind, "__dataclass_fields__"):
-        if not isinstance(value, Mapping):
-            raise ValueError(f"{kind.__name__} must be names and values.")
-        hints, given = get_type_hints(kind), {}
-        for field in dataclasses.fields(kind):
-            if whole := field.metadata.get("flat"):
-                given[field.name] = typed(whole, value) if dataclasses.fields(whole)[0].name in value else None
-            for name in field.metadata.get("names", (field.name,)):
-                if name in value and "hidden" not in field.metadata:
-                    given[field.name] = typed(hints[field.name], value[name])
-        if "against_truth" in hints:
-            given["against_truth"] = "withheld_gps" not in value
-        try:
-            return kind(**given)
-        except TypeError as error:
-            raise ValueError(f"{kind.__name__}: {error}") from error
-    origin, arguments = get_origin(kind), get_args(kind)
-    if value is None or origin is None:
-        return value
-    if origin in (Union, types.UnionType):
-        return typed(next(a for a in arguments if a is not type(None)), value)
-    if origin is dict and not isinstance(value, Mapping):
-        raise ValueError(f"{kind} must be names and values.")
-    if origin is dict:
-        return {key: typed(arguments[1], item) for key, item in value.items()}
-    return tuple(typed(arguments[0], item) for item in value) if origin is tuple else value

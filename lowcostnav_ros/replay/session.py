@@ -26,7 +26,8 @@ from lowcostnav_ros.replay.evaluation import MAX_GAP_NS, Evaluation, Truth, fix_
 from lowcostnav_ros.replay.links import Chain
 from lowcostnav_ros.replay.outages import GpsGaps
 from lowcostnav_ros.replay.result import Place, ReplayResult, Times, WithoutGps
-from lowcostnav_ros.replay.runs import NavigatorFiles, NavigatorRun
+from lowcostnav_ros.replay.runs import NavigatorRun
+from lowcostnav_ros.replay.session_files import SessionFiles
 from lowcostnav_ros.replay.withhold import Window, Withhold, WithholdError, resolve, split
 
 
@@ -52,52 +53,6 @@ LATEST_NS = 1_000_000_000
 """Messages of one instant are recorded within this long; what is further off tells no time."""
 
 Item = Measurement | TruthBlock
-
-
-@dataclasses.dataclass(slots=True)
-class SessionFiles:
-    """Result files that belong to the flight rather than to a navigator; none when ``folder`` is None."""
-
-    folder: Path | None
-    truth: files.Table | None = None
-    wind: files.Table | None = None
-    gps: files.Table | None = None
-    recorded: dict[str, files.Table] = dataclasses.field(default_factory=dict)
-
-    def open(self) -> None:
-        """Create the folder and the files."""
-        if self.folder is not None:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            (self.folder / "summary.json").unlink(missing_ok=True)  # with it, tables that are not finished would look whole
-            self.truth = files.Table(self.folder / "truth.csv", files.TRUTH_HEADER)
-            self.wind = files.Table(self.folder / "truth_wind.csv", files.TRUTH_WIND_HEADER)
-            self.gps = files.Table(self.folder / "gps.csv", files.GPS_HEADER)
-
-    def navigator(self, name: str, smooth: bool) -> NavigatorFiles | None:
-        """The files of one navigator."""
-        return None if self.folder is None else NavigatorFiles(self.folder, name, smooth)
-
-    def add_truth(self, columns: NavColumns) -> None:
-        """Write true states and true wind, whichever the columns hold."""
-        if self.truth is not None and np.isfinite(columns.position[0, 0]):
-            self.truth.rows(files.truth_rows(columns))
-        if self.wind is not None and np.isfinite(columns.wind_n[0, 0]):
-            self.wind.rows(files.wind_rows(columns))
-
-    def add_recorded(self, name: str, columns: NavColumns) -> None:
-        """Write solutions that the aircraft recorded, those with a position."""
-        columns = columns[np.isfinite(columns.position[:, 0])]
-        if self.folder is None or not len(columns):
-            return
-        if name not in self.recorded:
-            self.recorded[name] = files.Table(self.folder / f"recorded_{name}.csv", files.SOLUTION_HEADER)
-        self.recorded[name].rows(files.solution_rows(columns, [""] * len(columns)))
-
-    def close(self) -> None:
-        """Close all files."""
-        for table in (self.truth, self.wind, self.gps, *self.recorded.values()):
-            if table is not None:
-                table.close()
 
 
 class Session:
@@ -318,7 +273,6 @@ def replay_stream(
     navigators: Mapping[str, Navigator],
     withhold: Sequence[Withhold] = (),
     out: Path | None = None,
-    on_progress: Callable[[int], None] | None = None,
     smooth: bool = False,
 ) -> ReplayResult:
     """Feed a stream of measurements and true states to navigators; return the statistics.
@@ -334,8 +288,6 @@ def replay_stream(
         Sources kept from the navigators.
     out : Path, optional
         Folder for the result files.
-    on_progress : callable, optional
-        Called with the newest stamp (ns) now and then.
     smooth : bool
         Whether every navigator that can is smoothed at the end.
     """
@@ -345,13 +297,11 @@ def replay_stream(
     first_ns = min((first_stamp(item) for item in head), default=0)
     has_truth = any(isinstance(item, TruthBlock) for item in head)
     session = Session(navigators, [resolve(w, first_ns) for w in withhold], has_truth, out=out, smooth=smooth)
-    for count, item in enumerate(itertools.chain(head, items)):
+    for item in itertools.chain(head, items):
         if isinstance(item, TruthBlock):
             session.feed_truth(item)
         else:
             session.feed(item)
-        if on_progress is not None and count % 200 == 0:
-            on_progress(session.newest_ns)
     return timed(session.finish(), perf_counter() - began, 0.0)
 
 

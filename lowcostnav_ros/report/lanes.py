@@ -21,7 +21,7 @@ class Span:
     end: float
     colour: str
     word: str = ""
-    said: str = ""
+    hint: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Lane:
     name: str
     spans: Sequence[Span] = ()
     moments: np.ndarray | None = None
-    said: str = ""
+    hint: str = ""
     apart: bool = False
 
 
@@ -55,7 +55,7 @@ def _spans(lane: Lane, frame: Frame, y: int) -> tuple[str, str]:
     fields, words = [], [svg.text(frame.left - 8, TOP + y + 14, lane.name, class_="lane", text_anchor="end")]
     for span in lane.spans:
         x, width = float(frame.x(span.start)), max(8.0, float(frame.x(span.end) - frame.x(span.start)))
-        title = svg.element("title", svg.escape(span.said)) if span.said else ""
+        title = svg.element("title", svg.escape(span.hint)) if span.hint else ""
         fields.append(svg.element("rect", title, x=f"{x:.0f}", y=y, width=f"{width:.0f}", height=LANE - 6, fill=span.colour))
         if not span.word:
             continue
@@ -72,7 +72,7 @@ def _spans(lane: Lane, frame: Frame, y: int) -> tuple[str, str]:
 def _moments(lane: Lane, moments: np.ndarray, frame: Frame, y: int) -> tuple[str, str]:
     short = lane.name if len(lane.name) <= LONGEST else lane.name[: LONGEST - 1] + "\N{HORIZONTAL ELLIPSIS}"
     ticks = "".join(f"M{v:g} {y + 2}v8" for v in np.unique(np.round(frame.x(moments))))
-    title = svg.element("title", svg.escape(lane.said or lane.name))
+    title = svg.element("title", svg.escape(lane.hint or lane.name))
     name = svg.element("text", svg.escape(short) + title, x=frame.left - 8, y=TOP + y + 10, class_="refusal", text_anchor="end")
     return svg.element("path", d=ticks, class_="refused"), name
 

@@ -191,8 +191,8 @@ def map_chart(
     corner = {"data_per_metre": f"{ground.scale * FINER:.6g}", "data_west": f"{ground.west:.1f}", "data_north": f"{ground.north:.1f}"}
     corner |= {"data_lat": f"{math.degrees(ground.lat0):.6f}", "data_lon": f"{math.degrees(ground.lon0):.6f}"}
     drawn = svg.drawing("map", "map", WIDTH, ground.height, "".join(parts), data_margin=MARGIN, **corner)
-    said = (cells.legend() if cells else "") + _legend([t for t in tracks if t.label], bool(ellipses))
-    return f"{said}{drawn}{note}"
+    caption = (cells.legend() if cells else "") + _legend([t for t in tracks if t.label], bool(ellipses))
+    return f"{caption}{drawn}{note}"
 
 
 def _track(ground: Ground, track: Track) -> str:
@@ -258,8 +258,8 @@ def _ends(ground: Ground, track: Track) -> str:
 def _names(ground: Ground) -> str:
     """What the numbers on the edges are."""
     origin = f"{_side(ground.lat0, 'NS')}, {_side(ground.lon0, 'EW')}"
-    said = f"east and north of {origin} [NM]; coast to about 1 km"
-    along = svg.text(WIDTH / 2, ground.height - MARGIN + 30, said, class_="tick", text_anchor="middle")
+    caption = f"east and north of {origin} [NM]; coast to about 1 km"
+    along = svg.text(WIDTH / 2, ground.height - MARGIN + 30, caption, class_="tick", text_anchor="middle")
     return svg.element("g", along, class_="names")
 
 
@@ -277,9 +277,9 @@ def _legend(tracks: Sequence[Track], has_ellipses: bool) -> str:
     """The marks of the tracks in a line of text, which a narrow window breaks."""
     if not tracks:
         return ""
-    said = "".join(f"<span>{_sample(track)}{svg.escape(track.label)}</span>" for track in tracks)
-    said += "<span>ellipses: 2 sigma, every minute without GPS</span>" if has_ellipses else ""
-    return f'<p class="note names-of-tracks">{said}</p>'
+    caption = "".join(f"<span>{_sample(track)}{svg.escape(track.label)}</span>" for track in tracks)
+    caption += "<span>ellipses: 2 sigma, every minute without GPS</span>" if has_ellipses else ""
+    return f'<p class="note names-of-tracks">{caption}</p>'
 
 
 def _sample(track: Track) -> str:

@@ -40,8 +40,8 @@ def _shares(labels: Sequence[str], found: Sequence[Observability], t_s: np.ndarr
         starts = np.flatnonzero(np.append(True, classes[1:] != classes[:-1]))
         spans = []
         for a, b in zip(starts, [*starts[1:], len(classes)], strict=True):
-            said = f"{name}: {np.mean(share[a:b, k]):.2f} from {t_s[a] - t_s[0]:.0f} s to {ends[b - 1] - t_s[0]:.0f} s"
-            spans.append(Span(float(t_s[a]), float(min(ends[b - 1], t_s[-1])), COLOURS[classes[a]], "", said))
+            hint = f"{name}: {np.mean(share[a:b, k]):.2f} from {t_s[a] - t_s[0]:.0f} s to {ends[b - 1] - t_s[0]:.0f} s"
+            spans.append(Span(float(t_s[a]), float(min(ends[b - 1], t_s[-1])), COLOURS[classes[a]], "", hint))
         rows.append(Lane(name, spans))
     return rows
 

@@ -1,6 +1,7 @@
 """One registry of results: each entry states what was printed where, with which tolerance, and how to compute it again.
 
-A result module decorates plain functions; the tolerance stands in the decorator, and one that was changed after a run says so there::
+A module in the folder of its study decorates plain functions; the tolerance stands in the decorator, and one that was changed after a run
+says so there::
 
     @result("GR10", "Angle random walk", source="Figure 4.2", thesis="0.194 deg ...", tolerance="5 %")
     def angle_random_walk(context: Context) -> Outcome:
@@ -13,47 +14,13 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial, update_wrapper
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lowcostnav_ros.base.seeds import stream
 from lowcostnav_ros.base.settings import nearest
-
-MODULES = (
-    "gebre.error_models",
-    "gebre.magnetometer",
-    "gebre.experiment",
-    "gebre.attitude",
-    "gebre.attitude_gains",
-    "gebre.attitude_switch",
-    "gebre.dead_reckoning",
-    "gebre.ins_grades",
-    "gebre.update_methods",
-    "gebre.navigator_montecarlo",
-    "gebre.fixing",
-    "solimeno.inertial",
-    "solimeno.gnss",
-    "solimeno.gps_only",
-    "solimeno.coupling",
-    "solimeno.outages",
-    "solimeno.observability",
-    "solimeno.estimates",
-    "solimeno.galileo",
-    "eggers.velocity",
-    "eggers.estimator",
-    "eggers.robustness",
-    "eggers.performance",
-    "eggers.behaviour",
-    "eggers.integrated",
-    "kawecki.models",
-    "kawecki.signals",
-    "kawecki.tests",
-    "njenga.static",
-    "njenga.filters",
-    "njenga.approach",
-)
-"""Modules of this package that hold results; their folder is the study."""
 
 STUDIES = {
     "gebre": "D. Gebre-Egziabher, Design and Performance Analysis of a Low-Cost Aided Dead Reckoning Navigator, PhD, Stanford, 2004",
@@ -291,8 +258,9 @@ def result(
 
 def all_results() -> list[Entry]:
     """Import every result module and list the entries, by letters then by number."""
-    for name in MODULES:
-        importlib.import_module(f"{__package__}.{name}")
+    for file in Path(__file__).parent.glob("*/*.py"):
+        if "\n@result(" in file.read_text(encoding="utf-8"):
+            importlib.import_module(f"{__package__}.{file.parent.name}.{file.stem}")
     return sorted(_ENTRIES.values(), key=lambda entry: _natural(entry.id))
 
 

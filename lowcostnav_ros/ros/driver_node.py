@@ -2,19 +2,19 @@
 
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from lowcostnav_ros.base.measurements import Measurement
+from lowcostnav_ros.base.measurements import Attitude, Measurement
 from lowcostnav_ros.base.settings import SettingsError, group, setting
 from lowcostnav_ros.base.text import counted
 from lowcostnav_ros.formats.clock_fit import ClockFit
 from lowcostnav_ros.formats.parser import ARRIVAL, Parser, shifted
 from lowcostnav_ros.formats.records import CheckedRecords
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, WARN, Status
-from lowcostnav_ros.ros.node_base import Output
 from lowcostnav_ros.ros.port import BAUDS, Port, open_port, parse_source
 from lowcostnav_ros.ros.port_node import PortNode
+from lowcostnav_ros.ros.publishing import Output
 
 READ_S = 0.2
 TRY_S = 2.0
@@ -33,11 +33,16 @@ class ClockSettings:
     latency_s: float = setting(0.0, "Shortest delay from the measurement to its arrival, taken off.", unit="s", minimum=0.0, maximum=2.0)
 
 
+def source_setting(usual: str) -> Any:
+    """Declare where a driver's bytes come from; a subclass of :class:`PortSettings` may have another default."""
+    return setting(usual, "Serial port (best by /dev/serial/by-id/...), file:PATH, tcp:HOST:PORT or udp:PORT.")
+
+
 @dataclass(frozen=True)
 class PortSettings:
     """A port and the time of what comes from it."""
 
-    source: str = setting("/dev/ttyUSB0", "Serial port (best by /dev/serial/by-id/...), file:PATH, tcp:HOST:PORT or udp:PORT.")
+    source: str = source_setting("/dev/ttyUSB0")
     baud: int = setting(0, "Serial rate; 0 finds it.", minimum=0, maximum=4_000_000)
     silent_after_s: float = setting(3.0, "A port without a byte for longer is reported.", unit="s", minimum=0.5, maximum=600.0)
     file_pace: float = setting(1.0, "A file is read at this multiple of its own time; 0: at once.", minimum=0.0, maximum=1000.0)
@@ -49,7 +54,7 @@ class PortSettings:
 
 
 class DriverNode(PortNode):
-    """Base of the drivers; a subclass gives ``name``, ``Settings`` and :meth:`make_parser`, and may choose what is published."""
+    """Base of the drivers; a subclass gives :meth:`make_parser` and, in ``@executable``, its name and settings."""
 
     name: ClassVar[str]
     Settings: ClassVar[type[PortSettings]] = PortSettings
@@ -73,8 +78,11 @@ class DriverNode(PortNode):
         raise NotImplementedError
 
     def published(self, measurement: Measurement) -> Iterable[Measurement]:
-        """Return what is published of a measurement, with the topics' names."""
-        yield measurement
+        """Return what is published of a measurement; its own attitude only where ``attitude`` asks for it, as imu/data too."""
+        if not isinstance(measurement, Attitude) or not hasattr(self.settings, "attitude"):
+            yield measurement
+        elif self.settings.attitude:
+            yield from (measurement, replace(measurement, source="imu/data"))
 
     def rows(self) -> Iterable[Status]:
         """Add the state of the port and of the protocol to the rows of every node."""
@@ -98,7 +106,7 @@ class DriverNode(PortNode):
 
     def _listen(self, port: Port, is_searching: bool) -> bool:
         """Read until the port is gone; return False where no frame came at this rate."""
-        opened = heard = time.monotonic()
+        opened_s = last_byte_s = time.monotonic()
         before = sum(self.parser.framer.frames.values())
         while self.running():
             data = port.read(READ_S)
@@ -110,19 +118,19 @@ class DriverNode(PortNode):
                     self._stopping.wait(READ_S)
                 return True
             now = time.monotonic()
-            heard = now if data else heard
+            last_byte_s = now if data else last_byte_s
             self._bytes += len(data)
             self.parser.arrived_ns = 0 if self._is_file else received_ns
             self._publish(self.parser.feed(data), received_ns)
             found = sum(self.parser.framer.frames.values()) > before
-            if is_searching and not found and now - opened > TRY_S:
+            if is_searching and not found and now - opened_s > TRY_S:
                 self._say(f"{self.settings.source} gives {'no known message' if self._bytes else 'no bytes'} at {self._baud} baud")
                 return False
-            if now - heard > self.settings.silent_after_s:
-                self._say(f"{self.settings.source} is open, but no bytes have come for {now - heard:.0f} s; check the wiring")
+            if now - last_byte_s > self.settings.silent_after_s:
+                self._say(f"{self.settings.source} is open, but no bytes have come for {now - last_byte_s:.0f} s; check the wiring")
             elif found:
                 self._say("", f"{self.settings.source} open{f' at {self._baud} baud' if self._baud else ''}, messages come")
-            elif self._bytes and now - opened > TRY_S:
+            elif self._bytes and now - opened_s > TRY_S:
                 rate = f" at {self._baud} baud (0 finds the rate)" if self.settings.baud else ""
                 self._say(f"{self.settings.source} gives no known message{rate}; check what the device sends")
         return True

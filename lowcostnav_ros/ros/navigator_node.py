@@ -19,7 +19,7 @@ from lowcostnav_ros.navigators.registry import NAVIGATORS, label_of
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.ros.diagnostics import navigator_rows
 from lowcostnav_ros.ros.input_monitor import Status
-from lowcostnav_ros.ros.node_base import NodeBase, OriginGate, ResetRefusedError
+from lowcostnav_ros.ros.node_base import NodeBase, ResetRefusedError
 from lowcostnav_ros.ros.output_grid import OutputGrid
 from lowcostnav_ros.ros.warm_up import warm_up
 
@@ -97,7 +97,7 @@ class NavigatorNode(NodeBase):
         self._reset_at, self._asked_at = -math.inf, -math.inf
         self.navigator.map_origins = self.decoder.rules.origins
         if self._room != NAV and not self._is_attitude_only:
-            self._gates[NAV] = self._gates.get(NAV) or OriginGate(NAV, self)
+            self.gate_of(NAV)
         for topic in self._topics:
             self.output(topic)
         for source, required in self.navigator.inputs.items():

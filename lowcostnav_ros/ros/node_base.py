@@ -1,9 +1,6 @@
 """What every node of this package is made of: settings, raw subscriptions, counted publishers, diagnostics, reset."""
 
-import importlib
-import time
 import traceback
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -11,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
-from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
@@ -31,17 +27,15 @@ from lowcostnav_ros.messages.inputs import Inputs, is_of_input, parse_inputs, re
 from lowcostnav_ros.ros import polling, qos
 from lowcostnav_ros.ros.diagnostics import DiagnosticsPublisher
 from lowcostnav_ros.ros.flow import ProgressReport, header_stamp_ns
-from lowcostnav_ros.ros.input_monitor import OK, InputMonitor, Status
+from lowcostnav_ros.ros.input_monitor import InputMonitor, Status
+from lowcostnav_ros.ros.origin_gate import OriginGate
 from lowcostnav_ros.ros.pacing import parse_expected
 from lowcostnav_ros.ros.parameters import Parameters, given_parameters
+from lowcostnav_ros.ros.publishing import Output, message_class
 
-# every event handler is one more thing to wait for: 15 us of each message on each topic
-NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 NO_SUBSCRIPTION_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
-MATCH_S = 15.0  # longest wait for expected listeners; one that has died must not stop the rest
 ABSOLUTE = ("clock", "diagnostics")  # these two are outside all namespaces
 Bases = Sequence[Any] | Callable[[dict[str, Any]], Sequence[Any]]
-RCLError = rclpy_implementation.RCLError
 
 
 @dataclass(frozen=True)
@@ -78,74 +72,8 @@ class NodeSettings:
     input: InputSettings = group(InputSettings)
 
 
-class Output:
-    """One publisher of serialised messages that counts what it sent and, lossless, waits for slow listeners."""
-
-    def __init__(self, node: Node, spec: topics.TopicSpec, name: str, is_lossless: bool, listeners: int = 0) -> None:
-        self.topic, self.count, self.waited = spec.name, 0, 0
-        self._is_lossless, self._ok = is_lossless, node.context.ok
-        self._listeners = listeners if is_lossless else 0
-        profile = qos.for_publisher(spec, is_lossless)
-        self.publisher = node.create_publisher(message_class(spec.msgtype), name, profile, event_callbacks=NO_PUBLISHER_EVENTS)
-
-    def send(self, cdr: bytes) -> None:
-        """Publish serialised bytes; lossless, try again for as long as the history of a listener is full."""
-        if self._listeners:
-            self._match()
-        while self._ok():
-            try:
-                self.publisher.publish(cdr)
-            except RCLError:  # lossless: a listener's history stayed full for 100 ms
-                if not self._is_lossless and self._ok():
-                    raise
-                self.waited += 1
-                continue
-            self.count += 1
-            return
-
-    def _match(self) -> None:
-        """Wait, once, until every expected listener is matched: a discovered but unmatched subscriber would miss the first messages."""
-        deadline = time.monotonic() + MATCH_S
-        while self._ok() and self.publisher.get_subscription_count() < self._listeners and time.monotonic() < deadline:
-            time.sleep(0.005)
-        self._listeners = 0
-
-    def status(self, prefix: str) -> Status:
-        """Return the diagnostics row."""
-        values = {"count": str(self.count), "waited": str(self.waited)}
-        return Status(f"{prefix}: output {self.topic}", OK, f"{self.topic}: {self.count} sent", values)
-
-
 class ResetRefusedError(Exception):
     """Why a reset is not done, in one sentence."""
-
-
-class OriginGate:
-    """Hold the odometry of one navigator until the origin of its map frame has come: two topics keep no order between them."""
-
-    HELD = 1000
-
-    def __init__(self, navigator: str, node: "NodeBase") -> None:
-        self._origin, self._decoder = f"{navigator}/origin", node.decoder
-        self._held: deque[tuple[Callable, InputMonitor, bytes]] = deque(maxlen=self.HELD)
-        self._open = False
-        spec = topics.spec(self._origin)
-        node.subscribe(message_class(spec.msgtype), spec.name, self._arrived, qos.latched())
-
-    def pass_on(self, take: Callable[[InputMonitor, bytes], None], monitor: InputMonitor, raw: bytes) -> None:
-        """Hand a message on, or hold it."""
-        if self._open:
-            take(monitor, raw)
-        else:
-            self._held.append((take, monitor, raw))
-
-    def _arrived(self, raw: bytes) -> None:
-        if isinstance(self._decoder.decode(self._origin, topics.NAV_SAT_FIX, raw), Rejected):
-            return
-        self._open = True
-        while self._held:
-            take, monitor, held = self._held.popleft()
-            take(monitor, held)
 
 
 class NodeBase(Node):
@@ -242,8 +170,13 @@ class NodeBase(Node):
 
         if msgtype != topics.ODOMETRY:
             return self.listen_raw(source, take, required=required)
-        gate = self._gates.setdefault(source.rpartition("/")[0], OriginGate(source.rpartition("/")[0], self))
-        return self.listen_raw(source, partial(gate.pass_on, take), required=required)
+        return self.listen_raw(source, partial(self.gate_of(source.rpartition("/")[0]).pass_on, take), required=required)
+
+    def gate_of(self, navigator: str) -> OriginGate:
+        """The gate before a navigator's odometry, which listens for its origin from the first call on."""
+        if navigator not in self._gates:
+            self._gates[navigator] = OriginGate(navigator, self.decoder, self.subscribe)
+        return self._gates[navigator]
 
     def listen_raw(self, source: str, handler: Callable[[InputMonitor, bytes], None], *, required: bool = False) -> InputMonitor:
         """Subscribe to the serialised bytes of a topic; a message that breaks the handler is counted, never raised."""
@@ -399,9 +332,3 @@ def _offer(source: str, offered: dict[str, str]) -> str:
     """What may be done about an input that nobody publishes."""
     topic = next((theirs for theirs, ours in offered.items() if ours == source), "")
     return f"is not published; /{topic} may be it: {remedy(source, topic)}" if topic else ""
-
-
-def message_class(msgtype: str) -> type:
-    """Return the rclpy class of a type such as ``sensor_msgs/msg/Imu``, importing only that package."""
-    package, _, name = msgtype.split("/")
-    return getattr(importlib.import_module(f"{package}.msg"), name)

@@ -23,11 +23,16 @@ class Encoder(Protocol):
         """Return the messages, each to be sent on its own; ``is_second`` where those are due that are sent once a second."""
 
 
+def destination_setting(usual: str) -> Any:
+    """Declare where an output goes; a subclass of :class:`OutputSettings` may have another default."""
+    return setting(usual, "udp:HOST:PORT, tcp:HOST:PORT, a serial port, or file:PATH that is appended to.")
+
+
 @dataclass(frozen=True)
 class OutputSettings:
     """What is shown, and where it goes."""
 
-    destination: str = setting("udp:127.0.0.1:4000", "udp:HOST:PORT, tcp:HOST:PORT, a serial port, or file:PATH that is appended to.")
+    destination: str = destination_setting("udp:127.0.0.1:4000")
     baud: int = setting(38_400, "Rate of a serial port.", minimum=1200, maximum=4_000_000)
     navigator: str = setting("nav", "Whose solution: the supervisor's (nav), or the name of a navigator.")
     rate_hz: float = setting(5.0, "How often it is sent.", unit="Hz", minimum=0.2, maximum=50.0)
@@ -40,7 +45,7 @@ class OutputSettings:
 
 
 class OutputNode(PortNode):
-    """Base of the outputs; a subclass gives ``name``, ``Settings`` and :meth:`make_encoder`."""
+    """Base of the outputs; a subclass gives :meth:`make_encoder` and, in ``@executable``, its name and settings."""
 
     name: ClassVar[str]
     Settings: ClassVar[type[OutputSettings]] = OutputSettings

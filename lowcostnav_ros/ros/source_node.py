@@ -9,8 +9,9 @@ from typing import Any
 from lowcostnav_ros.base.settings import group, setting
 from lowcostnav_ros.ros.flow import FlowGate, FlowSettings
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, Status
-from lowcostnav_ros.ros.node_base import Bases, Output
+from lowcostnav_ros.ros.node_base import Bases
 from lowcostnav_ros.ros.pacing import Pacer, StartSettings, wait_for_subscribers
+from lowcostnav_ros.ros.publishing import Output
 from lowcostnav_ros.ros.threaded_node import ThreadedNode
 
 CLOCK_PERIOD_NS = 50_000_000

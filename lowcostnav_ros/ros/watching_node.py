@@ -17,7 +17,8 @@ from lowcostnav_ros.messages.store import from_cdr
 from lowcostnav_ros.messages.topics import DIAGNOSTICS
 from lowcostnav_ros.radionav.station_cells import StationError
 from lowcostnav_ros.ros import qos
-from lowcostnav_ros.ros.node_base import NodeBase, message_class
+from lowcostnav_ros.ros.node_base import NodeBase
+from lowcostnav_ros.ros.publishing import message_class
 
 LOOK_S = 1.0
 DEPTH = 10  # the newest is what is shown
@@ -38,7 +39,7 @@ class WatchingNode(NodeBase):
     def __init__(self, name: str, settings: Sequence[Any], **kwargs: Any) -> None:
         super().__init__(name, settings, **kwargs)
         self._watched: set[str] = set()
-        self._look_at, self._said = 0.0, ""
+        self._look_at, self._cause = 0.0, ""
         try:
             tables: Iterable[str] = self.parameters.settings[0].stations
             self.picture = Picture({station.ident: station for table in tables for station in load_stations(table)}.values())
@@ -70,9 +71,9 @@ class WatchingNode(NodeBase):
         except Exception as error:
             if not self.context.ok():
                 raise
-            if (said := type(error).__name__) != self._said:
-                self._said = said
-                self.get_logger().error(f"part of the picture cannot be drawn: {said}: {error}")
+            if (cause := type(error).__name__) != self._cause:
+                self._cause = cause
+                self.get_logger().error(f"part of the picture cannot be drawn: {cause}: {error}")
 
     def _listen_to(self, topic: str, kind: Kind) -> None:
         profile = qos.latched() if kind.latched else QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -18,7 +18,7 @@ from lowcostnav_ros.physics import atmosphere
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.stochastic import GaussMarkov
 from lowcostnav_ros.sensors.drift import DriftBank
-from lowcostnav_ros.sensors.registry import simulator
+from lowcostnav_ros.sensors.registry import SimulatorSettings, simulator
 from lowcostnav_ros.sensors.sampling import SampleClock, to_body
 
 SLOWEST_MPS = 5.0
@@ -28,10 +28,9 @@ BLIND_INCIDENCE = 0.005
 
 
 @dataclass(frozen=True)
-class AirDataSimulatorSettings:
+class AirDataSimulatorSettings(SimulatorSettings):
     """Settings of the air data simulator."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     rate_hz: float = setting(10.0, "Output rate.", unit="Hz", minimum=0.1, maximum=200.0)
     airspeed_error_mps: float = setting(2.6, "Slow airspeed error, 1 sigma (5 kt).", unit="m/s", minimum=0.0, maximum=50.0)
     airspeed_error_tau_s: float = setting(400.0, "Correlation time of the airspeed error.", unit="s", minimum=0.1)

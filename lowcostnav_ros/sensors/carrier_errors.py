@@ -74,12 +74,12 @@ class CarrierErrors:
         self._noise, self._events = stream(seed, f"{name}.noise"), stream(seed, f"{name}.events")
         self._turns = stream(seed, f"{name}.turns")
         self._cycles = np.round(1e5 * self._events.standard_normal(n))
-        self._lost_s, self._heard = np.zeros(n), np.zeros(n, dtype=bool)
+        self._lost_s, self._locked = np.zeros(n), np.zeros(n, dtype=bool)
         self.slips = np.zeros(n, dtype=int)
         self.smallest_cycles = np.inf
 
-    def draw(self, heard: np.ndarray, banked: bool, slips_per_s: np.ndarray | None = None) -> Disturbed:
-        """Return the errors of the next epoch; only those ``heard`` (n,) can be locked.
+    def draw(self, received: np.ndarray, banked: bool, slips_per_s: np.ndarray | None = None) -> Disturbed:
+        """Return the errors of the next epoch; only those ``received`` (n,) can be locked.
 
         ``slips_per_s`` (n,) come on top, a cycle each, either way alike, several in an epoch where there are many.
         """
@@ -90,20 +90,20 @@ class CarrierErrors:
         self._lost_s = np.maximum(self._lost_s - self._dt_s, 0.0)
         loses = uniform[0] < (own.loss_banked if banked else own.loss)
         self._lost_s = np.where(loses & (self._lost_s == 0.0), -own.loss_s * np.log(1.0 - uniform[1]), self._lost_s)
-        locked = heard & (self._lost_s == 0.0)
-        slips = locked & self._heard & (uniform[2] < (own.slip_banked if banked else own.slip))
+        locked = received & (self._lost_s == 0.0)
+        slips = locked & self._locked & (uniform[2] < (own.slip_banked if banked else own.slip))
         size = np.where(uniform[3] < 0.5, 1.0, -1.0) * (own.slip_least_cycles - 1 + sizes)
         size = np.where(slips, size, 0.0)
         if slips_per_s is not None:
             forth, back = self._turns.poisson(np.outer((0.5, 0.5), slips_per_s * self._dt_s))
-            size = size + np.where(locked & self._heard, forth - back, 0.0)
+            size = size + np.where(locked & self._locked, forth - back, 0.0)
             slips = size != 0.0
         self._cycles = self._cycles + size
-        fresh = locked & ~self._heard
+        fresh = locked & ~self._locked
         self._cycles = np.where(fresh, np.round(1e5 * (2.0 * uniform[3] - 1.0)), self._cycles)
         self.slips += slips
         self.smallest_cycles = min(self.smallest_cycles, float(np.abs(size[slips]).min())) if slips.any() else self.smallest_cycles
-        self._heard = locked
+        self._locked = locked
         false = uniform[4] < (own.false_doppler_banked if banked else own.false_doppler)
         spike = np.where(false, own.false_doppler_hz * (1.0 + 0.5 * (uniform[5] - 0.5)) * np.where(uniform[3] < 0.5, 1.0, -1.0), 0.0)
         code, carrier = own.code_noise_m * noise[0] + multipath[:n], own.carrier_noise_m * noise[1] + multipath[n:]

@@ -15,7 +15,7 @@ from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.radionav.interrogation import SCHEMES, InterrogationSchedule, Slot, answered_share, transponder_load
 from lowcostnav_ros.radionav.selection import audible, best_pair, view
 from lowcostnav_ros.radionav.stations import RANGING, Station, StationTable
-from lowcostnav_ros.sensors.registry import simulator
+from lowcostnav_ros.sensors.registry import SimulatorSettings, simulator
 from lowcostnav_ros.sensors.station_drift import DistanceFlown, StationDrift
 
 CHOOSE_EVERY_S = 60.0
@@ -23,13 +23,12 @@ CHOOSE_EVERY_S = 60.0
 
 
 @dataclass(frozen=True)
-class DmeSimulatorSettings:
+class DmeSimulatorSettings(SimulatorSettings):
     """Settings of the DME simulator."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     scheme: str = setting("one_receiver", "Receiver: one that alternates, two, or a scanning one.", choices=SCHEMES)
     interval_s: float = setting(15.0, "Time between ranges; 0 takes the shortest the pulse budget allows.", unit="s", minimum=0.0)
-    over_budget: bool = setting(False, "Fly an interval over the pulse budget of a station; what it costs is said.")
+    over_budget: bool = setting(False, "Allow an interval over the pulse budget of a station; the cost is reported.")
     tracking_aircraft: int = setting(0, "Other aircraft that track every station.", minimum=0, maximum=10_000)
     searching_aircraft: int = setting(0, "Other aircraft that search for every station.", minimum=0, maximum=10_000)
     stations_file: str = setting("dme_stations_bay_area.csv", "Station table in the config directory, or a path.")
@@ -132,8 +131,8 @@ class DmeSimulator:
 
     def _reply(self, truth: TruthBlock, row: int, station: Station, flown_m: float) -> list[SlantRange]:
         place = truth.lat[row], truth.lon[row], truth.height[row]
-        heard = self._answered >= 1.0 or self._traffic_rng.random() < self._answered
-        if not heard or not audible(station, *place):
+        answered = self._answered >= 1.0 or self._traffic_rng.random() < self._answered
+        if not answered or not audible(station, *place):
             return []
         if station.ident not in self._errors:
             self._errors[station.ident] = range_error(self.settings, station.ident)

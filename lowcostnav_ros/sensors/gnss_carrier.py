@@ -20,15 +20,14 @@ from lowcostnav_ros.gnss.signals import L1_WAVELENGTH_M, name
 from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 from lowcostnav_ros.physics.rotation import quat_to_dcm
 from lowcostnav_ros.sensors.carrier_errors import CarrierErrors, CarrierErrorSettings
-from lowcostnav_ros.sensors.registry import simulator
+from lowcostnav_ros.sensors.registry import SimulatorSettings, simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
 
 @dataclass(frozen=True)
-class GnssCarrierSimulatorSettings:
+class GnssCarrierSimulatorSettings(SimulatorSettings):
     """Settings of the simulator of GPS carrier against a base."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     rate_hz: float = setting(5.0, "Output rate.", unit="Hz", minimum=0.1, maximum=50.0)
     mask_deg: float = setting(10.0, "Lowest elevation, at the rover.", unit="deg", minimum=0.0, maximum=90.0)
     constellation_time_s: float = setting(10800.0, "Age of the constellation at the first truth stamp.", unit="s", minimum=0.0)

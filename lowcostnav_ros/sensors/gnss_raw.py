@@ -29,17 +29,16 @@ from lowcostnav_ros.gnss.visibility import Schedule, choose
 from lowcostnav_ros.physics.earth import dcm_ne, geodetic_to_ecef
 from lowcostnav_ros.physics.stochastic import GaussMarkov
 from lowcostnav_ros.sensors.drift import DriftBank
-from lowcostnav_ros.sensors.registry import simulator
+from lowcostnav_ros.sensors.registry import SimulatorSettings, simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
 MILLISECOND_M = SPEED_OF_LIGHT * 1e-3
 
 
 @dataclass(frozen=True)
-class GnssRawSimulatorSettings:
+class GnssRawSimulatorSettings(SimulatorSettings):
     """Settings of the simulator of satellite observations."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     rate_hz: float = setting(10.0, "Output rate.", unit="Hz", minimum=0.1, maximum=50.0)
     constellation: str = setting("gps", "Satellites to simulate.", choices=("gps", "galileo", "gps_galileo"))
     constellation_time_s: float = setting(10800.0, "Age of the constellation at the first truth stamp.", unit="s", minimum=0.0)

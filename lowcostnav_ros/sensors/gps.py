@@ -15,16 +15,16 @@ from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.physics.stochastic import GaussMarkov
 from lowcostnav_ros.sensors.drift import DriftBank
-from lowcostnav_ros.sensors.reception import Reception, check_outages
+from lowcostnav_ros.sensors.reception import ReceiverSettings, Reception
 from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
 
 @dataclass(frozen=True)
-class GpsSimulatorSettings:
+class GpsSimulatorSettings(ReceiverSettings):
     """Settings of the GPS simulator."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    receiver = "GPS"
     rate_hz: float = setting(5.0, "Output rate.", unit="Hz", minimum=0.1, maximum=50.0)
     horizontal_noise_m: float = setting(2.0, "White position error per horizontal axis, 1 sigma.", unit="m", minimum=0.01)
     vertical_noise_m: float = setting(5.0, "White height error, 1 sigma.", unit="m", minimum=0.01)
@@ -35,10 +35,7 @@ class GpsSimulatorSettings:
     repeat_hz: float = setting(0.0, "Puts each fix out again at this rate until the next; 0: once.", unit="Hz", minimum=0.0, maximum=50.0)
     latency_s: float = setting(0.0, "Time from validity to availability.", unit="s", minimum=0.0, maximum=10.0)
     dropout_probability: float = setting(0.0, "Probability that one epoch is missing.", minimum=0.0, maximum=1.0)
-    outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
 
-    def __post_init__(self) -> None:
-        check_outages(self.outages_s, "GPS")
 
 
 @simulator("gps", Settings=GpsSimulatorSettings, truth=("truth/odometry",), topics=("gps/fix", "gps/vel"), usual=4)

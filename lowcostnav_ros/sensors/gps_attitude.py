@@ -20,7 +20,7 @@ from lowcostnav_ros.gnss.dop import to_ned
 from lowcostnav_ros.gnss.observables import line_of_sight, states_at_reception
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY, geodetic_to_ecef
 from lowcostnav_ros.physics.rotation import euler_jacobian_n, euler_to_quat, quat_from_rotvec, quat_multiply, quat_to_dcm, quat_to_euler
-from lowcostnav_ros.sensors.reception import Reception, check_outages
+from lowcostnav_ros.sensors.reception import ReceiverSettings, Reception
 from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
@@ -31,10 +31,10 @@ STEEPEST = np.radians(85.0)
 
 
 @dataclass(frozen=True)
-class GpsAttitudeSimulatorSettings:
+class GpsAttitudeSimulatorSettings(ReceiverSettings):
     """Settings of the GPS attitude simulator."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    receiver = "GPS attitude"
     rate_hz: float = setting(2.0, "Output rate.", unit="Hz", minimum=0.1, maximum=10.0)
     noise_deg: float = setting(0.25, "White error of roll, pitch and heading, 1 sigma.", unit="deg", minimum=0.001, maximum=10.0)
     antennas_m: list = setting(
@@ -45,10 +45,9 @@ class GpsAttitudeSimulatorSettings:
     constellation_time_s: float = setting(10800.0, "Age of the constellation at the first truth stamp.", unit="s", minimum=0.0)
     latency_s: float = setting(0.0, "Time from validity to availability.", unit="s", minimum=0.0, maximum=10.0)
     dropout_probability: float = setting(0.0, "Probability that one epoch is missing.", minimum=0.0, maximum=1.0)
-    outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
 
     def __post_init__(self) -> None:
-        check_outages(self.outages_s, "GPS attitude")
+        super().__post_init__()
         if len(self.antennas_m) not in (0, 2):
             raise SettingsError(f"GPS attitude: 'antennas_m' takes two sides, rear and front, or none, got {self.antennas_m}.")
         if self.antennas_m:

@@ -20,17 +20,16 @@ from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.physics.rotation import eulers_to_quat, quat_apply_phi_n, quats_to_euler
-from lowcostnav_ros.sensors.registry import simulator
+from lowcostnav_ros.sensors.registry import SimulatorSettings, simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
 DEGREE_PER_HOUR = math.radians(1.0) / 3600.0
 
 
 @dataclass(frozen=True)
-class HarsSimulatorSettings:
+class HarsSimulatorSettings(SimulatorSettings):
     """Settings of the heading and attitude reference simulator."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     rate_hz: float = setting(50.0, "Output rate.", unit="Hz", minimum=0.1, maximum=200.0)
     drift_deg_h: float = setting(3.0, "Gyro drift of a flight, 1 sigma per axis.", unit="deg/h", minimum=0.0, maximum=100.0)
     random_drift_deg_h: float = setting(0.05, "Random drift, white, 1 sigma at 1 Hz.", unit="deg/h", minimum=0.0, maximum=100.0)

@@ -20,15 +20,14 @@ from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
 from lowcostnav_ros.sensors.bandwidth import LowPass
 from lowcostnav_ros.sensors.drift import DriftBank, slow_error
 from lowcostnav_ros.sensors.imu_profile import ImuProfile, TriadNoise
-from lowcostnav_ros.sensors.registry import simulator
+from lowcostnav_ros.sensors.registry import SimulatorSettings, simulator
 from lowcostnav_ros.sensors.sampling import SampleClock, means_between
 
 
 @dataclass(frozen=True)
-class ImuSimulatorSettings:
+class ImuSimulatorSettings(SimulatorSettings):
     """Settings of the IMU simulator; the data-sheet numbers are in the profile."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     profile: str = setting("automotive", "Name of the IMU profile (config/profiles) or path of a profile file.")
     rate_hz: float = setting(100.0, "Output rate; a divisor of the rate of the truth.", unit="Hz", minimum=1.0, maximum=2000.0)
     turn_on_bias: bool = setting(True, "Simulate the turn-on biases; off: a unit calibrated before the flight.")

@@ -15,17 +15,16 @@ from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.base.units import GAUSS
 from lowcostnav_ros.physics.geomagnetism import DatedModel, check_year, year_setting
-from lowcostnav_ros.sensors.registry import simulator
+from lowcostnav_ros.sensors.registry import SimulatorSettings, simulator
 from lowcostnav_ros.sensors.sampling import SampleClock, to_body
 
 TESLA_PER_MG = 1.0e-3 * GAUSS
 
 
 @dataclass(frozen=True)
-class MagnetometerSimulatorSettings:
+class MagnetometerSimulatorSettings(SimulatorSettings):
     """Settings of the magnetometer simulator, in milligauss (1 mG = 1e-7 T)."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
     rate_hz: float = setting(20.0, "Output rate.", unit="Hz", minimum=0.1, maximum=1000.0)
     decimal_year: float = year_setting("Date of the flight for the magnetic model")
     noise_mg: float = setting(1.0, "White noise of one sample, 1 sigma (1 typical, 5 poor).", unit="mG", minimum=0.01, maximum=100.0)

@@ -29,7 +29,7 @@ from lowcostnav_ros.radionav.transmitters import PSEUDOLITE
 from lowcostnav_ros.radionav.weather import Weather
 from lowcostnav_ros.sensors.airframe import AirframeSettings, slips_per_s
 from lowcostnav_ros.sensors.carrier_errors import CarrierErrors, CarrierErrorSettings
-from lowcostnav_ros.sensors.reception import check_outages, outage_windows
+from lowcostnav_ros.sensors.reception import ReceiverSettings, outage_windows
 from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
@@ -56,10 +56,10 @@ class AirSettings:
 
 
 @dataclass(frozen=True)
-class PseudoliteSimulatorSettings:
+class PseudoliteSimulatorSettings(ReceiverSettings):
     """Settings of the simulator of ground transmitters."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    receiver = "Pseudolites"
     rate_hz: float = setting(10.0, "Output rate.", unit="Hz", minimum=0.1, maximum=50.0)
     stations_file: str = setting("pseudolites_range.csv", "Station table in the config directory, or a path.")
     wavelength_m: float = setting(WAVELENGTH_M, "Wavelength of the carrier.", unit="m", minimum=0.01, maximum=2.0)
@@ -69,7 +69,6 @@ class PseudoliteSimulatorSettings:
     clock_drift_mps: float = setting(10.0, "Receiver clock drift at switch-on, 1 sigma.", unit="m/s", minimum=0.0)
     clock_step: list = setting([], "The receiver sets its clock: time (s), step (m), time, step, ...")
     near_far_m: float = setting(200.0, "Closer to a transmitter than this no other is received.", unit="m", minimum=0.0)
-    outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
     lost_sync: list = setting([], "Transmitters out of step: start (s), ident as a number, offset (m), rate (m/s), start, ...")
     errors: CarrierErrorSettings = group(CarrierErrorSettings)
     airframe: AirframeSettings = group(AirframeSettings)
@@ -80,7 +79,7 @@ class PseudoliteSimulatorSettings:
     weather_humidity_pct: float = setting(3.0, "Error of a station's humidity, 1 sigma, constant.", unit="%", minimum=0.0)
 
     def __post_init__(self) -> None:
-        check_outages(self.outages_s, "Pseudolites")
+        super().__post_init__()
         if len(self.lost_sync) % 4 or len(self.clock_step) % 2:
             raise SettingsError("Pseudolites: 'lost_sync' needs four numbers each, 'clock_step' two; add what is missing.")
         if len(self.lever_arm_b_m) != 3:
@@ -178,7 +177,7 @@ class PseudoliteSimulator:
         self.delays_m = self._air.delays(self._heights, height, ranges, middle)
         banked = abs(math.atan2(C_nb[2, 1], C_nb[2, 2])) > math.radians(own.errors.bank_deg)
         slips_hz = slips_per_s(own.airframe, sight_e @ C_en @ C_nb, own.wavelength_m)
-        errors = self.errors.draw(self._heard(ranges, t_s), banked, slips_hz)
+        errors = self.errors.draw(self._received(ranges, t_s), banked, slips_hz)
         if not errors.locked.any():
             return None
         offset, rate = self._sync(t_s)
@@ -191,12 +190,12 @@ class PseudoliteSimulator:
         observed = (whole + errors.code_m)[used], carrier[used], doppler[used], wave[used], np.zeros(len(valid))
         return CarrierEpoch(stamp_ns, self.source, self._ident[used], *observed, valid, valid)
 
-    def _heard(self, ranges: np.ndarray, t_s: float) -> np.ndarray:
+    def _received(self, ranges: np.ndarray, t_s: float) -> np.ndarray:
         """Which transmitters are received at these ranges (n,), m."""
         if any(start <= t_s < end for start, end in outage_windows(self.settings.outages_s)):
             return np.zeros(len(ranges), dtype=bool)
-        heard = (ranges >= self._reach[:, 0]) & (ranges <= self._reach[:, 1])
-        return heard & (ranges == ranges.min()) if ranges.min() < self.settings.near_far_m else heard
+        received = (ranges >= self._reach[:, 0]) & (ranges <= self._reach[:, 1])
+        return received & (ranges == ranges.min()) if ranges.min() < self.settings.near_far_m else received
 
     def _sync(self, t_s: float) -> tuple[np.ndarray, np.ndarray]:
         """By how much each transmitter is out of step, m and m/s."""

@@ -12,26 +12,23 @@ from lowcostnav_ros.radionav.geometry import range_and_direction
 from lowcostnav_ros.radionav.stations import StationTable
 from lowcostnav_ros.radionav.transmitters import BEACON
 from lowcostnav_ros.sensors.pseudolite import AirSettings
-from lowcostnav_ros.sensors.reception import check_outages, outage_windows
+from lowcostnav_ros.sensors.reception import ReceiverSettings, outage_windows
 from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 
 
 @dataclass(frozen=True)
-class RangingSimulatorSettings:
+class RangingSimulatorSettings(ReceiverSettings):
     """Settings of the simulator of two-way ranges."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    receiver = "Ranging"
     rate_hz: float = setting(2.0, "Ranges a second, to one beacon after the other.", unit="Hz", minimum=0.01, maximum=50.0)
     stations_file: str = setting("beacons_range.csv", "Station table in the config directory, or a path.")
     noise_m: float = setting(1.0, "White noise, 1 sigma.", unit="m", minimum=0.001)
     bias_m: float = setting(2.0, "Constant error of each beacon, 1 sigma.", unit="m", minimum=0.0)
     missed: float = setting(0.02, "Probability that there is no reply.", minimum=0.0, maximum=1.0)
-    outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
     air: AirSettings = group(AirSettings)
 
-    def __post_init__(self) -> None:
-        check_outages(self.outages_s, "Ranging")
 
 
 @simulator("ranging", Settings=RangingSimulatorSettings, truth=("truth/odometry",), topics=("ranging/range",), needs="stations_file")

@@ -1,9 +1,11 @@
 """What a simulated receiver hands over and when: nothing during an outage, everything else after its latency."""
 
 from collections.abc import Sequence
-from typing import Generic, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import ClassVar, Generic, Protocol, TypeVar
 
-from lowcostnav_ros.base.settings import SettingsError
+from lowcostnav_ros.base.settings import SettingsError, setting
+from lowcostnav_ros.sensors.registry import SimulatorSettings
 
 
 class Stamped(Protocol):
@@ -21,19 +23,21 @@ def outage_windows(outages_s: Sequence[float]) -> list[tuple[float, float]]:
     return list(zip(outages_s[0::2], outages_s[1::2], strict=True))
 
 
-def check_outages(outages_s: Sequence[float], receiver: str) -> None:
-    """Refuse a list of outages that is not pairs of a start and a later end.
+@dataclass(frozen=True)
+class ReceiverSettings(SimulatorSettings):
+    """What the settings of a receiver begin with, whose name sentences about them bear."""
 
-    Raises
-    ------
-    SettingsError
-        The sentence begins with ``receiver``.
-    """
-    if len(outages_s) % 2:
-        raise SettingsError(f"{receiver}: 'outages_s' needs pairs of start and end; add the missing end.")
-    for start, end in outage_windows(outages_s):
-        if end <= start:
-            raise SettingsError(f"{receiver}: an outage ends at {end:g} s, not after its start at {start:g} s; swap or correct them.")
+    receiver: ClassVar[str]
+    outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
+
+    def __post_init__(self) -> None:
+        """Refuse outages that are not pairs of a start and a later end."""
+        if len(self.outages_s) % 2:
+            raise SettingsError(f"{self.receiver}: 'outages_s' needs pairs of start and end; add the missing end.")
+        for start, end in outage_windows(self.outages_s):
+            if end <= start:
+                sentence = f"an outage ends at {end:g} s, not after its start at {start:g} s; swap or correct them."
+                raise SettingsError(f"{self.receiver}: {sentence}")
 
 
 class Reception(Generic[M]):

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from lowcostnav_ros.base.registry import ClassRegistry
+from lowcostnav_ros.base.settings import setting
 
 
 @dataclass(frozen=True)
@@ -27,3 +28,10 @@ class SimulatorLabel:
 
 SIMULATORS = ClassRegistry("sensor", "lowcostnav_ros.sensors", "simulator", SimulatorLabel)
 simulator = SIMULATORS.entry
+
+
+@dataclass(frozen=True)
+class SimulatorSettings:
+    """What the settings of every simulator begin with."""
+
+    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)

@@ -17,32 +17,28 @@ from lowcostnav_ros.base.settings import setting
 from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.radionav.stations import BEARING, Station, StationTable
 from lowcostnav_ros.radionav.vor import bearing_view, nearest_vors, out_of_service, radial_of
-from lowcostnav_ros.sensors.reception import Reception, check_outages
+from lowcostnav_ros.sensors.reception import ReceiverSettings, Reception
 from lowcostnav_ros.sensors.registry import simulator
 from lowcostnav_ros.sensors.sampling import SampleClock
 from lowcostnav_ros.sensors.station_drift import DistanceFlown, StationDrift
 
 
 @dataclass(frozen=True)
-class VorSimulatorSettings:
+class VorSimulatorSettings(ReceiverSettings):
     """Settings of the VOR simulator."""
 
-    seed: int = setting(1, "Seed of all random numbers of this sensor.", minimum=0)
+    receiver = "VOR"
     rate_hz: float = setting(1.0, "Output rate of each receiver.", unit="Hz", minimum=0.01, maximum=20.0)
     receivers: int = setting(2, "Receivers aboard, each tuned to one station at a time.", minimum=1, maximum=4)
     stations_file: str = setting("dme_stations_bay_area.csv", "Station table in the config directory, or a path.")
     stations: str = setting("", "Idents to tune in turn, separated by commas; empty takes the nearest on the way.")
-    dwell_s: float = setting(60.0, "A receiver is tuned anew after this long.", unit="s", minimum=1.0)
+    dwell_s: float = setting(60.0, "A receiver is retuned after this time.", unit="s", minimum=1.0)
     settle_s: float = setting(3.0, "Time without a bearing after a change of station.", unit="s", minimum=0.0)
     bias_deg: float = setting(0.6, "Constant error of each station (alignment), 1 sigma.", unit="deg", minimum=0.0, maximum=10.0)
     bend_deg: float = setting(0.75, "Course bends of each station, 1 sigma.", unit="deg", minimum=0.0, maximum=10.0)
     bend_distance_m: float = setting(3704.0, "Distance flown over which bends decorrelate (2 NM).", unit="m", minimum=1.0)
     noise_deg: float = setting(0.3, "White noise of the receiver, 1 sigma.", unit="deg", minimum=0.001, maximum=10.0)
     latency_s: float = setting(0.0, "Time from validity to availability.", unit="s", minimum=0.0, maximum=10.0)
-    outages_s: list = setting([], "Outages as start, end, start, end, ... from the first truth stamp.", unit="s", minimum=0.0)
-
-    def __post_init__(self) -> None:
-        check_outages(self.outages_s, "VOR")
 
     @property
     def variance(self) -> float:

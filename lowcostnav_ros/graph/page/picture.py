@@ -17,6 +17,7 @@ import numpy as np
 
 from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE, Attitude, NavSolution
 from lowcostnav_ros.base.modes import Level
+from lowcostnav_ros.base.text import numeric
 from lowcostnav_ros.catalogue.geoid import undulation
 from lowcostnav_ros.messages.decode import Decoder
 from lowcostnav_ros.messages.kind import Kind
@@ -274,27 +275,19 @@ def _is_drawn(topic: str, kind: Kind) -> bool:
 
 
 def _input(topic: str, row: _Row, silent: float) -> dict[str, Any]:
-    age = _number(row.values.get("age_s"))
-    rejected = {"rejected": int(_number(row.values.get("rejected")) or 0), "why": row.values.get("last_reject", "")}
-    rate = _number(row.values.get("rate_hz"))
+    age = numeric(row.values, "age_s")
+    rejected = {"rejected": int(numeric(row.values, "rejected") or 0), "why": row.values.get("last_reject", "")}
+    rate = numeric(row.values, "rate_hz")
     age = None if age is None else round(age + silent, 1)
     return {"topic": topic, "level": row.level, "message": row.message, "rate": rate, "age": age, **rejected}
 
 
 def _aid(name: str, row: _Row, silent: float) -> dict[str, Any]:
-    values, age = row.values, _number(row.values.get("age_s"))
-    counts = {key: int(_number(values.get(key)) or 0) for key in ("fused", "rejected")}
+    values, age = row.values, numeric(row.values, "age_s")
+    counts = {key: int(numeric(values, key) or 0) for key in ("fused", "rejected")}
     age = None if age is None else round(age + silent, 1)
-    ratio = _number(values.get("test_ratio"))
+    ratio = numeric(values, "test_ratio")
     return {"aid": name, "level": row.level, "ratio": ratio, "age": age, "why": values.get("reason", ""), **counts}
-
-
-def _number(text: str | None) -> float | None:
-    try:
-        value = float(text or "")
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
 
 
 def _attitude(solution: NavSolution | Attitude) -> dict[str, Any]:

@@ -37,7 +37,7 @@ from lowcostnav_ros.starts.point_solution import SlopeVelocity
 GPS_ONLY = "gps_only"
 TOGETHER_NS = 1_500_000_000
 """A velocity this near to a fix is of the same moment, as far as a start is concerned."""
-NEITHER = "accelerations along gravity tell neither sign"
+NEITHER = "accelerations along gravity determine no sign"
 UNFELT = "the reference gives no accelerations"
 
 
@@ -351,7 +351,7 @@ class MemsIns(ReckoningNavigator):
 
     def _details(self) -> dict[str, str]:
         own = {**super()._details(), "filter": self.settings.filter}
-        own["accelerometers"] = self.sign.replace("_", " ") if self.sign else "sign not told yet"
+        own["accelerometers"] = self.sign.replace("_", " ") if self.sign else "sign not determined yet"
         attitude, fix = self.settings.attitude_topic, self._fix_source()
         rates = (("rate of the reference", attitude), ("rate of GPS", fix), ("rate of solutions", self.name))
         own |= {words: f"{self.rates.rate_hz(source):.1f} Hz" for words, source in rates}

@@ -76,7 +76,7 @@ def error(plan: Plan) -> str:
     names = [leg.name for leg in plan.levels[0].legs]
     each = [[c for c in curves if c.label.endswith(f" {name}")] for name in names]
     charts = [(f"{title}, {name}", [limit, *one]) for name, one in zip(names, each, strict=True)]
-    return "".join(time_chart(said, axis, items, height=170, limits=(0.0, top)) for said, items in charts)
+    return "".join(time_chart(title, axis, items, height=170, limits=(0.0, top)) for title, items in charts)
 
 
 def asked(plan: Plan) -> str:

@@ -40,8 +40,8 @@ def matrix(rows: Sequence[Row]) -> str:
 def _field(row: Row, x: float, y: float) -> str:
     sigmas = max(row.most_sigmas or 0.0, row.attitude_sigmas or 0.0)
     dark = row.verdict in DARK
-    said = row.sentence or "nothing was said"
-    title = element("title", escape(f"{row.navigator}: {row.verdict}. {said}"))
+    reported = row.sentence or "nothing was reported"
+    title = element("title", escape(f"{row.navigator}: {row.verdict}. {reported}"))
     box = element("rect", title, x=x + 1, y=y + 1, width=FIELD - 2, height=LINE - 2, rx=2, fill=COLOURS[row.verdict])
     shown = number(sigmas) if dark and row.verdict != Verdict.CRASHED else str(row.verdict).split(",")[0]
     label = text(

@@ -36,12 +36,12 @@ def row_table(title: str, rows: Sequence[Row]) -> Table:
         Column("recovered after", lambda r: number(r.recovered_s), "s", short="back"),
         Column("longest silence", lambda r: number(r.silent_s), "s", page_only=True),
         Column("wrongly suspected", lambda r: r.blamed, left=True, page_only=True),
-        Column("what was said", said, left=True, page_only=True),
+        Column("reported", reported, left=True, page_only=True),
     )
     return Table.of(title, columns, rows, colours=tuple(COLOURS.get(row.verdict, "") for row in rows))
 
 
-def said(row: Row) -> str:
+def reported(row: Row) -> str:
     """The sentence that named the source, or the first one."""
     return f"{row.named_by}: {row.sentence}" if row.named_by else row.sentence
 

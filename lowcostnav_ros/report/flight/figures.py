@@ -98,8 +98,8 @@ def _ellipses(navigator: NavigatorResult, colour: str, outages: Sequence[tuple[f
             values = [float(columns[n][row]) for n in names] if row < len(columns["t_s"]) else []
             if values and np.isfinite(values).all():
                 lat_deg, lon_deg, *sigmas = values
-                said = f"{navigator.name}, 2 sigma {t - start:.0f} s after the loss of GPS"
-                out.append(Ellipse(lat_deg, lon_deg, sigmas[0], sigmas[1], colour, said))
+                words = f"{navigator.name}, 2 sigma {t - start:.0f} s after the loss of GPS"
+                out.append(Ellipse(lat_deg, lon_deg, sigmas[0], sigmas[1], colour, words))
     return out
 
 
@@ -200,11 +200,11 @@ def aid_figures(navigator: NavigatorResult, axis: TimeAxis, colour: str) -> list
     charts = []
     for aid, label in keys:
         rows = computed & (aids["aid"] == aid) & (aids["label"] == label)
-        said, factor = in_words(label)
+        words, factor = in_words(label)
         t, y, used = aids["t_s"][rows], factor * aids["innovation"][rows], aids["accepted"][rows] == "yes"
         t_band, _, sigma = _broken(t, y, factor * aids["sigma"][rows], gap_s=60.0)
         dots = [Dots(t[used], y[used], colour, "used"), Dots(t[~used], y[~used], "#c0392b", "refused", 3.2)]
-        title = f"{aid}: innovation of {said}"
+        title = f"{aid}: innovation of {words}"
         charts.append(time_chart(title, axis, [Band(t_band, sigma, "#8a8f94"), *dots], width=HALF, height=130))
     return charts
 

@@ -27,7 +27,7 @@ def has_gps(summary: ReplayResult) -> bool:
 def findings(summary: ReplayResult, outages: str = "") -> list[str]:
     """The sentences; ``outages`` is what a study of outages adds."""
     if not any(one.solutions for one in summary.navigators.values()):
-        return ["No navigator could fly on what was recorded; what is there is drawn, and what is missing is said at the end of the page."]
+        return ["No navigator could run on this recording; what was recorded is drawn, and the end of the page lists what is missing."]
     return [text for text in (_position(summary), outages, _sigmas(summary), _trouble(summary)) if text]
 
 
@@ -41,19 +41,19 @@ def _position(summary: ReplayResult) -> str:
     other = compared_with(summary.recording)
     reference = other or next((one.errors.reference for one in located.values() if one.errors.reference), None)
     spans = [f"{clock(a - start)} to {clock(b - start)}" for a, b in lost.intervals_s]
-    said = f"GPS lost {_listed(spans)}" if spans else "GPS all flight" if has_gps(summary) else "No GPS was recorded"
+    gps = f"GPS lost {_listed(spans)}" if spans else "GPS all flight" if has_gps(summary) else "No GPS was recorded"
     during = {n: one.errors.without_gps for n, one in located.items() if one.errors.without_gps and one.errors.without_gps.horizontal_m}
     if spans and during:
         ranked = sorted((part.horizontal_m.max, part.horizontal_m.p95, name) for name, part in during.items() if part.horizontal_m)
         text = [f"{name} stayed within {distance(worst)} (95 % within {distance(p95)})" for worst, p95, name in ranked[:2]]
         silent = [name for name in located if name not in during]
-        return f"{said}; {', '.join(text)}{f'; without a position then: {_listed(silent)}' if silent else ''}."
+        return f"{gps}; {', '.join(text)}{f'; without a position then: {_listed(silent)}' if silent else ''}."
     whole = {name: one.errors.whole.horizontal_m for name, one in located.items() if one.errors.whole and one.errors.whole.horizontal_m}
     if not whole:
-        return f"{said}; there is no truth in the recording to judge the position by."
+        return f"{gps}; there is no truth in the recording to judge the position by."
     best = sorted(whole.items(), key=lambda pair: pair[1].p95)[:2]
     within = ", ".join(f"{name} within {distance(size.p95)} for 95 % of the time" for name, size in best)
-    return f"{said}; against {reference or 'the reference'}: {within}."
+    return f"{gps}; against {reference or 'the reference'}: {within}."
 
 
 def _sigmas(summary: ReplayResult) -> str:
@@ -69,7 +69,7 @@ def _sigmas(summary: ReplayResult) -> str:
     text = [f"{word} for {_listed(names)}" for word, names in found.items() if names]
     if not text:
         return ""
-    wrong = " What is too small must not be trusted as it stands." if found["too small"] else ""
+    wrong = " Do not rely on sigmas that are too small." if found["too small"] else ""
     return f"Sigmas {', '.join(text)}.{wrong}"
 
 

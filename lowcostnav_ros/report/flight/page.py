@@ -130,8 +130,8 @@ def _missing(summary: ReplayResult) -> str:
     recording = summary.recording
     if recording is None:
         return ""
-    said = [f"{name} did not run: {reason}." for name, reason in recording.left_out.items()] + [f"{text}." for text in recording.assumed]
-    return "".join(f'<p class="note">{escape(text)}</p>' for text in said)
+    notes = [f"{name} did not run: {reason}." for name, reason in recording.left_out.items()] + [f"{text}." for text in recording.assumed]
+    return "".join(f'<p class="note">{escape(text)}</p>' for text in notes)
 
 
 def _events(result: Result, axis: TimeAxis) -> str:

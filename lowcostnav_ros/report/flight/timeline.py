@@ -55,7 +55,7 @@ def timeline(navigators: list[NavigatorResult], axis: TimeAxis) -> str:
         rows.append(_mode_lane(navigator.name, spans, axis.start_s))
         for aid, reason, stamps in refusals(navigator):
             label = f"{aid}: {reason}"
-            rows.append(Lane(label, moments=stamps, said=f"{label}, {len(stamps)} times"))
+            rows.append(Lane(label, moments=stamps, hint=f"{label}, {len(stamps)} times"))
         rows[-1] = dataclasses.replace(rows[-1], apart=True)
     return lanes("modes and refusals", axis, rows)
 

@@ -96,14 +96,14 @@ def _words(hertz: np.ndarray, density: np.ndarray) -> str:
     """RMS over the flight and the lines that stand out."""
     mean, step = np.nanmean(density, axis=0), hertz[1] - hertz[0]
     above = hertz >= FROM_HZ
-    said = f"Above {FROM_HZ:g} Hz the specific force shakes by {np.sqrt(np.sum(mean[above]) * step):.2g} m/s\N{SUPERSCRIPT TWO} RMS"
+    sentence = f"Above {FROM_HZ:g} Hz the specific force shakes by {np.sqrt(np.sum(mean[above]) * step):.2g} m/s\N{SUPERSCRIPT TWO} RMS"
     around = np.array([np.median(mean[max(k - 8, 0) : k + 9]) for k in range(len(mean))])
     inner = np.arange(1, len(mean) - 1)
     peaks = inner[(mean[inner] > mean[inner - 1]) & (mean[inner] >= mean[inner + 1]) & (mean[inner] > STANDS_OUT * around[inner])]
     peaks = sorted(peaks[above[peaks]], key=lambda k: -mean[k])[:PEAKS]
     lines = ", ".join(f"{hertz[k]:.1f} Hz ({np.sqrt(mean[k - 1 : k + 2].sum() * step):.2g})" for k in peaks)
     tail = f"; lines stand out at {lines}." if lines else "; no line stands out."
-    return f"{said}{tail} What shakes faster than {hertz[-1]:.0f} Hz is folded into this by the sampling."
+    return f"{sentence}{tail} What shakes faster than {hertz[-1]:.0f} Hz is folded into this by the sampling."
 
 
 def _png(pixels: np.ndarray) -> str:

@@ -93,7 +93,7 @@ def satellites(plan: GnssPlan, axis: TimeAxis) -> str:
         times = [(axis.start_s + float(seen.time_s[a]), min(float(seen.time_s[b - 1]) + seen.step_s, float(seen.time_s[-1])))
                  for a, b in zip(edges[0::2], edges[1::2], strict=True)]  # fmt: skip
         name = seen.names[j]
-        said = [f"{name} {plan.clock(a - axis.start_s)} to {plan.clock(b)}" for a, b in times]
-        spans = [Span(a, axis.start_s + b, _colour(name), "", words) for (a, b), words in zip(times, said, strict=True)]
+        hints = [f"{name} {plan.clock(a - axis.start_s)} to {plan.clock(b)}" for a, b in times]
+        spans = [Span(a, axis.start_s + b, _colour(name), "", words) for (a, b), words in zip(times, hints, strict=True)]
         rows.append(Lane(name, spans))
     return lanes("In view", axis, rows, left=62)

@@ -85,10 +85,10 @@ def maps_of(study: OutageStudy, flown: Flown, length_s: float) -> list[str]:
     ends = flown.ends(length_s)
     largest = max((end.horizontal_m for _, end in ends), default=1.0)
     steps = [t for t in svg.nice_ticks(0.0, largest, 5) if t > 0.0] or [largest]
-    said = f"where GPS was lost, {length_s:g} s later"
+    where = f"where GPS was lost, {length_s:g} s later"
     return [
-        _titled(f"Horizontal error [m] {said}", _map(study, ends, lambda end: end.horizontal_m, steps)),
-        _titled(f"Error over sigma {said}", _map(study, ends, lambda end: end.error_over_sigma, SIGMAS)),
+        _titled(f"Horizontal error [m] {where}", _map(study, ends, lambda end: end.horizontal_m, steps)),
+        _titled(f"Error over sigma {where}", _map(study, ends, lambda end: end.error_over_sigma, SIGMAS)),
     ]
 
 

@@ -71,6 +71,7 @@ def _correlation_figure(context: Context, state: int, title: str) -> DrawFunctio
     found = correlation(run, state)
 
     def draw(figure: Any) -> None:
+        """The correlation with every other state over time."""
         made = axes(figure, x="time [s]", y=f"correlation of {STATES[state]}", title=title)
         made.plot(found[:600, 7:10], linewidth=0.7, label=STATES[7:10])
         legend(made)
@@ -215,6 +216,7 @@ def convergence(context: Context) -> Outcome:
     text = "; ".join(f"{STATES[k]} {row(values)}" for k, values in at.items())
 
     def draw(figure: Any) -> None:
+        """Sigmas over those at the start."""
         made = axes(figure, x="time [s]", y="sigma over that at the start", title="convergence")
         made.plot(share[:, list(at)], linewidth=0.9, label=[STATES[k] for k in at])
         legend(made)

@@ -113,6 +113,7 @@ def functional(_: Context) -> Outcome:
     noisy = {name: isolated(group, INFERRED_GPS, 2, 300)[0][-1] for name, group in GROUPS.items()}
 
     def draw(figure: Any) -> None:
+        """Errors of the estimates over those injected, in time."""
         for k, (name, (error, injected)) in enumerate(clean.items()):
             made = axes(figure, (1, 4, k + 1), x="time [s]", y="error over injected" if k == 0 else "", title=name)
             made.plot(error[:40] / injected)

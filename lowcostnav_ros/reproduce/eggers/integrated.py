@@ -368,6 +368,7 @@ def sawtooth(context: Context) -> Outcome:
     rise = float(by_phase[-1] / by_phase[0])
 
     def draw(figure: Any) -> None:
+        """North error of Figure 2, at each output."""
         made = axes(figure, x="time [s]", y="north error when put out, 12.5 Hz [ft]", title="Figure 2")
         made.plot(4.0 * DT * np.arange(125), error[2000:2500:4, 0], linewidth=0.8)
 
@@ -399,6 +400,7 @@ def worst_of_the_second(context: Context) -> Outcome:
     whole, end = float(np.sqrt(np.mean(error**2))), float(by_step[0])  # the step of the fix itself still flies on the old corrections
 
     def draw(figure: Any) -> None:
+        """Velocity error by output within the second."""
         made = axes(figure, x="since the correction [s]", y="velocity error, RMS [kt]")
         made.plot(DT * (np.arange(50)), np.roll(by_step, -1))
 

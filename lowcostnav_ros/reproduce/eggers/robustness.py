@@ -134,6 +134,7 @@ def _curves(context: Context, kinds: Sequence[str], titles: str) -> DrawFunction
     tables = {kind: swept(context, kind, "slow sines", Q_WIND) for kind in kinds}
 
     def draw(figure: Any) -> None:
+        """RMS of each quantity over the wind noise of the filter, a curve a kind of wind."""
         for k, (name, unit) in enumerate((("misalignment", "mrad"), ("wind", "kt"), ("residual", "kt"))):
             made = axes(
                 figure, (1, 3, k + 1), x="wind noise of the filter Q [kt^2]", y=f"{name}, RMS [{unit}]", title=titles if k == 1 else ""
@@ -234,6 +235,7 @@ def sensitivity(context: Context) -> Outcome:
     flat = float(np.ptp(table[:, 2]) / table[:, 2].mean())
 
     def draw(figure: Any) -> None:
+        """RMS over the misalignment noise of the filter, as Figure 20."""
         for k, (name, column) in enumerate((("misalignment [mrad]", 0), ("residual [kt]", 2))):
             made = axes(figure, (1, 2, k + 1), x="misalignment noise of the filter [rad^2]", y=f"{name}, RMS", title="Figure 20")
             made.semilogx(Q_ZETA, table[:, column], marker=".")

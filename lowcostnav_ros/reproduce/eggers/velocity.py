@@ -103,6 +103,7 @@ def steady_gains(_: Context) -> Outcome:
         readings.append(Reading(f"position noise of the {name}", text, all(good) and all(good_vertical)))
 
     def draw(figure: Any) -> None:
+        """Variance of position through three steady cycles, as Figure 5."""
         correct = cycle(axis(0.0, 4.1353e-10))
         made = axes(figure, (1, 1, 1), x="phase", y="variance of position after the update [1e-12 deg^2]", title="Figure 5, text's noise")
         values = [1e12 * P[0, 0] for P in correct.posterior] * 3
@@ -143,6 +144,7 @@ def gains_over_latitude(_: Context) -> Outcome:
     worst = float(np.abs(found / (found[0] * cosine[:, None] ** power) - 1.0).max())
 
     def draw(figure: Any) -> None:
+        """Gains over latitude: to position left, to velocity right."""
         left = axes(figure, (1, 2, 1), x="latitude [deg]", y="East gain, velocity to position", title="Figures 6, 30")
         for k, name in ((1, "K1 GPS"), (2, "K1 air data"), (6, "K2"), (8, "K3"), (10, "K4")):
             left.plot(degrees, found[:, k], label=name)
@@ -175,6 +177,7 @@ def convergence(_: Context) -> Outcome:
     met = max(abs(run[-1, 0, 0] / steady[0, 0] - 1.0) for run in runs.values())
 
     def draw(figure: Any) -> None:
+        """Variance from above and below, and three steady cycles."""
         left = axes(figure, (1, 2, 1), x="cycle", y="position variance [ft^2]", title="from above and below")
         for name, run in runs.items():
             left.plot(run[:600, 0, 0], label=name)
@@ -275,6 +278,7 @@ def nav1_velocity(context: Context) -> Outcome:
     ours = np.mean([rms(run.velocity) for run in runs], axis=0)
 
     def draw(figure: Any) -> None:
+        """Errors of one flight in position and velocity."""
         t = DT * np.arange(len(runs[0].velocity))
         for k, (values, unit, name) in enumerate(((runs[0].position, "ft", "Figure 32"), (runs[0].velocity, "ft/s", "Figure 33"))):
             made = axes(figure, (1, 2, k + 1), x="time [s]", y=f"error [{unit}]", title=name)
@@ -345,6 +349,7 @@ def hard_turns(context: Context) -> Outcome:
     runs = {test: navigate(test, 3) for test in (2, 3)}
 
     def draw(figure: Any) -> None:
+        """Velocity by GPS, estimate and truth in both turns."""
         for k, (test, column, title) in enumerate(((2, 2, "NAV-2, down (Figure 36)"), (3, 1, "NAV-3, east (Figures 37 to 40)"))):
             made = axes(figure, (1, 2, k + 1), x="time [s]", y="velocity [ft/s]", title=title)
             t = DT * np.arange(200)

@@ -66,6 +66,7 @@ def vector_matching(context: Context) -> Outcome:
     )
 
     def draw(figure: Any) -> None:
+        """Histograms of the angle errors."""
         for k, name in enumerate(ANGLES):
             made = axes(figure, (1, 3, 1 + k), x=f"{name} error [deg]", y="runs" if k == 0 else "")
             made.hist(right[:, k], bins=60)
@@ -95,6 +96,7 @@ def convergence(context: Context) -> Outcome:
     ours = f"below 1 deg after {needed[0.1]} iterations at 0.1 ({left[0.1][50]:.1f} deg after 50) and {needed[1.0]} at 1.0"
 
     def draw(figure: Any) -> None:
+        """The quaternion on its way to the truth, and the angle left."""
         made = axes(figure, (1, 2, 1), x="iteration", y="quaternion", title="step 0.1 (dotted: truth)")
         made.plot(histories[0.1], label=["q0", "q1", "q2", "q3"])
         for value in truth:
@@ -179,6 +181,7 @@ def bias_settling(context: Context) -> Outcome:
     ]
 
     def draw(figure: Any) -> None:
+        """Estimated gyro biases of one start."""
         made = axes(figure, x="time [min]", y="estimated gyro bias [deg/s]", title="one start; dotted: true, 0.3 deg/s and drift")
         t_min = np.arange(1, len(mean) + 1) / RATE_HZ / 60.0
         _, learned, bias, _, _ = next(_runs(context, Start(0.05, 400, 0), 1))
@@ -211,6 +214,7 @@ def coasting(context: Context) -> Outcome:
     ours = f"{share:.0f} % of axes below 4 deg, sigma {low:.1f} deg (drift 0.01 deg/s); sigma {high:.1f} deg (drift 0.05 deg/s)"
 
     def draw(figure: Any) -> None:
+        """Errors of one run for each drift."""
         for k, drift in enumerate((0.01, 0.05)):
             made = axes(figure, (1, 2, 1 + k), x="time since GPS was lost [s]", y="error [deg]", title=f"drift {drift} deg/s, one run")
             made.plot(np.arange(len(tracks[drift])) / RATE_HZ, tracks[drift], label=list(ANGLES), linewidth=0.8)
@@ -242,6 +246,7 @@ def smoothing(context: Context) -> Outcome:
     )
 
     def draw(figure: Any) -> None:
+        """Pitch as measured and filtered, and the antennas that measure it."""
         angles, _, _, truth, measured = runs[0]
         made = axes(figure, (1, 2, 1), x="time [s]", y="pitch [deg]", title="GPS attitude and filter")
         t = np.arange(1, len(truth) + 1) / RATE_HZ
@@ -291,6 +296,7 @@ def poles(context: Context) -> Outcome:
     good = all(abs(times[n] / e[0] - 1.0) < 0.2 and abs(sigmas[n] / e[1] - 1.0) < 0.2 for n, e in expected.items())
 
     def draw(figure: Any) -> None:
+        """Roll gyro bias of one start for each choice of poles."""
         made = axes(figure, x="time [s]", y="roll gyro bias [deg/s]", title="poles of table 4.3, one start")
         rng, n = context.rng("poles"), 600 * RATE_HZ
         process = GaussMarkov(0.05 * DEGREE, 1000.0)

@@ -209,6 +209,7 @@ def slopes(context: Context) -> Outcome:
     good = all(abs(slope - printed) < 0.1 for slope, printed in zip(found, (-0.5, 0.5, 0.5), strict=True))
 
     def draw(figure: Any) -> None:
+        """Local slopes over averaging time."""
         made = axes(figure, x="averaging time [s]", y="local slope", title="local slopes of 30 h records")
         for name in ("white", "random walk", "Gauss-Markov", "ramp"):
             keep = charts[name].degrees > 20.0
@@ -271,6 +272,7 @@ def gauss_markov_process(context: Context) -> Outcome:
     ours = f"{normalised[100]:.3f} at lag 100 s; scatter from a known start within {100.0 * worst:.1f} % of the formula"
 
     def draw(figure: Any) -> None:
+        """Runs with their sigma, and the autocorrelation."""
         left = axes(figure, (1, 2, 1), x="time [s]", y="process", title="from a known start: 10 runs and one sigma")
         left.plot(runs[:, :10], linewidth=0.5, color="0.6")
         left.plot(expected, "k")
@@ -308,6 +310,7 @@ def warm_up(context: Context) -> Outcome:
     )
 
     def draw(figure: Any) -> None:
+        """The warm-up, what its fit leaves, and the scale factor."""
         left = axes(figure, (1, 3, 1), x="time since power-up [h]", y="1-minute average [deg/s]", title="warm-up")
         left.plot(minutes / 60.0, averages, linewidth=0.8)
         left.plot(minutes / 60.0, found.at(60.0 * minutes), "k--", linewidth=0.8)
@@ -336,6 +339,7 @@ def random_walk_of_angle(context: Context) -> Outcome:
     good = all(abs(ours / printed - 1.0) < 0.05 for ours, printed in zip(found, (0.194, 1.55), strict=True))
 
     def draw(figure: Any) -> None:
+        """Sigma of the angle over time by the formula at four rates, and as simulated."""
         made = axes(figure, x="time [s]", y="angle, one sigma [deg]", title="white rate noise of 0.05 deg/s per sample")
         seconds = np.linspace(0.0, 1200.0, 200)
         for rate in (1.0, 10.0, 20.0, 100.0):
@@ -362,6 +366,7 @@ def tilt_error(context: Context) -> Outcome:
     good = all(abs(abs(f) - p) < 1.0 for f, p in zip(found, (7.4, 17.0, 42.0, 69.0), strict=True)) and np.allclose(by_roll, -by_pitch)
 
     def draw(figure: Any) -> None:
+        """Heading error over roll and pitch."""
         made = axes(figure, x="roll or pitch [deg]", y="heading error [deg]", title="two-axis compass at heading 45 deg")
         made.plot(np.degrees(tilts), by_roll, label="roll")
         made.plot(np.degrees(tilts), by_pitch, label="pitch")

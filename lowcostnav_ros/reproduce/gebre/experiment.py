@@ -96,6 +96,7 @@ def boom_residual(context: Context) -> Outcome:
     good = 3.5 <= float(np.abs(means).max()) <= 14.0 and 2.0 <= sigma <= 8.0
 
     def draw(figure: Any) -> None:
+        """The residual of the first minute."""
         space = figure.add_subplot(1, 2, 1, projection="3d")
         few = slice(None, None, 20)
         space.scatter(*found.raw[few].T, s=2, label="before")
@@ -125,6 +126,7 @@ def boom_trace(context: Context) -> Outcome:
     rms = math.degrees(float(np.sqrt(np.mean(found.error[:1200] ** 2))))
 
     def draw(figure: Any) -> None:
+        """Heading of a minute, and its error."""
         left = axes(figure, (1, 2, 1), x="time [s]", y="heading [deg]", title="one minute at 20 Hz")
         t, truth, error = np.arange(1200) / RATE_HZ, np.unwrap(found.heading[:1200]), found.error[:1200]
         left.plot(t, np.degrees(truth + error), linewidth=0.6, label="magnetometer")
@@ -154,6 +156,7 @@ def boom_heading(context: Context) -> Outcome:
     )
 
     def draw(figure: Any) -> None:
+        """Histogram of the heading error."""
         made = axes(figure, x="heading error [deg]", y="samples", title="whole experiment")
         histogram(made, [np.degrees(parallel[0].error), error], ["rigid boom", "rigid boom, triad turned"])
         legend(made)
@@ -175,6 +178,7 @@ def residual_to_heading(_: Context) -> Outcome:
     peak = math.degrees(peak_heading_error(7.0, 7.0, 235.0))
 
     def draw(figure: Any) -> None:
+        """Heading error over heading for each residual."""
         made = axes(figure, x="heading [deg]", y="heading error [deg]", title="from a constant field residual")
         heading = np.radians(np.arange(361.0))
         for residual in (4.0, 7.0):

@@ -79,6 +79,7 @@ def heading_swing(_: Context) -> Outcome:
     ours = f"first order {_listed(first_order)} deg; fit {_listed(fitted)} deg, residual {residual:.3f} deg, peak {peak:.1f} deg"
 
     def draw(figure: Any) -> None:
+        """Loci of a level turn, and the deviation before and after."""
         left = axes(figure, (1, 2, 1), x="forward field [G]", y="right field [G]", title="level turn: locus")
         fine = np.linspace(0.0, 2.0 * np.pi, 200)
         left.plot(*level_field(fine, (0.0, 0.0), np.zeros((2, 2)), horizontal).T, "k--", label="no iron")
@@ -129,6 +130,7 @@ def _draw_convergence(context: Context, indices: tuple[int, ...]) -> DrawFunctio
     """Histories of ten starts for each case; a single case has its cloud beside it."""
 
     def draw(figure: Any) -> None:
+        """Ten starts of each case."""
         rng = context.rng("batch history")
         if len(indices) == 1:
             _draw_cloud(figure, CASES[indices[0]], rng)
@@ -232,6 +234,7 @@ def _histograms(title: str, errors: list[np.ndarray]) -> DrawFunction:
     """Errors (runs, 3) of each case, an axis beside the other."""
 
     def draw(figure: Any) -> None:
+        """An axis beside the other."""
         for axis, name in enumerate("xyz"):
             made = axes(figure, (1, 3, axis + 1), x=title.format(name), y="runs")
             histogram(made, [e[:, axis] for e in errors], [case.label for case in CASES])

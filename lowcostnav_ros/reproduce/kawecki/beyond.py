@@ -6,13 +6,10 @@ from typing import Any
 import numpy as np
 
 from lowcostnav_ros.base.settings import from_mapping
-from lowcostnav_ros.base.truth import TruthBlock
 from lowcostnav_ros.catalogue.equipment import load_imu_profile, load_stations
 from lowcostnav_ros.cores.imu_errors import imu_settings
 from lowcostnav_ros.navigators.pseudolite_ins import PseudoliteIns
-from lowcostnav_ros.physics.earth import displace
-from lowcostnav_ros.physics.rotation import quat_apply_phi_n
-from lowcostnav_ros.reproduce.kawecki.flights import truth_of
+from lowcostnav_ros.reproduce.kawecki.flights import first_state, truth_of
 from lowcostnav_ros.reproduce.solimeno.flights import Flight, fed, flight_of, imu_of
 from lowcostnav_ros.sensors.gnss_carrier import GnssCarrierSimulator, GnssCarrierSimulatorSettings
 from lowcostnav_ros.sensors.ranging import RangingSimulator, RangingSimulatorSettings
@@ -32,13 +29,6 @@ class OtherCase:
     duration_s: float = 820.0
 
 
-def start_of(truth: TruthBlock, seed: int, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A first state drawn from sigmas (9,), and their covariance."""
-    x = sigma * np.random.default_rng(seed).standard_normal(9)
-    place = displace(truth.lat[0], truth.lon[0], truth.height[0], x[:3])
-    return np.array([*place, *(truth.vel_n[0] + x[3:6]), *quat_apply_phi_n(truth.q_nb[0], x[6:9])]), np.diag(sigma**2)
-
-
 def fly_other(case: OtherCase) -> Flight:
     """Fly a case: no GPS fix at any time, the first velocity and attitude known to 0.3 m/s, 0.5 deg and, in heading, 2 deg."""
     truth, profile, table = truth_of(case.duration_s), load_imu_profile(case.profile), load_stations("beacons_range.csv")
@@ -52,5 +42,6 @@ def fly_other(case: OtherCase) -> Flight:
         measured = GnssCarrierSimulator(GnssCarrierSimulatorSettings(seed=case.seed)).simulate(truth)
     navigator = PseudoliteIns(settings, table)
     sigma = np.array([case.start_m] * 3 + [0.3] * 3 + np.radians([0.5, 0.5, 2.0]).tolist())
-    navigator.begin(int(truth.stamps_ns[0]), *start_of(truth, case.seed, sigma))
+    off = sigma * np.random.default_rng(case.seed).standard_normal(9)
+    navigator.begin(int(truth.stamps_ns[0]), first_state(truth, off), np.diag(sigma**2))
     return flight_of(truth, fed(navigator, imu_of(profile, truth, case.seed), measured))

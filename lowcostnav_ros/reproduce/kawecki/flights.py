@@ -150,6 +150,12 @@ def navigator_of(case: Case) -> PseudoliteIns:
     return PseudoliteIns(replace(from_mapping(PseudoliteIns.Settings, values), imu=imu), table())
 
 
+def first_state(truth: TruthBlock, x: np.ndarray) -> np.ndarray:
+    """The first true state, off by ``x`` (9,): m, m/s and rad, NED."""
+    place = displace(truth.lat[0], truth.lon[0], truth.height[0], x[:3])
+    return np.array([*place, *(truth.vel_n[0] + x[3:6]), *quat_apply_phi_n(truth.q_nb[0], x[6:9])])
+
+
 def started(navigator: PseudoliteIns, truth: TruthBlock, case: Case) -> PseudoliteIns:
     """Begin at the true state, or at one drawn from the sigmas that the filter is given."""
     sigma, x = START_SIGMA.copy(), np.zeros(9)
@@ -157,9 +163,7 @@ def started(navigator: PseudoliteIns, truth: TruthBlock, case: Case) -> Pseudoli
         x = START_SIGMA * stream(case.seed, "kawecki.start").standard_normal(9)
     x[:2] += case.offset_m
     sigma[:2] = np.hypot(sigma[:2], case.offset_m)
-    place = displace(truth.lat[0], truth.lon[0], truth.height[0], x[:3])
-    nav = np.array([*place, *(truth.vel_n[0] + x[3:6]), *quat_apply_phi_n(truth.q_nb[0], x[6:9])])
-    navigator.begin(int(truth.stamps_ns[0]), nav, np.diag(sigma**2))
+    navigator.begin(int(truth.stamps_ns[0]), first_state(truth, x), np.diag(sigma**2))
     return navigator
 
 

@@ -63,7 +63,7 @@ for _sensor in SENSORS.values():
         if _head in ("imu", "gps") or _name in ENOUGH:
             enter(__name__, Fault(f"{_head}_clock_{_name}", _imitates, _sources, offset(_by_s)))
     enter(__name__, Fault(f"{_head}_clock_drift", "a quartz that runs 100 ppm fast", _sources, drift(DRIFT_PPM), 0.0, 1e6))
-    enter(__name__, Fault(f"{_head}_late", "0.3 s of latency that nobody declared", _sources, partial(delayed, DELAY_S)))
+    enter(__name__, Fault(f"{_head}_late", "0.3 s of undeclared latency", _sources, partial(delayed, DELAY_S)))
     for _name, _by_s in ODD_S.items():
         if _head == "imu" or _name in ENOUGH:
             enter(__name__, Fault(f"{_head}_stamp_{_name}", "one wrong stamp", _sources, partial(odd, _by_s)), outage=_sensor.outage)

@@ -104,4 +104,4 @@ def _enter(sensor: Sensor) -> None:
 
 for _sensor in SENSORS.values():
     _enter(_sensor)
-enter(__name__, Fault(NOTHING, "a sound flight: nothing may be said of it", ALL, lambda window: window.arrived), outage=True)
+enter(__name__, Fault(NOTHING, "a healthy flight: nothing may be reported", ALL, lambda window: window.arrived), outage=True)

@@ -79,8 +79,8 @@ def judged(case: Case) -> list[Row]:
     try:
         made = flown(case.seed, fault, fault.outage, crew(case.navigators))
     except Exception as error:  # what a navigator raises is a finding, not the end of the study
-        said = f"{type(error).__name__}: {error}"
-        return [Row(case.fault, name, case.seed, Verdict.CRASHED, sentence=said) for name in case.navigators]
+        sentence = f"{type(error).__name__}: {error}"
+        return [Row(case.fault, name, case.seed, Verdict.CRASHED, sentence=sentence) for name in case.navigators]
     return [judge(name, fault, case.seed, sound, made) for name in case.navigators]
 
 

@@ -29,10 +29,10 @@ def outage_table(study: OutageStudy) -> Table:
 
 def notes(study: OutageStudy) -> list[str]:
     """What the numbers were formed of, in sentences."""
-    said = [f"GPS lost every {study.every_s:g} s: {', '.join(study.withheld)} withheld. Reference: {study.reference}."]
+    lines = [f"GPS lost every {study.every_s:g} s: {', '.join(study.withheld)} withheld. Reference: {study.reference}."]
     if study.without_gps:
-        said.append(f"{len(study.without_gps)} starts left out, there was no GPS to lose.")
-    return said + [f"{name} not run: {reason}." for name, reason in study.left_out.items()]
+        lines.append(f"{len(study.without_gps)} starts left out, there was no GPS to lose.")
+    return lines + [f"{name} not run: {reason}." for name, reason in study.left_out.items()]
 
 
 def window_table(flown: Flown) -> Table:

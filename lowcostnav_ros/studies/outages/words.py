@@ -31,9 +31,9 @@ def worst_sentence(flown: Flown, length_s: float) -> str:
     if not ends:
         return ""
     outage, end = max(ends, key=lambda pair: pair[1].horizontal_m)
-    said = f"{flown.label}: worst of {length_s:g} s is the loss at {outage.after_s:.0f} s, {end.horizontal_m:.0f} m off"
-    said += f" ({end.horizontal_m / end.sigma_m:.1f} sigma)" if end.sigma_m > 0.0 else ""
-    return f"{said}{because(end)}."
+    sentence = f"{flown.label}: worst of {length_s:g} s is the loss at {outage.after_s:.0f} s, {end.horizontal_m:.0f} m off"
+    sentence += f" ({end.horizontal_m / end.sigma_m:.1f} sigma)" if end.sigma_m > 0.0 else ""
+    return f"{sentence}{because(end)}."
 
 
 def because(end: End) -> str:
@@ -51,7 +51,7 @@ def because(end: End) -> str:
 
 
 def _part(name: str, metres: float, end: End, inertial: bool) -> str:
-    said = "tilt and accelerometers" if inertial and name == "rest" else _NAMES[name]
+    part = "tilt and accelerometers" if inertial and name == "rest" else _NAMES[name]
     key, form = _CIRCUMSTANCES.get(name, ("", ""))
     why = f" ({form.format(end.circumstances[key])})" if key in end.circumstances else ""
-    return f"{said} {metres:+.0f} m{why}"
+    return f"{part} {metres:+.0f} m{why}"
