@@ -16,11 +16,12 @@ from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.graph.wiring import recorded_topics
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag import SETTINGS_FOLDER, BagError, BagWriter
+from lowcostnav_ros.messages.frames import TF_STATIC, TF_TYPE
 from lowcostnav_ros.messages.rules import FURTHER, parse_further
 from lowcostnav_ros.ros.flow import header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status
 from lowcostnav_ros.ros.node_base import NodeBase
-from lowcostnav_ros.ros.static_frames import QOS, TF_STATIC, TF_TYPE, TOPIC, tf_class
+from lowcostnav_ros.ros.static_frames import QOS, TOPIC, tf_class
 
 FLUSH_S = 1.0  # a killed recorder loses what came since
 SYNC_S = 3.0  # longest wait for the disk at the end
