@@ -203,6 +203,20 @@ def moved(nav, d, P, rate, arm):
     return at_base(other, P, rate, arm)[0]
 
 
+def test_fixes_that_are_not_begun_with_are_no_fixes_that_do_not_come(monkeypatch):
+    navigator = InsGps(InsGps.Settings())
+    fix, velocity = GpsPosition(10**18, "gps/fix", *PLACE, np.eye(3)), GpsVelocity(10**18, "gps/vel", VELOCITY, np.eye(3))
+    monkeypatch.setattr(navigator.trust, "excludes", lambda item: "position and velocity disagree" if item is fix else "")
+    navigator._begin_with(fix)
+    navigator._begin_with(velocity)
+    assert navigator.reason.startswith("position and velocity disagree: gps/fix is not begun with; are fixes in degrees")
+    assert navigator.reason.phrase == "position and velocity disagree"
+    monkeypatch.undo()
+    navigator._begin_with(fix)
+    navigator._begin_with(velocity)
+    assert navigator.reason == "waiting for inertial data"
+
+
 # graphs --------------------------------------------------------------------------------------------------------------------------
 
 
