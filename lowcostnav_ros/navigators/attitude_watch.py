@@ -12,7 +12,7 @@ from lowcostnav_ros.base.measurements import GpsVelocity, Measurement
 from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.inertial import VEL
 from lowcostnav_ros.estimation.aiding import Aid, Decision, reset_to
-from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, OwnHeadingCheck, crabs, heading_of
+from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, MountingCheck, OwnHeadingCheck, crabs, heading_of
 from lowcostnav_ros.estimation.one_way import OneWay
 from lowcostnav_ros.physics.rotation import wrap
 
@@ -35,24 +35,27 @@ class AttitudeWatch:
     ----------
     one_way : OneWay
     turned : OwnHeadingCheck
+    mounted : MountingCheck
     """
 
     def __init__(self, navigator: Any) -> None:
         self.navigator = navigator
         velocity = next((aid.source for aid in navigator.aids_of(VelocityAid)), navigator.fix_word)
         self.one_way, self.turned = OneWay(navigator.layout, navigator.inertial, velocity), OwnHeadingCheck(navigator.inertial)
+        self.mounted = MountingCheck(navigator.inertial)
         self._compass = next(iter(navigator.aids_of(MagneticAid)), None)
         self._moved = np.zeros(navigator.layout.size)
 
     @property
-    def held(self) -> tuple[Contradiction | None, Contradiction | None]:
-        """Both contradictions, while they last."""
-        return self.one_way.held, self.turned.held
+    def held(self) -> tuple[Contradiction | None, ...]:
+        """Its contradictions, while they last."""
+        return self.one_way.held, self.turned.held, self.mounted.held
 
     def clear(self) -> None:
         """Forget all."""
         self.one_way.clear()
         self.turned.clear()
+        self.mounted.clear()
 
     def note(self, dx: np.ndarray) -> None:
         """Note a correction (n,) that is injected."""
@@ -113,7 +116,10 @@ class AttitudeWatch:
         """Take the heading from the track where no wind explains how far they are apart, or where it is hardly known."""
         navigator = self.navigator
         C, variance = navigator.core.C_nb(), navigator.P[8, 8]
-        if math.hypot(north, east) < SLOWEST_MPS or abs(C[2, 0]) > STEEPEST:
+        if abs(C[2, 0]) > STEEPEST:
+            return
+        self.mounted.compare(stamp_ns, heading_of(C), math.sqrt(variance), north, east)
+        if math.hypot(north, east) < SLOWEST_MPS:
             return
         track, sigma = math.atan2(east, north), navigator.settings.alignment.track_sigma_deg * DEGREE
         heading = heading_of(C)
