@@ -98,12 +98,17 @@ class Tuned:
 
     def learned(self) -> list[bool]:
         """Which numbers the recordings tell."""
-        return [s < OBSERVED * math.log(p.within) for p, s in zip(self.parameters, self.whole.sigma(), strict=True)]
+        return learned(self.parameters, self.whole)
 
     def values(self, of: Fit) -> dict[str, Any]:
         """The numbers of a fit that the recordings tell."""
         rows = zip(self.parameters, of.x.tolist(), self.learned(), strict=True)
         return {p.name: _rounded(p.at(x)) for p, x, learned in rows if learned}
+
+
+def learned(parameters: Sequence[Tunable], of: Fit) -> list[bool]:
+    """Which numbers a fit knows better than their priors do."""
+    return [s < OBSERVED * math.log(p.within) for p, s in zip(parameters, of.sigma(), strict=True)]
 
 
 def _lost(ends: Sequence[End], silent: int) -> Lost:
@@ -135,8 +140,8 @@ def tune(sources: Sequence[Source], every_s: float = 15.0, workers: Workers = No
         first, second = trials.half(0), trials.half(1)
         nothing = np.zeros(len(trials.parameters))
         half = fit(trials, first, nothing, STEPS)
-        known = trials.blocks([nothing, half.x])
         whole = fit(trials, np.ones_like(first), half.x, FURTHER_STEPS)
+        known = trials.blocks([nothing, np.where(learned(trials.parameters, whole), half.x, 0.0)])  # as it is written
         judged, count = float((known[1] - known[0]) @ second), int(trials.count() @ second)
         tuned = Tuned(sources[0], trials.parameters, half, whole, judged, count, [])
     for source in sources:
@@ -184,7 +189,7 @@ def tuning_table(tuned: Tuned) -> Table:
         Column("setting", lambda r: r[0].name, left=True),
         Column("before", lambda r: _text(r[0].value)),
         Column("tuned", lambda r: _text(r[0].at(r[1])) if r[3] else "not observable"),
-        Column("within a factor of", lambda r: number(math.exp(r[2])), short="within\nfactor"),
+        Column("within a factor of", lambda r: number(math.exp(min(r[2], math.log(r[0].within)))), short="within\nfactor"),
         Column("unit", lambda r: r[0].unit, left=True),
     )
     return Table.of(f"{tuned.source.navigator}: numbers by the likelihood of the innovations", columns, rows, notes=(tuned.verdict(),))
