@@ -87,7 +87,7 @@ BAD = [
     ("imu/mag", {"magnetic_field__x": 48000.0}, "magnetic field implausible, nanotesla instead of tesla?"),
     ("gps/fix", {"status__status": -1}, "no fix"),
     ("gps/fix", {"latitude": 91.0}, "latitude out of range"),
-    ("gps/fix", {"longitude": 237.0}, "longitude out of range"),
+    ("gps/fix", {"longitude": -237.0}, "longitude out of range"),
     ("gps/fix", {"altitude": math.inf}, "position is not finite"),
     ("gps/fix", {"altitude": math.nan, "latitude": math.nan}, "position is not finite"),
     ("gps/fix", {"latitude": 0.0, "longitude": 0.0}, "position is exactly 0, 0"),
@@ -123,6 +123,11 @@ BAD = [
     ("vor/bearing", {"pose__covariance": yaw_variance(1.0)}, "bearing variance implausible, square degrees instead of square radians?"),
     ("vor/bearing", {"pose__covariance": yaw_variance(1e40)}, "bearing variance is absurd"),
 ]
+
+
+def test_longitudes_counted_from_0_to_360_are_those_of_the_west():
+    west = again(changed(BUILD["gps/fix"](), longitude=237.5), "gps/fix")
+    assert math.degrees(west.lon) == pytest.approx(-122.5)
 
 
 @pytest.mark.parametrize(("source", "change", "reason"), BAD, ids=[f"{s}: {r}" for s, _, r in BAD])

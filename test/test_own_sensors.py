@@ -204,6 +204,20 @@ def moved(nav, d, P, rate, arm):
     return at_base(other, P, rate, arm)[0]
 
 
+def test_fixes_that_are_not_begun_with_are_no_fixes_that_do_not_come(monkeypatch):
+    navigator = InsGps(InsGps.Settings())
+    fix, velocity = GpsPosition(10**18, "gps/fix", *PLACE, np.eye(3)), GpsVelocity(10**18, "gps/vel", VELOCITY, np.eye(3))
+    monkeypatch.setattr(navigator.trust, "excludes", lambda item: "position and velocity disagree" if item is fix else "")
+    navigator._begin_with(fix)
+    navigator._begin_with(velocity)
+    assert navigator.reason.startswith("position and velocity disagree: gps/fix is not begun with; are fixes in degrees")
+    assert navigator.reason.phrase == "position and velocity disagree"
+    monkeypatch.undo()
+    navigator._begin_with(fix)
+    navigator._begin_with(velocity)
+    assert navigator.reason == "waiting for inertial data"
+
+
 # graphs --------------------------------------------------------------------------------------------------------------------------
 
 
@@ -299,6 +313,66 @@ def encode_fix(stamp_ns: int, place: tuple[float, float, float]):
     from lowcostnav_ros.messages.parts import nav_sat_fix
 
     return nav_sat_fix(stamp_ns, *place, None, "gps")
+
+
+def test_a_turned_unit_flies_live_by_tf_static(ros, monkeypatch, tmp_path):
+    """Over Fast DDS, recorded, and to the bit as with the numbers given: what came before the frame was known is not lost."""
+    import sys
+    import types
+
+    from diagnostic_msgs.msg import DiagnosticArray
+    from sensor_msgs.msg import Imu, NavSatFix
+
+    from lowcostnav_ros.nodes.recorder import Recorder
+    from lowcostnav_ros.ros import static_frames
+    from lowcostnav_ros.ros.navigator_node import navigator_node
+
+    # raw bytes pass under any type that both sides agree on, so this stands in where the wheels lack the package
+    monkeypatch.setitem(sys.modules, "tf2_msgs.msg", types.SimpleNamespace(TFMessage=DiagnosticArray))
+    moved = STORE.types["tf2_msgs/msg/TFMessage"]([transform("base_link", "imu", mounting_dcm(TURN), (0.5, 0.0, -0.2))])
+    latched = ros.probe.create_publisher(DiagnosticArray, "/tf_static", static_frames.QOS)
+    latched.publish(to_cdr(moved))
+    imu, fix = ros.probe.create_publisher(Imu, "/imu/data_raw", 200), ros.probe.create_publisher(NavSatFix, "/gps/fix", 20)
+    recorder = ros.make(Recorder, path=str(tmp_path / "flight"))
+    node = ros.make(lambda **kwargs: navigator_node("ins_gps", **kwargs))
+    assert ros.spin_until(lambda: imu.get_subscription_count() == 2 == fix.get_subscription_count())
+    given = InsGps(from_mapping(InsGps.Settings, {"imu.mounting_deg": list(TURN), "imu.lever_arm_m": [0.5, 0.0, 0.2]}))
+    rules, sent_of = DecodeRules(everywhere=("any",)), {"imu/data_raw": 0, "gps/fix": 0}
+    for k in range(1, 100):
+        force, rate, place = level_flight(k)
+        stamp, sent = 10**18 + STEP_NS * k, []
+        if k % 20 == 1:
+            sent.append(("gps/fix", topics.NAV_SAT_FIX, fix, to_cdr(encode_fix(stamp, place))))
+        if k > 40:
+            sent.append(("imu/data_raw", topics.IMU, imu, to_cdr(encode.imu_raw(stamp, force, rate, "imu"))))
+        for source, msgtype, publisher, raw in sent:
+            publisher.publish(raw)
+            given.feed(decode(source, msgtype, raw, rules))
+            sent_of[source] += 1
+            assert ros.spin_until(lambda: all(node.inputs[s].count == n for s, n in sent_of.items())), node.inputs[source].rejected
+    assert node.navigator.settings == given.settings and node.inputs["imu/data_raw"].rejected == {}
+    status, expected = node.navigator.status(), given.status()
+    assert (status.reason, [i.received for i in status.inputs]) == (expected.reason, [i.received for i in expected.inputs])
+    ros.executor.remove_node(recorder)
+    recorder.destroy_node()
+    with BagReader(tmp_path / "flight") as reader:
+        assert reader.types["tf_static"] == static_frames.TF_TYPE
+
+
+def test_without_its_type_tf_static_is_named(ros):
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    from lowcostnav_ros.ros import static_frames
+    from lowcostnav_ros.ros.navigator_node import navigator_node
+
+    if static_frames.tf_class() is not None:
+        pytest.skip("tf2_msgs is installed: the topic is read")
+    said = []
+    node = ros.make(lambda **kwargs: navigator_node("ahrs", **kwargs))
+    node.get_logger().warning = said.append
+    ros.probe.create_publisher(DiagnosticArray, "/tf_static", static_frames.QOS)
+    assert ros.spin_until(lambda: static_frames.UNREADABLE in said), said
+    assert "imu.mounting_deg" in static_frames.UNREADABLE
 
 
 def test_a_node_says_what_it_hears_instead_and_why_a_frame_is_refused(ros):

@@ -12,6 +12,7 @@ from lowcostnav_ros.cores.noise_levels import NoiseLevels
 from lowcostnav_ros.navigators.dead_reckoning.navigator import DeadReckoning, DeadReckoningSettings
 from lowcostnav_ros.physics.earth import displace
 from lowcostnav_ros.report.outages.tuning import tuning_page
+from lowcostnav_ros.studies.outages.result import End, Flown, Outage, OutageStudy
 from lowcostnav_ros.studies.tuning import fit as fitting
 from lowcostnav_ros.studies.tuning.likelihood import Flight, Source, innovations
 from lowcostnav_ros.studies.tuning.study import Tuned
@@ -124,10 +125,32 @@ def test_numbers_that_may_be_tuned_are_declared_and_stay_in_their_range():
     assert gust.at(-100.0) == pytest.approx(1.0 / 27.0)
 
 
-def test_the_page_of_a_tuning_says_what_it_gained_and_what_was_learned():
+def outage_study(errors):
+    """Outages of 60 s with the settings to begin with and the tuned ones: errors and sigmas by windows."""
+
+    def flown(settings, ends):
+        each = enumerate(End(60.0, e, 0.0, 0.0, e, s, e / s, None, None, {}, {}) for e, s in ends)
+        outages = tuple(Outage(60.0 * k, 60.0 * k, 0.0, 0.0, (end,), (), (), ()) for k, end in each)
+        return Flown("dead_reckoning", settings, "", outages)
+
+    pair = tuple(flown(*one) for one in zip(("shipped", "tuned"), errors, strict=True))
+    return OutageStudy("bag", "", 0.0, 600.0, "", (), (60.0,), 60.0, (), {}, pair, ())
+
+
+def test_tuned_is_better_where_both_likelihood_and_outages_are():
     gust = next(p for p in fitting.tunables(DeadReckoningSettings(), frozenset({"gps"})) if p.name == "wind.gust_mps")
     found = fitting.Fit(np.array([math.log(2.0)]), np.array([[0.01]]), 9.0)
     source = Source(Path("bag"), "dead_reckoning", ("dead_reckoning",), Path("config"))
-    better, worse = (tuning_page(Tuned(source, [gust], found, found, judged, 40, [])) for judged in (3.5, -1.0))
-    assert "1 of 1 numbers of dead_reckoning are told by the recordings; they are better" in better and "wind.gust_mps" in better
-    assert "they are not better" in worse
+
+    def tuned(judged, *errors):
+        return Tuned(source, [gust], found, found, judged, 40, [outage_study(errors)] if errors else [])
+
+    page = tuning_page(tuned(3.5))
+    assert "1 of 1 numbers of dead_reckoning are told by the recordings. Better on" in page and "wind.gust_mps" in page
+    assert not tuned(-1.0).is_better and tuned(-1.0).verdict().startswith("Not better")
+    nearer = tuned(3.5, [(30.0, 60.0), (40.0, 60.0)], [(20.0, 60.0), (30.0, 60.0)])
+    assert nearer.is_better
+    assert "2 outages of 60 s: 35.4 m RMS before, 25.5 m tuned, error over sigma 0.59 before, 0.42 tuned" in nearer.verdict()
+    further = tuned(3.5, [(30.0, 60.0), (40.0, 60.0)], [(31.0, 60.0), (41.0, 60.0)])
+    assert not further.is_better and "log-likelihood +3.5" in further.verdict()
+    assert not tuned(3.5, [(30.0, 60.0)], [(29.0, 10.0)]).is_better  # nearer, and sure of more than that

@@ -64,8 +64,8 @@ def tune(arguments: argparse.Namespace) -> int:
     print_table(tuning_table(tuned), console)
     for study in tuned.outages:
         print_table(outage_table(study), console)
-    if tuned.judged <= 0.0 or not any(tuned.learned()):
-        console.print("Not better on the half that the numbers were not fitted on: nothing is written.", highlight=False)
+    if not tuned.is_better:
+        console.print("Nothing is written: the numbers are not better on what they were not fitted on.", highlight=False)
         return Exit.WORSE
     console.print(f"{write_vehicle(folder, tuned)} written; fly it by --vehicle {arguments.vehicle}.", highlight=False)
     return Exit.OK

@@ -227,6 +227,8 @@ def horizontal(message: Any) -> tuple[float, float]:
     finite((lat, lon), "position")
     if abs(lat) > 90.0:
         raise Refusal("latitude out of range", f"{lat:g} deg")
+    if 180.0 < lon <= 360.0:  # some count from 0 to 360
+        lon -= 360.0
     if abs(lon) > 180.0:
         raise Refusal("longitude out of range", f"{lon:g} deg")
     if lat == 0.0 and lon == 0.0:

@@ -14,7 +14,7 @@ from lowcostnav_ros.base.units import DEGREE
 from lowcostnav_ros.cores.inertial import ATT, VEL
 from lowcostnav_ros.estimation.aiding import Aid, Decision, reset_to
 from lowcostnav_ros.estimation.cross_checks.flow import FlowWatch
-from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, OwnHeadingCheck, crabs, heading_of
+from lowcostnav_ros.estimation.cross_checks.heading import SLOWEST_MPS, MountingCheck, OwnHeadingCheck, crabs, heading_of
 from lowcostnav_ros.estimation.one_way import OneWay
 from lowcostnav_ros.navigators.silent_axes import RATE
 from lowcostnav_ros.navigators.trust import COVERED
@@ -47,6 +47,7 @@ class AttitudeWatch:
     ----------
     one_way : OneWay
     turned : OwnHeadingCheck
+    mounted : MountingCheck
     led_m : float
         How far what moved wind and heading may have led the place away since GPS last held it, m.
     """
@@ -55,6 +56,7 @@ class AttitudeWatch:
         self.navigator = navigator
         velocity = next((aid.source for aid in navigator.aids_of(VelocityAid)), navigator.fix_word)
         self.one_way, self.turned = OneWay(navigator.layout, navigator.inertial, velocity), OwnHeadingCheck(navigator.inertial)
+        self.mounted = MountingCheck(navigator.inertial)
         self._compass = next(iter(navigator.aids_of(MagneticAid)), None)
         others: list[Aid] = [*navigator.aids_of(MagneticAid), *navigator.aids_of(AirDataAid)]
         self._others = {aid: OneWay(navigator.layout, navigator.inertial, aid.source, with_wind=True) for aid in others}
@@ -64,9 +66,9 @@ class AttitudeWatch:
         self.flow, self._astray, self.led_m = FlowWatch(), np.zeros(3), 0.0
 
     @property
-    def held(self) -> tuple[Contradiction | None, Contradiction | None]:
-        """Both contradictions, while they last."""
-        return self.one_way.held, self.turned.held
+    def held(self) -> tuple[Contradiction | None, ...]:
+        """Its contradictions, while they last."""
+        return self.one_way.held, self.turned.held, self.mounted.held
 
     def clear(self) -> None:
         """Forget all."""
@@ -74,6 +76,7 @@ class AttitudeWatch:
         for other in self._others.values():
             other.clear()
         self.turned.clear()
+        self.mounted.clear()
         self._shown, self._turned, self._q_nb = 0.0, 0.0, None
         self.flow.clear()
         self._astray, self.led_m = np.zeros(3), 0.0
@@ -192,7 +195,10 @@ class AttitudeWatch:
         """Take the heading from the track where no wind explains how far they are apart, or where it is hardly known."""
         navigator = self.navigator
         C, variance = navigator.core.C_nb(), navigator.P[8, 8]
-        if math.hypot(north, east) < SLOWEST_MPS or abs(C[2, 0]) > STEEPEST:
+        if abs(C[2, 0]) > STEEPEST:
+            return
+        self.mounted.compare(stamp_ns, heading_of(C), math.sqrt(variance), north, east)
+        if math.hypot(north, east) < SLOWEST_MPS:
             return
         track, sigma = math.atan2(east, north), navigator.settings.alignment.track_sigma_deg * DEGREE
         heading = heading_of(C)

@@ -20,7 +20,7 @@ from lowcostnav_ros.cores import rows
 from lowcostnav_ros.cores.imu_errors import ImuSettings, bias_blocks, core_block
 from lowcostnav_ros.cores.inertial import ATT, CORE, GAP_NS, POS, VEL, InertialCore
 from lowcostnav_ros.estimation import kalman
-from lowcostnav_ros.estimation.aiding import Aid, Decision
+from lowcostnav_ros.estimation.aiding import Aid, Decision, Reason
 from lowcostnav_ros.estimation.cross_checks.axes import UPSIDE_DOWN, AxesCheck
 from lowcostnav_ros.estimation.error_state import Block, Layout
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
@@ -525,7 +525,9 @@ class InertialNavigator(Navigator):
 
     def _begin_with(self, item: Measurement) -> None:
         """Align with what is not excluded; where the velocity is, the slope of the fixes serves."""
-        if self.trust.excludes(item):
+        refused = self.trust.excludes(item)
+        if refused:
+            self.start.refused = Reason(refused, f"{item.source} is not begun with; are fixes in degrees, velocities east-north-up in m/s?")
             return
         self._prepare(item)
         if isinstance(item, GpsPosition) and any(check.excluded(GpsVelocity) for check in self.trust.checks.receivers):

@@ -36,6 +36,8 @@ HEADING_SIGMA, UNKNOWN_SIGMA = 4.0 * DEGREE, 20.0 * DEGREE
 """The magnetometer waits until GPS has shown the heading to the first, or lost it beyond the second, between these times."""
 EXCEEDED, FAR_EXCEEDED = 3.0, 6.0
 """Sigmas of its setting by which a bias is too large: after an alignment anew; and where it was learnt without one."""
+ABSURD = {int(Kind.ACCEL_BIAS): (2.0, "another unit, axes"), int(Kind.GYRO_BIAS): (0.09, "rates in deg/s, axes")}
+"""No unit's bias is as large, m/s^2 and rad/s (200 mg, 5 deg/s), and what is wrong instead."""
 BEYOND_SPOOFING = 20.0
 """Sigmas of its setting that no bias learnt from a spoofer reaches."""
 SHORTEST, NOISY = 3, 4.0
@@ -283,7 +285,9 @@ class Recovery:
             value = abs(float(totals[kind][axis])) / unit
             ratio = value / max(sigma, 1e-9)
             if ratio > max(worst, EXCEEDED):
-                advice = f"{'xyz'[axis]} is off by {value:.3g} {word}, {ratio:.0f} sigmas of {name}: set it to {value:.2g} or more"
+                largest, instead = ABSURD[kind]
+                remedy = f"set it to {value:.2g} or more" if value * unit < largest else f"{instead} or mounting are wrong"
+                advice = f"{'xyz'[axis]} is off by {value:.3g} {word}, {ratio:.0f} sigmas of {name}: {remedy}"
             worst = max(worst, ratio)
         self._calm, self._worst = worst <= EXCEEDED, worst
         if not self._steps:

@@ -16,10 +16,12 @@ from lowcostnav_ros.graph.executables import executable
 from lowcostnav_ros.graph.wiring import recorded_topics
 from lowcostnav_ros.messages import topics
 from lowcostnav_ros.messages.bag_writer import SETTINGS_FOLDER, BagError, BagWriter
+from lowcostnav_ros.messages.frames import TF_STATIC, TF_TYPE
 from lowcostnav_ros.messages.rules import FURTHER, parse_further
 from lowcostnav_ros.ros.flow import header_stamp_ns
 from lowcostnav_ros.ros.input_monitor import ERROR, OK, InputMonitor, Status
 from lowcostnav_ros.ros.node_base import NodeBase
+from lowcostnav_ros.ros.static_frames import QOS, TOPIC, tf_class
 
 FLUSH_S = 1.0  # a killed recorder loses what came since
 SYNC_S = 3.0  # longest wait for the disk at the end
@@ -72,15 +74,22 @@ class Recorder(NodeBase):
         self._syncer.start()
         for spec in specs:
             self.listen_raw(spec.name, partial(self._write, spec))
+        frames = tf_class()
+        if frames is not None:
+            self.msgtypes[TF_STATIC] = TF_TYPE
+            self.subscribe(frames, TOPIC, partial(self._keep, topics.TopicSpec(TF_STATIC, TF_TYPE, ""), 0), QOS)
 
     def _write(self, spec: topics.TopicSpec, monitor: InputMonitor, raw: bytes) -> None:
         stamp_ns = header_stamp_ns(raw)
         monitor.stamped(stamp_ns)
-        if spec.msgtype == topics.DIAGNOSTICS:  # stamped by each node's own clock, which a simulated flight need not share
-            if not self._last_ns:
-                self._early.append((spec, raw))
-                return
-            stamp_ns = 0
+        # diagnostics are stamped by each node's own clock, which a simulated flight need not share
+        self._keep(spec, 0 if spec.msgtype == topics.DIAGNOSTICS else stamp_ns, raw)
+
+    def _keep(self, spec: topics.TopicSpec, stamp_ns: int, raw: bytes) -> None:
+        """Write a message at its stamp; one without a stamp of flight (0) waits for the first that has one."""
+        if not stamp_ns and not self._last_ns:
+            self._early.append((spec, raw))
+            return
         self._last_ns = max(stamp_ns, self._last_ns + 1)
         while self._early:
             self._put(*self._early.popleft())

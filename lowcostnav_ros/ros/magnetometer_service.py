@@ -35,7 +35,7 @@ class MagnetometerService:
     """
 
     def __init__(self, node: Node, navigator: Any, folder: Path) -> None:
-        self._node, self._navigator, self._folder = node, navigator, folder
+        self._node, self.navigator, self._folder = node, navigator, folder
         self._collection: MagnetometerCollection | None = None
         node.create_service(Trigger, "~/calibrate_start", self._start)
         node.create_service(Trigger, "~/calibrate_stop", self._stop)
@@ -44,7 +44,7 @@ class MagnetometerService:
         """Look at a measurement on its way to the navigator."""
         if self._collection is None or not isinstance(measurement, MagneticField):
             return
-        solution = self._navigator.output()
+        solution = self.navigator.output()
         if solution is not None and solution.q_nb is not None:
             self._collection.collect(measurement.field_b * MICRO, solution.q_nb)
 
@@ -56,8 +56,8 @@ class MagnetometerService:
             yield Status(f"{self._node.get_name()}: magnetometer calibration", OK, progress.advice, values)
 
     def _start(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        place = self._navigator.magnetic.place
-        model = self._navigator.magnetic.reference.model
+        place = self.navigator.magnetic.place
+        model = self.navigator.magnetic.reference.model
         if place is None or model is None:
             response.success = False
             response.message = "Cannot start: the earth's field here is not known; wait for a GPS fix, or set 'place'."

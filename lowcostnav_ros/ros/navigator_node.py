@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,9 +18,10 @@ from lowcostnav_ros.messages.store import to_cdr
 from lowcostnav_ros.navigators.registry import NAVIGATORS, label_of
 from lowcostnav_ros.physics.earth import difference_n
 from lowcostnav_ros.ros.diagnostics import navigator_rows
-from lowcostnav_ros.ros.input_monitor import Status
+from lowcostnav_ros.ros.input_monitor import InputMonitor, Status
 from lowcostnav_ros.ros.node_base import NodeBase, ResetRefusedError
 from lowcostnav_ros.ros.output_grid import OutputGrid
+from lowcostnav_ros.ros.static_frames import StaticFrames
 from lowcostnav_ros.ros.warm_up import warm_up
 
 SILENT_S = 2.0  # without a solution, once there were some
@@ -76,11 +77,13 @@ class NavigatorNode(NodeBase):
 
     def __init__(self, name: str, settings: Any, make: Any, **kwargs: Any) -> None:
         super().__init__(name, [settings, NavigatorNodeSettings()], **kwargs)
-        self.navigator = make(self.parameters.settings[0])
+        self._make, self._settings = make, self.parameters.settings[0]
+        self.navigator = make(self._settings)
         self.decoder.rules.accept(self.navigator)
+        self._frames = StaticFrames(self, self.navigator.inputs)
         # inertial samples need a quick answer; fused solutions are tenths of a second old anyway
         self.poll_period_s = 0.01 if self.navigator.inertial is None else 0.0025
-        warm_up(make(self.parameters.settings[0]), self.decoder.rules)
+        warm_up(make(self._settings), self.decoder.rules)
         self._grid = OutputGrid(round(1e9 / self.parameters.settings[1].output.rate_hz))
         self._topics, self._aiding = topics_of(name, self.get_name()), label_of(name).aiding
         self._is_attitude_only = topics.spec(self._topics[0]).msgtype == topics.IMU
@@ -100,12 +103,36 @@ class NavigatorNode(NodeBase):
             self.gate_of(NAV)
         for topic in self._topics:
             self.output(topic)
+        self._frames.wait()
         for source, required in self.navigator.inputs.items():
             self.listen(source, self._feed, required=required)
+
+    def listen_raw(self, source: str, handler: Callable[[InputMonitor, bytes], None], *, required: bool = False) -> InputMonitor:
+        """Subscribe as any node; the frame of a first message may say how the sensor stands."""
+
+        def take(monitor: InputMonitor, raw: bytes) -> None:
+            self._stand_by(source, raw)
+            handler(monitor, raw)
+
+        return super().listen_raw(source, take, required=required)
+
+    def _stand_by(self, source: str, raw: bytes) -> None:
+        """Fly on settings that know how a sensor stands, from the first measurement on."""
+        settings = self._frames.settings_by(source, raw, self._settings)
+        if settings is self._settings:
+            return
+        self._settings, self.navigator = settings, self._make(settings)
+        self.navigator.map_origins = self.decoder.rules.origins
+        if self._magnetometer is not None:
+            self._magnetometer.navigator = self.navigator
+        for measurement in self._frames.early or ():
+            self.navigator.feed(measurement)
 
     def rows(self) -> Iterable[Status]:
         """Add mode, sigmas and aids to the rows of every node."""
         status = self.navigator.status() if hasattr(self, "navigator") else None
+        if hasattr(self, "_frames"):
+            self._frames.look()
         for record in status.inputs if status is not None else ():
             if record.source in self.inputs:
                 self.inputs[record.source].refused(record.received, sum(record.rejected.values()), record.reason)
@@ -159,6 +186,7 @@ class NavigatorNode(NodeBase):
         elif measurement.stamp_ns - self._first_ns > SETTLING_NS:
             self._is_map_settled = True
             self._say_what_is_missing()
+        self._frames.fed(measurement)
         fused = self.navigator.feed(measurement)
         self._keep_the_map()
         self._publish_origin(measurement.stamp_ns)

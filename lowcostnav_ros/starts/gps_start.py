@@ -64,6 +64,8 @@ class GpsStart:
     ----------
     reason : str
         What it waits for.
+    refused : str
+        Why the fixes that come are not begun with; empty where they are.
     widening : float
         By how much the IMU may be worse than its settings.
     compass : bool
@@ -83,7 +85,7 @@ class GpsStart:
 
     def clear(self) -> None:
         """Forget everything."""
-        self.reason = ""
+        self.reason = self.refused = ""
         self.widening, self.compass, self.moving = 1.0, True, False
         self._no_compass = ""
         self._fix: GpsPosition | None = None
@@ -104,7 +106,7 @@ class GpsStart:
             if self._magnetic is not None:
                 self._magnetic.reference.follow(item.stamp_ns)
         elif isinstance(item, GpsPosition):
-            self._fix = item
+            self._fix, self.refused = item, ""
             if not self._velocities:
                 self.reason = "waiting for a GPS velocity"
         elif isinstance(item, GpsVelocity):
@@ -118,7 +120,7 @@ class GpsStart:
         """The first state when an attitude can be had, else the reason why not."""
         choice, fix = self.settings, self._fix
         if fix is None or velocity.stamp_ns - fix.stamp_ns > OLDEST_FIX_NS:
-            return "waiting for a GPS position"
+            return self.refused or "waiting for a GPS position"
         speed = float(np.hypot(velocity.vel_n[0], velocity.vel_n[1]))
         still = speed < choice.still_speed_mps
         self.moving = not still

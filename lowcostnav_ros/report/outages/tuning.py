@@ -9,8 +9,7 @@ from lowcostnav_ros.studies.tuning.study import Tuned, tuning_table
 def tuning_page(tuned: Tuned) -> str:
     """The page as text."""
     learned, navigator = sum(tuned.learned()), tuned.source.navigator
-    verdict = "better on what they were not fitted on" if tuned.judged > 0.0 and learned else "not better on what they were not fitted on"
-    said = f"{learned} of {len(tuned.parameters)} numbers of {navigator} are told by the recordings; they are {verdict}."
+    said = f"{learned} of {len(tuned.parameters)} numbers of {navigator} are told by the recordings. {tuned.verdict()}"
     head = f'<header><h1>{escape(f"{navigator} tuned")}</h1><div class="findings"><p>{escape(said)}</p></div></header>'
     outages = [outage_section(study) for study in tuned.outages]
     return document(f"{navigator} tuned", [head, section("Numbers", html_table(tuning_table(tuned))), *outages])

@@ -13,13 +13,25 @@ from lowcostnav_ros.base.tables import Column, Table, number
 from lowcostnav_ros.catalogue.config_files import config_dir
 from lowcostnav_ros.messages.bag import BagReader
 from lowcostnav_ros.studies.campaign import Workers
-from lowcostnav_ros.studies.outages.result import OutageStudy
+from lowcostnav_ros.studies.outages.result import End, OutageStudy
 from lowcostnav_ros.studies.outages.study import Case, OutageError, Plan, study_outages
 from lowcostnav_ros.studies.tuning.fit import OBSERVED, Advance, Fit, Trials, Tunable, fit
 from lowcostnav_ros.studies.tuning.likelihood import Source
 
 STEPS, FURTHER_STEPS = 9, 4
 LENGTHS_S = (60.0,)
+TOO_SURE = 1.5
+"""Error over sigma beyond which sigmas are not to be believed."""
+
+
+@dataclass(frozen=True)
+class Lost:
+    """What outages cost with a set of numbers: how many, at how many ends there was no solution; RMS error, m, and of error over sigma."""
+
+    windows: int
+    silent: int
+    rms_m: float
+    error_over_sigma: float
 
 
 @dataclass(frozen=True)
@@ -47,14 +59,61 @@ class Tuned:
     count: int
     outages: list[OutageStudy]
 
+    def lost(self) -> tuple[Lost, Lost] | None:
+        """The outages with the numbers to begin with and with those of the first halves; None where none could be judged with both."""
+        pairs, silent = [], [0, 0]
+        for study in self.outages:
+            own = [{o.after_s: o for o in f.outages} for f in study.flown if f.navigator == self.source.navigator]
+            for start in own[0] if len(own) == 2 else ():
+                both = [outages[start] for outages in own if start in outages]
+                if len(both) < 2:
+                    continue
+                silent = [count + len(outage.silent_s) for count, outage in zip(silent, both, strict=True)]
+                ends = [end for outage in both for end in outage.ends]
+                pairs += [ends] if len(ends) == 2 else []
+        return None if not pairs else (_lost([p[0] for p in pairs], silent[0]), _lost([p[1] for p in pairs], silent[1]))
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the numbers serve the user: they are more likely on what they were not fitted on, and an outage there costs no more."""
+        lost = self.lost()
+        if self.judged <= 0.0 or not any(self.learned()) or lost is None:
+            return self.judged > 0.0 and any(self.learned())
+        before, after = lost
+        is_true = after.error_over_sigma <= max(TOO_SURE, before.error_over_sigma)
+        return after.rms_m <= before.rms_m and after.silent <= before.silent and is_true
+
+    def verdict(self) -> str:
+        """Likelihood and outages on the halves that the numbers were not fitted on, in a sentence that begins with the answer."""
+        lost, each = self.lost(), self.judged / max(self.count, 1)
+        words = f"log-likelihood {self.judged:+.1f} over {self.count} innovations ({each:+.3f} each)"
+        if lost is None:
+            words += "; no outage could be judged"
+        else:
+            before, after = lost
+            words += f"; {before.windows} outages of {LENGTHS_S[0]:.0f} s: {before.rms_m:.1f} m RMS before, {after.rms_m:.1f} m tuned"
+            words += f", error over sigma {before.error_over_sigma:.2f} before, {after.error_over_sigma:.2f} tuned"
+            words += f", without a solution {before.silent} and {after.silent}" if before.silent or after.silent else ""
+        return f"{'Better' if self.is_better else 'Not better'} on what the numbers were not fitted on: {words}."
+
     def learned(self) -> list[bool]:
         """Which numbers the recordings tell."""
-        return [s < OBSERVED * math.log(p.within) for p, s in zip(self.parameters, self.whole.sigma(), strict=True)]
+        return learned(self.parameters, self.whole)
 
     def values(self, of: Fit) -> dict[str, Any]:
         """The numbers of a fit that the recordings tell."""
         rows = zip(self.parameters, of.x.tolist(), self.learned(), strict=True)
         return {p.name: _rounded(p.at(x)) for p, x, learned in rows if learned}
+
+
+def learned(parameters: Sequence[Tunable], of: Fit) -> list[bool]:
+    """Which numbers a fit knows better than their priors do."""
+    return [s < OBSERVED * math.log(p.within) for p, s in zip(parameters, of.sigma(), strict=True)]
+
+
+def _lost(ends: Sequence[End], silent: int) -> Lost:
+    rms = [math.sqrt(np.mean(np.square(some))) for some in ([e.horizontal_m for e in ends], [e.error_over_sigma for e in ends])]
+    return Lost(len(ends), silent, *rms)
 
 
 def tune(sources: Sequence[Source], every_s: float = 15.0, workers: Workers = None, advance: Advance | None = None) -> Tuned:
@@ -81,8 +140,8 @@ def tune(sources: Sequence[Source], every_s: float = 15.0, workers: Workers = No
         first, second = trials.half(0), trials.half(1)
         nothing = np.zeros(len(trials.parameters))
         half = fit(trials, first, nothing, STEPS)
-        known = trials.blocks([nothing, half.x])
         whole = fit(trials, np.ones_like(first), half.x, FURTHER_STEPS)
+        known = trials.blocks([nothing, np.where(learned(trials.parameters, whole), half.x, 0.0)])  # as it is written
         judged, count = float((known[1] - known[0]) @ second), int(trials.count() @ second)
         tuned = Tuned(sources[0], trials.parameters, half, whole, judged, count, [])
     for source in sources:
@@ -130,13 +189,10 @@ def tuning_table(tuned: Tuned) -> Table:
         Column("setting", lambda r: r[0].name, left=True),
         Column("before", lambda r: _text(r[0].value)),
         Column("tuned", lambda r: _text(r[0].at(r[1])) if r[3] else "not observable"),
-        Column("within a factor of", lambda r: number(math.exp(r[2])), short="within\nfactor"),
+        Column("within a factor of", lambda r: number(math.exp(min(r[2], math.log(r[0].within)))), short="within\nfactor"),
         Column("unit", lambda r: r[0].unit, left=True),
     )
-    per = tuned.judged / max(tuned.count, 1)
-    judged = f"log-likelihood {tuned.judged:+.1f} over {tuned.count} innovations ({per:+.3f} each)"
-    note = f"Fitted on the first half, judged on the second: {judged}."
-    return Table.of(f"{tuned.source.navigator}: numbers by the likelihood of the innovations", columns, rows, notes=(note,))
+    return Table.of(f"{tuned.source.navigator}: numbers by the likelihood of the innovations", columns, rows, notes=(tuned.verdict(),))
 
 
 def _text(value: Any) -> str:
