@@ -249,7 +249,7 @@ class Trust:
 
     def _suspected_since(self, now_ns: int) -> int | None:
         """Since when GPS is under suspicion, None where it is not."""
-        is_slow = self.told or self.host.gps_alarm() or self._drift() > 1.0
+        is_slow = bool(self.told or self.host.gps_alarm() or self._drift() > 1.0)
         return min([found.since_ns for found in self._unresolved()] + [now_ns - SLOW_NS] * is_slow, default=None)
 
     def _drift(self) -> float:
