@@ -88,7 +88,7 @@ def study(case: Case) -> Study:
     bias = layout["dme_bias"].start
     sigma0 = layout.sigma0.copy()
     sigma0[[NORTH, EAST]] = 2.0
-    stations = [_place(*(NAUTICAL_MILE * np.array(s)), case.course) for s in case.stations_nm]
+    stations = [_place(NAUTICAL_MILE * ahead, NAUTICAL_MILE * right, case.course) for ahead, right in case.stations_nm]
 
     def updates(second: int) -> list[Update]:
         here = _place(START_NORTH_M + SPEED_MPS * second, 0.0, case.course)
