@@ -5,15 +5,18 @@ drawn by ``--seed`` from all there are, in proportion.  What no test noticed is 
 """
 
 import ast
+import json
 import os
 import random
 import shutil
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+import scipy.optimize  # loaded once, for all that are forked
+import scipy.stats  # noqa: F401
 from common import run
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -84,13 +87,40 @@ def broken(source: str, index: int) -> tuple[str, str]:
     return ast.unparse(tree), f"{node.lineno}: {kind}: {before[:70]} -> {ast.unparse(node)[:70]}"
 
 
-def passes(tree: Path, tests: list[str]) -> bool:
-    """Whether the unit tests of a module pass in a tree; tests that do not end do not."""
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", f"--timeout={LONGEST_S:.0f}"]
-    environment = os.environ | {"PYTHONPATH": str(tree), "LOWCOSTNAV_KERNELS": "interpreted", "PYTHONDONTWRITEBYTECODE": "1"}
-    files = [f"test/test_{name}.py" for name in tests]
-    result = subprocess.run([*command, *files], cwd=tree, env=environment, capture_output=True, check=False)
-    return result.returncode == 0
+class Durations:
+    """How long each test took, the quickest first: most breaks are noticed by a quick one."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Of each part of each test; called by pytest."""
+        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
+
+    @property
+    def tests(self) -> list[str]:
+        """The tests in order."""
+        return sorted(self.seconds, key=self.seconds.__getitem__)
+
+
+def passing(tree: Path, tests: list[str]) -> list[str] | None:
+    """Tests of a tree, the quickest first; None where one fails or does not end.  A fork runs them: libraries are loaded once."""
+    said = tree.parent / f"{tree.name}.json"
+    child = os.fork()
+    if not child:
+        os.chdir(tree)
+        os.environ["LOWCOSTNAV_KERNELS"], sys.dont_write_bytecode = "interpreted", True
+        sys.path.insert(0, str(tree))
+        for name in [name for name in sys.modules if name.partition(".")[0] == "lowcostnav_ros"]:
+            del sys.modules[name]
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.dup2(1, 2)
+        took = Durations()
+        failed = pytest.main(["-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", f"--timeout={LONGEST_S:.0f}", *tests], [took])
+        said.write_text(json.dumps(took.tests))
+        os._exit(min(int(failed), 1))
+    _, status = os.waitpid(child, 0)
+    return json.loads(said.read_text()) if status == 0 else None
 
 
 def measure(options) -> dict:
@@ -106,16 +136,19 @@ def measure(options) -> dict:
             shutil.copytree(ROOT / part, tree / part, ignore=shutil.ignore_patterns("__pycache__"))
         for part in (p for p in ROOT.iterdir() if not (tree / p.name).exists() and not p.name.startswith(".")):
             (tree / part.name).symlink_to(part)
-        untested = [name for name in chosen if not passes(tree, TESTS[name])]
-        if untested:
-            raise SystemExit(f"The tests of {', '.join(untested)} fail on the tree as it is.")
+        tests: dict[str, list[str] | None] = {}
         for name, k in sorted(draw.sample(every, total)):
+            if name not in tests:
+                tests[name] = passing(tree, [f"test/test_{part}.py" for part in TESTS[name]])
+            if tests[name] is None:
+                raise SystemExit(f"The tests of {name} fail on the tree as it is.")
             text, what = broken(sources[name], k)
             path = tree / "lowcostnav_ros" / name
             path.write_text(text, encoding="utf-8")
-            if passes(tree, TESTS[name]):
+            caught = passing(tree, tests[name]) is None
+            print("caught  " if caught else "SURVIVED", f"{name}:{what}", flush=True)
+            if not caught:
                 survivors.append(f"{name}:{what}")
-                print("survived", survivors[-1], flush=True)
             path.write_text(sources[name], encoding="utf-8")
     return {"mutants": total, "of": len(every), "caught": total - len(survivors), "survivors": survivors}
 

@@ -160,6 +160,12 @@ def test_cluster_sizes_grow_to_half_the_record():
     sizes = cluster_sizes(1001)
     assert (sizes[0], sizes[-1]) == (1, 500)
     assert np.all(np.diff(sizes) > 0)
+    assert len(cluster_sizes(10_001, per_decade=3)) == 12  # 3.7 decades
+
+
+def test_averaging_times_beyond_half_the_record_are_named_in_seconds():
+    with pytest.raises(CalibrationError, match=r"one sample \(0.1 s\) and half the record \(5 s\)"):
+        allan_chart(np.random.default_rng(1).standard_normal(100), 10.0, tau_s=np.array([6.0]))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from lowcostnav_ros.base.measurements import Attitude, GpsPosition, GpsVelocity,
 from lowcostnav_ros.catalogue.equipment import load_imu_profile
 from lowcostnav_ros.cores.headings import CELLS, HEADING
 from lowcostnav_ros.cores.imu_errors import imu_settings
-from lowcostnav_ros.navigators.headings import WIDE
+from lowcostnav_ros.navigators.headings import WIDE, all_but_heading
 from lowcostnav_ros.navigators.ins_gnss import InsGnss
 from lowcostnav_ros.navigators.ins_gps import InsGps
 from lowcostnav_ros.navigators.settings import settings_class
@@ -120,6 +120,20 @@ def test_antennas_show_a_heading_at_once_that_nothing_else_does(turning):
             assert navigator.core.P[HEADING, HEADING] > 1.0
     assert not navigator.headings.cores
     assert abs(np.degrees(error)) < 1.5
+
+
+def test_what_the_biases_could_be_shows_no_heading():
+    navigator = InsGps(GPS_ONLY)
+    core, layout = navigator.core, navigator.layout
+    core.nav[6:10] = [1.0, 0.0, 0.0, 0.0]
+    could_be = 2.0 * np.sqrt(2.0 / 3.0) * np.linalg.norm(layout.sigma0[layout["accel_bias"]])
+    for force, hidden in ((0.9, True), (1.1, False)):
+        core._sums[19:21] = force * could_be * np.array([0.6, -0.8])
+        assert core.hides_heading() is hidden
+    held = np.flatnonzero(all_but_heading(core) == 0.0)
+    assert held.tolist() == [HEADING, layout["gyro_bias"].stop - 1]
+    core.nav[6:10] = [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]  # on its side: the right axis is the upright one
+    assert np.flatnonzero(all_but_heading(core) == 0.0).tolist() == [HEADING, layout["gyro_bias"].start + 1]
 
 
 def test_a_heading_that_is_known_is_one(turning):

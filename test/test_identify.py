@@ -104,3 +104,11 @@ def test_travelling_time_of_the_source_and_its_odd_double_counting():
     assert wind_change_sigma(1e9) == pytest.approx(5.0)
     assert wind_change_sigma(400.0) == pytest.approx(5.0 * math.sqrt(1.0 - math.exp(-2.0)))
     assert wind_change_sigma(4.0) == pytest.approx(5.0 * math.sqrt(2.0 * 4.0 / 400.0), rel=0.01)
+
+
+def test_noise_that_is_not_white_is_told_from_noise_that_is():
+    """A moving average of four samples at 100 Hz: single samples foretell means four times too small, in variance."""
+    white = np.random.default_rng(3).standard_normal(60_000)
+    smoothed = np.convolve(white, np.full(4, 0.25), "valid")
+    assert identify_static(white, 100.0).coloured[0] < 1.2
+    assert identify_static(smoothed, 100.0).coloured[0] > 1.5

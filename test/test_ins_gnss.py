@@ -150,6 +150,21 @@ def test_straight_flight_shows_no_heading_and_the_sigma_says_so():
     assert 30.0 < abs(error_deg) < 2.0 * sigma_deg
 
 
+def test_a_slow_circle_shows_no_heading_either():
+    """0.5 m/s^2 are no more than the accelerometers' biases: heading stays as uncertain as its start and the gyro's bias make it."""
+    flight = fly(Case("tight", "LD-gentle", seed=1, heading_error_deg=20.0, duration_s=60.0))
+    error_deg, sigma_deg = (np.degrees(wrap(rows[-1, 8])) for rows in (flight.error, flight.sigma))
+    assert abs(error_deg) < 2.0 * sigma_deg
+    assert 25.0 < sigma_deg < 60.0
+
+
+def test_a_turn_after_an_unknown_heading_shows_it():
+    """What was learnt of the biases before it hangs on the heading, and does not hold it where it was."""
+    flight = fly(Case("tight", "LD", seed=1, heading_error_deg=20.0, duration_s=85.0))
+    error_deg, sigma_deg = (np.degrees(wrap(rows[-1, 8])) for rows in (flight.error, flight.sigma))
+    assert abs(error_deg) < 3.0 * sigma_deg < 9.0
+
+
 def test_innovations_are_as_large_as_predicted():
     navigator, nis, dof = ready(), 0.0, 0
     truth = truth_of("HD", SHORT_S)

@@ -7,7 +7,7 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
-from scipy.stats import chi2
+from scipy.stats import chi2, multivariate_normal
 
 from lowcostnav_ros.base import chi_square
 from lowcostnav_ros.estimation import kalman
@@ -234,3 +234,25 @@ def test_a_variance_above_its_ceiling_comes_down_to_it_and_correlations_stay():
     P = np.array([[400.0, 10.0], [10.0, 1.0]])
     assert kalman.guard_covariance(P, np.full(2, 1e-12), np.array([100.0, 100.0])) == 1
     assert pytest.approx(np.array([[100.0, 5.0], [5.0, 1.0]])) == P
+
+
+def test_what_innovations_teach_of_a_parameter_is_its_regression():
+    """Two uncorrelated measurements of one state: score and information are sums of u z/s and u^2/s over the innovations."""
+    P, V, learned = np.array([[4.0]]), np.array([[0.5]]), np.zeros((1, 2))
+    H, D, y, R = np.array([[1.0], [2.0]]), np.array([[3.0], [0.0]]), np.array([2.0, -1.0]), np.diag([5.0, 1.0])
+    kalman.update_with_parameters(P, y, H, R, np.ones(1), D, V, learned)
+    s1, u1, z1 = 9.0, 3.0 + 0.5, 2.0
+    gain = 4.0 / s1
+    left, moved = 4.0 * (1.0 - gain), 0.5 - gain * u1
+    s2, u2, z2 = 4.0 * left + 1.0, 2.0 * moved, -1.0 - 2.0 * gain * z1
+    assert learned == pytest.approx(np.array([[u1**2 / s1 + u2**2 / s2, u1 * z1 / s1 + u2 * z2 / s2]]))
+
+
+def test_likelihood_of_an_innovation_is_that_of_the_normal_distribution():
+    P, H, R, y = np.diag([4.0, 9.0]), np.array([[1.0, 0.5], [0.0, 1.0]]), np.diag([1.0, 2.0]), np.array([1.5, -2.0])
+    others = np.array([0.2, 0.1])
+    ratio = kalman.log_likelihood(P, y, H, R)[0] - kalman.log_likelihood(P, others, H, R)[0]
+    wider = kalman.log_likelihood(4.0 * P, y, H, 4.0 * R)[0] - kalman.log_likelihood(P, y, H, R)[0]
+    normal = [multivariate_normal(cov=scale * (H @ P @ H.T + R)) for scale in (1.0, 4.0)]
+    assert ratio == pytest.approx(normal[0].logpdf(y) - normal[0].logpdf(others))
+    assert wider == pytest.approx(normal[1].logpdf(y) - normal[0].logpdf(y))

@@ -1,5 +1,6 @@
 """Stations that come and go: only a reading that is used takes a state, and an innovation changes nothing."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -128,6 +129,15 @@ def test_the_curvature_of_the_range_circle_is_noise_of_a_position_known_poorly(k
     assert wide - sharp == pytest.approx(0.75 * (3000.0**2 / distance_m) ** 2, rel=0.02)  # seen from above by a few degrees
     draws = 3000.0 * np.random.default_rng(1).standard_normal(200_000)
     assert np.mean((np.hypot(distance_m, draws) - distance_m) ** 2) == pytest.approx(wide - sharp, rel=0.05)
+
+
+def test_a_range_that_claims_to_be_perfect_has_the_white_noise_of_the_settings():
+    host = host_of(DeadReckoning, **{"dme.noise_nm": 0.01})
+    aid = host.aid("dme")
+    host.use_aid(aid, reading("dme", "OAK", 1, 0.0))
+    host.P[0:2, 0:2] = 0.0
+    perfect = dataclasses.replace(reading("dme", "OAK", 2, 0.0), variance=0.0)
+    assert aid.innovation(perfect, host).R[0, 0] == pytest.approx(18.52**2, rel=1e-6)
 
 
 @pytest.mark.parametrize("kind", [InsGps, DeadReckoning])

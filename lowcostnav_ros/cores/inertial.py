@@ -373,6 +373,7 @@ class InertialCore:
         self._last = np.zeros(6)
         self._sums = np.zeros(23)
         self._motion: LastMotion | None = None  # that a hole began with
+        self._feigned = DOUBTS**2 * 2.0 / 3.0 * float(np.sum(layout.sigma0[layout.kind == ACCEL_BIAS] ** 2))
         self._floor = 1e-12 * np.maximum(layout.sigma0, 1e-9) ** 2
         self._ceiling = np.full(layout.size, 1e14) if variance_ceiling is None else variance_ceiling
 
@@ -432,6 +433,14 @@ class InertialCore:
         share = self._sums[21] / self._sums[22] if self._sums[22] > 0.0 else 0.0
         self._sums[21:] = 0.0
         return float(share)
+
+    def hides_heading(self) -> bool:
+        """Whether the horizontal force of the last seconds is no more than what accelerometer biases may be, and shows no heading.
+
+        What is known of these biases is known for the heading that is believed: in a slow, steady circle a wrong heading and a bias that
+        is constant in the body explain the force as well as the true ones do.  So they count as little known as they were at the start.
+        """
+        return bool(self._sums[19] ** 2 + self._sums[20] ** 2 < self._feigned)
 
     def become(self, other: "InertialCore") -> None:
         """Take over the state of another core of the same layout and time."""

@@ -22,14 +22,29 @@ from lowcostnav_ros.cores.headings import HEADING, NEGLIGIBLE, WIDTH, merged, sp
 from lowcostnav_ros.cores.inertial import InertialCore
 from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import Aid, Decision, Host
+from lowcostnav_ros.estimation.error_state import Kind
 from lowcostnav_ros.estimation.inertial_spikes import Jolt
 from lowcostnav_ros.estimation.time_offsets import TimeOffsets
+from lowcostnav_ros.physics.rotation import quat_to_dcm
 
 WIDE, NARROW = 30.0 * DEGREE, 15.0 * DEGREE
 """Sigma of the heading from which on one core does not do, and below which one does."""
 GROWN = 0.5 * WIDTH
 """A core whose own sigma has grown to this is cut again."""
 UNSEEN = "heading is not known yet"
+
+
+def all_but_heading(core: InertialCore) -> np.ndarray:
+    """States that a position or a velocity may move while nothing shows the heading, (n,): neither it nor its rate's bias.
+
+    Their doubt stays in all that hangs on them (a consider state: Schmidt, "Application of state-space methods to navigation problems",
+    Advances in Control Systems 3, 1966), and is there when a force shows the heading.
+    """
+    free, layout = np.ones(len(core.P)), core.layout
+    upright = int(np.argmax(np.abs(quat_to_dcm(core.nav[6:10])[2])))
+    free[HEADING] = 0.0
+    free[(layout.kind == Kind.GYRO_BIAS) & (layout.axis == upright)] = 0.0
+    return free
 
 
 class Alternative:
@@ -109,7 +124,8 @@ class Headings:
         if not self.cores or aid.applied is None:
             return
         if measurement.stamp_ns != self._seen_ns:
-            self._seen_ns, self._shown = measurement.stamp_ns, float(self.shares @ [twin.shown() for twin in self.cores])
+            self._seen_ns = measurement.stamp_ns
+            self._shown = float(self.shares @ [0.0 if twin.hides_heading() else twin.shown() for twin in self.cores])
         scores = np.array([self._taken(aid, measurement, Alternative(navigator, twin), navigator) for twin in self.cores])
         if not np.isfinite(scores).all():
             return
@@ -134,6 +150,8 @@ class Headings:
         R = aid.applied.R if aid.applied.late is None else aid.applied.R + aid.applied.late
         score, _ = kalman.log_likelihood(core.P, innovation.y, innovation.H, R)
         free = np.ones(len(core.P)) if aid.applied.free is None else aid.applied.free
+        if aid.seeds and core.hides_heading():
+            free = all_but_heading(core)
         host.correct(kalman.update(core.P, innovation.y, innovation.H, R, free))
         return score if aid.decision is Decision.FUSE else math.nan
 

@@ -29,7 +29,7 @@ from lowcostnav_ros.navigators.against_air import AgainstAir
 from lowcostnav_ros.navigators.attitude_watch import AttitudeWatch
 from lowcostnav_ros.navigators.base import HorizonSettings, Navigator
 from lowcostnav_ros.navigators.channel import Channel
-from lowcostnav_ros.navigators.headings import UNSEEN, Headings
+from lowcostnav_ros.navigators.headings import NARROW, UNSEEN, Headings, all_but_heading
 from lowcostnav_ros.navigators.recovery import BEYOND_SPOOFING, Recovery
 from lowcostnav_ros.navigators.silent_axes import SilentAxes
 from lowcostnav_ros.navigators.solutions import position_sigmas
@@ -422,6 +422,8 @@ class InertialNavigator(Navigator):
 
     def use_aid(self, aid: Aid, measurement: Measurement) -> bool:
         """As every navigator; while it tries several headings, each takes the measurement."""
+        is_hidden = aid.seeds and self.tries_headings and self.P[8, 8] > NARROW**2 and self.core.hides_heading()
+        self.movable = all_but_heading(self.core) if is_hidden else None
         if not self.headings.cores:
             is_watched = self.attitude_watch.before(aid)
             used = super().use_aid(aid, measurement)

@@ -15,7 +15,6 @@ from lowcostnav_ros.reproduce.registry import (
     Context,
     Outcome,
     Reading,
-    better,
     fitted,
     fitted_by,
     judged,
@@ -224,26 +223,28 @@ def straight(context: Context) -> Outcome:
     "Heading after a wrong start, by the dynamics of the flight",
     source="section 7.4.1",
     thesis="yaw needs horizontal acceleration; recomputed, low-cost IMU: LD-gentle RMS 40 deg, LD 1.2 deg, HD 0.9 deg",
-    tolerance="LD and HD below 5 deg over the second half, HD not worse than LD, LD-gentle the worst and no worse than the thesis's",
-    changed=Change("2026-11-27", "reproduced", "LD-gentle had to be above 10 deg, as of a filter that is bad; the bound is one-sided"),
+    tolerance="LD and HD below 5 deg over the second half, HD not worse than LD, LD-gentle the worst and its own sigma there at least half "
+    "its error",
+    changed=Change(
+        "2026-11-27, 2026-11-28",
+        "reproduced, then differs (74.9 deg on LD-gentle at a sigma of 7.5 deg)",
+        "LD-gentle had to be above 10 deg, then no worse than the recomputed 40 deg of a filter that is sure of what it does not see; now "
+        "the filter has to know what it does not know, as in SR33",
+    ),
 )
 def dynamics(context: Context) -> Outcome:
     """Heading off by 20 deg at the start; RMS over the second half of the flight."""
-    each, shown_flights, sigma = {}, {}, 0.0
+    each, shown_flights, sigma = {}, {}, {}
     for dataset in ("LD-gentle", "LD", "HD"):
         flights = runs(context, Case("tight", dataset, heading_error_deg=20.0))
         shown_flights[dataset] = flights[0]
-        each[dataset] = np.degrees([f.rms(slice(8, 9), 300.0)[0] for f in flights])
-        sigma = sigma or float(np.degrees(np.sqrt(np.mean([f.sigma[f.t_s > 300.0, 8] ** 2 for f in flights]))))
+        each[dataset] = np.degrees([np.sqrt(np.mean(wrap(f.error[f.t_s > 300.0, 8]) ** 2)) for f in flights])
+        sigma[dataset] = float(np.degrees(np.sqrt(np.mean([f.sigma[f.t_s > 300.0, 8] ** 2 for f in flights]))))
     rms = {name: float(np.sqrt(np.mean(values**2))) for name, values in each.items()}
-    shown = ", ".join(f"{name} {rms[name]:.1f} deg ({v.min():.1f} to {v.max():.1f})" for name, v in each.items())
-    within = max(rms["LD"], rms["HD"]) < 5.0 and rms["HD"] <= rms["LD"] <= rms["LD-gentle"] <= 40.0
-    why = "turn rate and force of the gentle flight are no more than the unit's turn-on biases: a filter that is linear in the heading "
-    why += "takes one for the other and is wrong and sure, which a turn or any heading sensor ends"
-    text, draw = f"{shown} over {context.flown} seeds; its sigma on LD-gentle {sigma:.1f} deg", partial(draw_headings, shown_flights)
-    if rms["LD-gentle"] < 20.0:
-        return better(text, within, f"LD-gentle {rms['LD-gentle']:.0f} deg for 40: a wide heading is tried in several places", why, draw)
-    return judged(text, within, why, draw)
+    shown = ", ".join(f"{name} {rms[name]:.1f} deg ({v.min():.1f} to {v.max():.1f}, sigma {sigma[name]:.1f})" for name, v in each.items())
+    within = max(rms["LD"], rms["HD"]) < 5.0 and rms["HD"] <= rms["LD"] <= rms["LD-gentle"] <= 2.0 * sigma["LD-gentle"]
+    text = f"{shown} over {context.flown} seeds"
+    return judged(text, within, "the filter does not know what it does not know", partial(draw_headings, shown_flights))
 
 
 def draw_coupling(tight: Flight, loose: Flight, figure: Any) -> None:
