@@ -15,6 +15,8 @@ Late stamps look the same for as long as an aircraft turns.  An offset of sigma 
 what it does to an innovation (:mod:`.time_offsets`): that much of it is no fault of the sensors.
 """
 
+import math
+
 import numpy as np
 
 from lowcostnav_ros.base.contradiction import Contradiction
