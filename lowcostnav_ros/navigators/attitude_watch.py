@@ -126,6 +126,11 @@ class AttitudeWatch:
         squares += self._astray**2
         return np.sqrt(squares)
 
+    @property
+    def is_quiet(self) -> bool:
+        """Whether a look before ``flow.due_ns`` changes nothing, where :meth:`moved` is zero and nothing is measured."""
+        return self._q_nb is None and self.led_m == 0.0 and not self.flow.off.any()
+
     def slip_mps(self, moved: np.ndarray) -> float:
         """By how much a velocity that air and compass hold is off, m/s, where wind and heading are by ``moved`` (3,)."""
         return BEFORE * math.hypot(float(moved[2]), self.navigator.core.speed_mps * float(moved[1]))
@@ -137,7 +142,8 @@ class AttitudeWatch:
         gyro has said anything, s.
         """
         core = self.navigator.core
-        self.flow.take(core.t_ns, core.C_nb(), core.nav[VEL], self.navigator.P[VEL.start : ATT.stop, VEL.start : ATT.stop])
+        if core.t_ns >= self.flow.due_ns:
+            self.flow.take(core.t_ns, core.C_nb(), core.nav[VEL], self.navigator.P[VEL.start : ATT.stop, VEL.start : ATT.stop])
         crab, before = float(COVERED * self.flow.off[0]), self._astray * (math.exp(-dt_s / AGREES_S) if held else 1.0)
         either = 0.0  # GPS shows an incidence as a velocity
         if not held:

@@ -349,7 +349,7 @@ class InertialNavigator(Navigator):
         quiet_ns = self.trust.quiet_until(now)
         if quiet_ns is None:
             return rows.NO_PAGE
-        until_ns = min(quiet_ns, self.vibration.due_ns, self.news_due_ns())
+        until_ns = min(quiet_ns, self.vibration.due_ns, self.news_due_ns(), self.attitude_watch.flow.due_ns)
         return rows.Page(self.layout.size, room + 1, until_ns, self.trust.added, self._wind_shown())
 
     def _is_calm(self, end_ns: int) -> bool:
@@ -364,7 +364,8 @@ class InertialNavigator(Navigator):
         if not is_steady or self.headings.cores or self.clocked or self._is_off_base or self.history is not None or not self.axes.is_still:
             return False
         grown = math.sqrt(max(P[0, 0] + P[1, 1], 0.0)) + math.sqrt(max(P[3, 3] + P[4, 4], 0.0)) + STANDARD_GRAVITY  # in a second, at most
-        is_undoubted = grown < self.settings.failed_sigma_m and self.doubt(now) is self.trust.added
+        is_quiet = self.attitude_watch.is_quiet and self.silent.is_quiet
+        is_undoubted = is_quiet and grown < self.settings.failed_sigma_m and self.doubt(now) is self.trust.added
         return is_undoubted and not self.contradictions() and self._integrity() is None
 
     def _put_out_all(self, page: rows.Page) -> None:

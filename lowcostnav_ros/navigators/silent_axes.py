@@ -51,6 +51,11 @@ class SilentAxes:
         """The contradiction, while it lasts."""
         return self._latch.held
 
+    @property
+    def is_quiet(self) -> bool:
+        """Whether a look changes nothing, until an axis falls silent."""
+        return not self._silent and self._latch.held is None
+
     def blind_s(self, t_ns: int) -> float:
         """Since when no gyro has said anything, s; 0 where one does."""
         return 1e-9 * (t_ns - self._since_ns) if self._silent.keys() >= GYROS else 0.0

@@ -19,6 +19,8 @@ MARGIN, NOISE = np.array([8.0, 20.0]) * DEGREE, 2.0 * DEGREE
 changes by less than the third is no turn."""
 SIGMAS, VAGUE = 2.0, 15.0 * DEGREE
 """And by so many sigmas of what is known of attitude and velocity; where that is less than the second, nothing is usual yet."""
+EVERY_NS = 1_000_000_000
+"""Compared at the first output of each second: wind and nose are slower."""
 USUAL_S, ALLOWED_S, PAUSE_S = 60.0, 30.0, 5.0
 """What is usual is learnt in the first time; a turn counts for the second; after a pause of the third all begins anew, s."""
 
@@ -30,6 +32,8 @@ class FlowWatch:
     ----------
     off : ndarray (2,)
         By how much both have left what is usual, rad, where no wind explains it; else 0.
+    due_ns : int
+        From when on it compares again; before that :meth:`take` does nothing.
     """
 
     def __init__(self) -> None:
@@ -38,10 +42,11 @@ class FlowWatch:
     def clear(self) -> None:
         """Begin anew."""
         self.off, self._usual, self._allowed = np.zeros(2), np.zeros(2), 0.0
-        self._track, self._last_ns = 0.0, 0
+        self._track, self._last_ns, self.due_ns = 0.0, 0, 0
 
     def take(self, stamp_ns: int, C: np.ndarray, vel_n: np.ndarray, P: np.ndarray) -> None:
         """Compare an attitude ``C_nb`` (3, 3) with a velocity NED (3,), m/s; ``P`` (6, 6) is what is known of velocity and attitude."""
+        self.due_ns = (stamp_ns // EVERY_NS + 1) * EVERY_NS
         north, east, down = vel_n.tolist()
         speed = math.hypot(north, east)
         if speed < SLOWEST_MPS or abs(C[2, 0]) > STEEPEST:
