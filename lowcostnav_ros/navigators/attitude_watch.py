@@ -1,4 +1,4 @@
-"""What GPS does to attitude and heading, watched for an inertial sensor that lies: what no gate sees (integrity page)."""
+"""What GPS does to attitude and heading, watched for an inertial sensor that is wrong: what no gate sees (integrity page)."""
 
 import math
 from typing import Any

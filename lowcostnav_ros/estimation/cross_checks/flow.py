@@ -33,7 +33,7 @@ class FlowWatch:
     off : ndarray (2,)
         By how much both have left what is usual, rad, where no wind explains it; else 0.
     due_ns : int
-        From when on it compares again; before that :meth:`take` does nothing.
+        Stamp from which on it is to be asked again.
     """
 
     def __init__(self) -> None:
