@@ -43,7 +43,7 @@ def test_a_log_becomes_a_page_and_tracks(kept, tmp_path, capsys):
     assert main(["open", "walk.txt", "--no-browser", "--kml", "w.kml", "--gpx", "w.gpx"], {"supervisor": NAVIGATORS["supervisor"]}) == 0
     page, said = (tmp_path / "walk.txt.html").read_text(), capsys.readouterr()
     assert "NMEA 0183: 129.0 s from 2025-06-01 10:00:00" in page and "<h2>What the log holds</h2>" in page and "NMEA 0183" in said.err
-    assert "walk.txt.html" in said.out and "No navigator could fly" in said.out
+    assert "walk.txt.html" in said.out and "No navigator could run" in said.out
     coordinates = [e.text.split() for e in ET.parse(tmp_path / "w.kml").iter("{http://www.google.com/kml/ext/2.2}coord")]
     points = list(ET.parse(tmp_path / "w.gpx").iter("{http://www.topografix.com/GPX/1/1}trkpt"))
     assert len(coordinates) == len(points) >= 130

@@ -47,10 +47,15 @@ class Solutions(Sequence[NavSolution]):
     @overload
     def __getitem__(self, k: slice) -> list[NavSolution]: ...
     def __getitem__(self, k: int | slice) -> NavSolution | list[NavSolution]:
-        if isinstance(k, int) and k == -1 and self.parts:
-            last = self.parts[-1]
-            return last.solution(len(last) - 1) if isinstance(last, Rows) else last
-        return list(self)[k]
+        if isinstance(k, slice):
+            return list(self)[k]
+        parts, place = (self.parts, k) if k >= 0 else (self.parts[::-1], -1 - k)  # from the nearer end; nothing is made on the way
+        for part in parts:
+            count = len(part) if isinstance(part, Rows) else 1
+            if place < count:
+                return part.solution(place if k >= 0 else count - 1 - place) if isinstance(part, Rows) else part
+            place -= count
+        raise IndexError(f"no solution {k} of {len(self)}")
 
     def __add__(self, others: Iterable[NavSolution]) -> list[NavSolution]:
         return [*self, *others]
