@@ -52,6 +52,20 @@ def test_what_is_written_on_the_way_is_what_a_look_at_every_output_gives(flight,
     assert [said(s) for s in written] == [said(s) for s in looked_at]
 
 
+def test_an_attitude_that_was_moved_by_chance_is_doubted_on_the_way_as_at_every_output(flight, monkeypatch):
+    def flown():
+        navigator = InsGps(InsGpsSettings())
+        navigator.feed_all(flight[:150])
+        navigator.attitude_watch.one_way.moved[:] = 2e-3, 3e-3, 0.0
+        return navigator.feed_all(flight[150:])
+
+    written = flown()
+    assert max(len(part) for part in written.parts if isinstance(part, rows.Rows)) >= 5
+    assert all(s.cov_att[2, 2] > 1e-6 for s in written[:100])
+    monkeypatch.setattr(InsGps, "_is_calm", lambda self, end_ns: False)
+    assert [said(s) for s in written] == [said(s) for s in flown()]
+
+
 def test_solutions_are_a_sequence_whatever_they_are_made_of(flight):
     solutions = InsGps(InsGpsSettings()).feed_all(flight[:200])
     every = list(solutions)

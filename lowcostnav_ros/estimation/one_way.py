@@ -70,6 +70,20 @@ def add(dt, times, correction, rows, before, after, tilt, sums, sigmas):
     return largest
 
 
+@kernel
+def lead(dt_s, keep, sums, sigmas, ends, moved):
+    """Forget a part of ``moved`` (3,), take what of the sums (w, m) is more than chance; ``ends`` (3,): after attitude, forces, rates."""
+    seen = np.zeros(6)
+    for k in range(sums.shape[0]):
+        for i in range(sums.shape[1]):
+            if sigmas[k, i] > CHANCE:
+                kind = i if i < ends[0] else 3 if i < ends[1] else 4 if i < ends[2] else 5
+                seen[kind] = max(seen[kind], abs(sums[k, i]) * np.sqrt(1.0 - (CHANCE / sigmas[k, i]) ** 2))
+    tilt = max(seen[0], seen[1], seen[3] / STANDARD_GRAVITY)
+    for i in range(3):
+        moved[i] = min(max(keep * moved[i] + (seen[4] * dt_s if i < 2 else 0.0), (tilt, seen[2], seen[5])[i]), FURTHEST[i])
+
+
 class OneWay:
     """Sums of the corrections of attitude and biases over some windows, exponential.
 
@@ -95,7 +109,7 @@ class OneWay:
         blown = layout.get("wind") if with_wind else None
         wind = np.arange(layout.size)[[*range(3, 6), *range(blown.start, blown.stop)]] if blown is not None else np.zeros(0, dtype=int)
         self._rows = np.concatenate((attitude, accel, gyro, wind))
-        self._parts = np.split(np.arange(len(self._rows)), np.cumsum([3, len(accel), len(gyro)]))
+        self._ends = np.cumsum([3, len(accel), len(gyro)])
         tilts = [np.ones(3), np.full(len(accel), 1.0 / STANDARD_GRAVITY), np.full(len(gyro), HALF), np.full(len(wind), PER_MPS)]
         self._tilt = np.array([np.concatenate((*tilts[:2], tilts[2] * w, tilts[3])) for w in WINDOWS_S])
         self.clear()
@@ -141,15 +155,7 @@ class OneWay:
         look(P, *errors_of(offsets), self._rows, self._after)
         dt_s, self._last_ns = 1e-9 * (stamp_ns - self._last_ns), stamp_ns
         largest = add(dt_s, WINDOWS_S, correction, self._rows, self._before, self._after, self._tilt, self._sums, self._sigmas)
-        if largest > CHANCE or self.moved.any():
-            self.moved *= math.exp(-dt_s / MEMORY_S)
-        if largest > CHANCE:
-            beyond = np.abs(self._sums[0]) * np.sqrt(np.maximum(1.0 - (CHANCE / np.maximum(self._sigmas, CHANCE)) ** 2, 0.0))
-            (north, east, down), *others = (beyond[:, part].max(axis=0, initial=0.0) for part in self._parts)
-            accel, rate, wind = (other.max(initial=0.0) for other in others)
-            self.moved[:2] += rate * dt_s
-            seen = max(north, east, accel / STANDARD_GRAVITY), down, wind
-            self.moved = np.minimum(np.maximum(self.moved, seen), FURTHEST)
+        lead(dt_s, math.exp(-dt_s / MEMORY_S), self._sums[0], self._sigmas, self._ends, self.moved)
         return largest
 
 

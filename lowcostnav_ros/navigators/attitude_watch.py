@@ -126,10 +126,10 @@ class AttitudeWatch:
         squares += self._astray**2
         return np.sqrt(squares)
 
-    @property
-    def is_quiet(self) -> bool:
-        """Whether a look before ``flow.due_ns`` changes nothing, where :meth:`moved` is zero and nothing is measured."""
-        return self._q_nb is None and self.led_m == 0.0 and not self.flow.off.any()
+    def is_quiet(self, *, held: bool) -> bool:
+        """Whether a look before ``flow.due_ns`` changes nothing, as long as nothing is measured."""
+        is_still = self._q_nb is None and self.led_m == 0.0 and not self.flow.off.any() and not self._astray.any() and not self._turned
+        return is_still and (held or not self.moved().any())
 
     def slip_mps(self, moved: np.ndarray) -> float:
         """By how much a velocity that air and compass hold is off, m/s, where wind and heading are by ``moved`` (3,)."""

@@ -350,7 +350,7 @@ class InertialNavigator(Navigator):
         if quiet_ns is None:
             return rows.NO_PAGE
         until_ns = min(quiet_ns, self.vibration.due_ns, self.news_due_ns(), self.attitude_watch.flow.due_ns)
-        return rows.Page(self.layout.size, room + 1, until_ns, self.trust.added, self._wind_shown())
+        return rows.Page(self.layout.size, room + 1, until_ns, self.doubt(now), self._wind_shown())
 
     def _is_calm(self, end_ns: int) -> bool:
         """Whether nothing but time may change how it is before a stamp, as long as nothing is measured."""
@@ -364,8 +364,8 @@ class InertialNavigator(Navigator):
         if not is_steady or self.headings.cores or self.clocked or self._is_off_base or self.history is not None or not self.axes.is_still:
             return False
         grown = math.sqrt(max(P[0, 0] + P[1, 1], 0.0)) + math.sqrt(max(P[3, 3] + P[4, 4], 0.0)) + STANDARD_GRAVITY  # in a second, at most
-        is_quiet = self.attitude_watch.is_quiet and self.silent.is_quiet
-        is_undoubted = is_quiet and grown < self.settings.failed_sigma_m and self.doubt(now) is self.trust.added
+        is_quiet = self.attitude_watch.is_quiet(held=self.gps_good(now)) and self.silent.is_quiet and not self._unexplained
+        is_undoubted = is_quiet and grown < self.settings.failed_sigma_m and self._shown_doubt(now) is self.trust.added
         return is_undoubted and not self.contradictions() and self._integrity() is None
 
     def _put_out_all(self, page: rows.Page) -> None:
@@ -639,20 +639,25 @@ class InertialNavigator(Navigator):
         return rows.NO_WIND if wind is None else wind.start
 
     def doubt(self, t_ns: int) -> np.ndarray:
-        """As every navigator; of an attitude that may be upside down nothing is known, of another what GPS and compass show of it."""
+        """As every navigator; of an attitude that may be upside down nothing is known, of another what the other sensors show of it."""
+        doubt, moved = self._shown_doubt(t_ns), self.attitude_watch.moved()
+        if not moved.any() and not self._unexplained:
+            return doubt
+        doubt = doubt.copy()
+        doubt[ATT, ATT] += np.diag(moved[[0, 0, 1]] ** 2) + self.P[ATT, ATT] * (UNEXPLAINED if self._unexplained else 0.0)
+        if self.attitude_watch.led_m > 0.0:
+            doubt[VEL, VEL] += self.attitude_watch.slip_mps(moved) ** 2 * np.eye(3)
+            doubt[POS, POS] += self.attitude_watch.led_m**2 * np.eye(3)
+        return doubt
+
+    def _shown_doubt(self, t_ns: int) -> np.ndarray:
+        """What GPS, compass and air data show now to be wrong."""
         doubt, is_over = self.trust.doubt(t_ns), self._began_over and self.axes.held is not None
         tilt, heading = self.attitude_watch.apart(t_ns)
-        moved = self.attitude_watch.moved()
         if is_over or heading or self.recovery.shows:
             doubt = doubt.copy()
             doubt[ATT, ATT] += UPSIDE_DOWN if is_over else np.diag(self.recovery.seen()[ATT] ** 2)
             doubt[ATT, ATT] += np.diag(np.array([tilt, tilt, heading]) ** 2) * COVERED**2
-        if moved.any() or self._unexplained:
-            doubt = doubt.copy()
-            doubt[ATT, ATT] += np.diag(moved[[0, 0, 1]] ** 2) + self.P[ATT, ATT] * (UNEXPLAINED if self._unexplained else 0.0)
-            if self.attitude_watch.led_m > 0.0:
-                doubt[VEL, VEL] += self.attitude_watch.slip_mps(moved) ** 2 * np.eye(3)
-                doubt[POS, POS] += self.attitude_watch.led_m**2 * np.eye(3)
         astray = self.against_air.doubt(t_ns, self.core.speed_mps)
         return doubt if astray is None else doubt + astray
 
