@@ -1,14 +1,16 @@
 """The cache of compiled kernels follows the sources that are inside the machine code."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import lowcostnav_ros
-from lowcostnav_ros.base import kernels
+from lowcostnav_ros.base import interrupts, kernels
 from lowcostnav_ros.cores import inertial
 from lowcostnav_ros.physics.rotation import quat_rotate
 
@@ -40,6 +42,7 @@ def test_compiled_kernels_lie_under_the_cache_root():
 
 SECOND = """
 import numpy as np
+import pytest
 from lowcostnav_ros.physics.rotation import quat_rotate
 quat_rotate(np.array([1.0, 0.0, 0.0, 0.0]), np.ones(3))
 print(sum(quat_rotate.stats.cache_hits.values()), sum(quat_rotate.stats.cache_misses.values()))
@@ -95,3 +98,18 @@ def test_a_first_start_says_how_far_the_compiler_is_and_a_second_one_nothing(mon
         fresh = kernels.kernel(lambda x: x + 1.0)
         assert fresh(1.0) == 2.0 and listener.count == before + 1
         assert fresh(2.0) == 3.0 and listener.count == before + 1
+
+
+def test_an_interrupt_waits_until_the_compiler_has_ended(monkeypatch):
+    monkeypatch.setattr(interrupts, "holds", True)
+    before, held = signal.getsignal(signal.SIGINT), interrupts.Held()
+    held.begin()
+    held.begin()
+    signal.raise_signal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        held.end()  # within the outer one: as soon as it may
+    held.end()
+    assert signal.getsignal(signal.SIGINT) is before
+    held.begin()
+    held.end()
+    assert signal.getsignal(signal.SIGINT) is before

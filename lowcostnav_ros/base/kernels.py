@@ -23,6 +23,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from lowcostnav_ros.base.interrupts import Held
+
 F = TypeVar("F", bound=Callable)
 
 COMPILING = "compiling for this machine, once"
@@ -74,6 +76,18 @@ def _watch_compiler() -> None:
     """Have a line said now and then while kernels are compiled; those that are loaded from the cache are no work."""
     from numba.core import event
 
+    class Holder(event.Listener):
+        """Holds interrupts while the compiler, or what loads from its cache, is at work."""
+
+        held = Held()
+
+        def on_start(self, _: event.Event) -> None:
+            self.held.begin()
+
+        def on_end(self, _: event.Event) -> None:
+            self.held.end()
+
+    event.register("numba:compiler_lock", Holder())
     event.register("numba:compile", progress(lambda words: tell(words)))
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from lowcostnav_ros import __version__
+from lowcostnav_ros.base import interrupts
 from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.cli.jobs import JOBS, summary
 
@@ -50,6 +51,7 @@ def main(argv: Sequence[str] | None = None, registry: Any = None) -> int:
     registry : mapping, optional
         Navigators by name for ``replay`` and ``report``, the package's own where None.
     """
+    interrupts.holds = True
     try:
         given = list(sys.argv[1:] if argv is None else argv)
         if argv is None and not {"-h", "--help"}.isdisjoint(given):
