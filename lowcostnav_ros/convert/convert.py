@@ -12,6 +12,7 @@ from lowcostnav_ros.convert.profile import ConvertError, FieldSpec, Profile, Tab
 from lowcostnav_ros.convert.table import Table, read_table
 from lowcostnav_ros.convert.timebase import stamps_ns
 from lowcostnav_ros.convert.units_by_name import NMEA
+from lowcostnav_ros.formats.log import rising
 from lowcostnav_ros.messages import conversions as conv
 from lowcostnav_ros.messages.bag_writer import SETTINGS_FOLDER, BagWriter, new_bag
 from lowcostnav_ros.messages.encode import Record, encode_rows
@@ -122,15 +123,13 @@ def _records(path: Path, profile: TableProfile, report: ConversionReport) -> lis
         report.malformed[path.name] = table.malformed
     kept = _kept(table, profile)
     report.skipped[path.name] = len(stamps) - int(kept.sum())
-    rising = kept.copy()
-    chosen = stamps[kept]
-    rising[kept] = np.diff(np.maximum.accumulate(chosen), prepend=-1) > 0 if len(chosen) else False
-    report.not_increasing[path.name] = int(kept.sum() - rising.sum())
-    if not rising.any():
+    used = rising(stamps, kept)
+    report.not_increasing[path.name] = int(kept.sum() - used.sum())
+    if not used.any():
         raise ConvertError(f"{path}: the profile leaves no row; relax 'keep' or correct the time.")
     records: list[Record] = []
     for topic in profile.topics:
-        there, columns = topic_columns(topic, table, rising)
+        there, columns = topic_columns(topic, table, used)
         _refuse_no_place(columns, table, there, f"{path}, {topic.topic}")
         if there.any():
             records += encode_rows(table_rows(topic, stamps[there], columns))

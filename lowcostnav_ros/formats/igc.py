@@ -19,7 +19,7 @@ from lowcostnav_ros.base.measurements import UNKNOWN_VARIANCE
 from lowcostnav_ros.base.units import ZERO_CELSIUS
 from lowcostnav_ros.catalogue.geoid import undulation
 from lowcostnav_ros.formats.air import is_reading
-from lowcostnav_ros.formats.log import FormatError, Log, heading_attitude, read_bytes
+from lowcostnav_ros.formats.log import FormatError, Log, heading_attitude, read_bytes, rising
 from lowcostnav_ros.formats.velocity_lag import taken_back
 from lowcostnav_ros.physics import atmosphere
 from lowcostnav_ros.physics.earth import radii
@@ -107,8 +107,8 @@ def _velocity(log: Log, stamps: np.ndarray, table: np.ndarray, further: dict[str
         level = np.stack([speed * np.cos(track), speed * np.sin(track)], axis=1)
         origin, sigma = "B records: ground speed GSP in km/h and its decimals, true track TRT", np.full(len(stamps), 0.5)
     else:
-        rising = np.diff(np.maximum.accumulate(stamps), prepend=-1) > 0
-        stamps, lat, lon = stamps[rising], lat[rising], lon[rising]
+        kept = rising(stamps, np.ones(len(stamps), bool))
+        stamps, lat, lon = stamps[kept], lat[kept], lon[kept]
         before, after = np.maximum(np.arange(len(stamps)) - 1, 0), np.minimum(np.arange(len(stamps)) + 1, len(stamps) - 1)
         span = np.maximum((stamps[after] - stamps[before]) * 1e-9, 1e-3)
         meridian, normal = radii(float(np.median(lat)))

@@ -26,6 +26,13 @@ class FormatError(ValueError):
     """A log that cannot be used; the message is one sentence that says what to do."""
 
 
+def rising(stamps_ns: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Which rows (n,) of those ``kept`` (n,) have a stamp beyond all before them."""
+    out = kept.copy()
+    out[kept] = np.diff(np.maximum.accumulate(stamps_ns[kept]), prepend=-1) > 0
+    return out
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
     """One topic of a log.
@@ -64,14 +71,12 @@ class Log:
         good = np.ones(n, bool)
         for values in columns.values():
             good &= np.isfinite(values.reshape(n, -1)).all(axis=1)
-        rising = np.zeros(n, bool)
-        stamps = stamps_ns[good]
-        rising[good] = np.diff(np.maximum.accumulate(stamps), prepend=-1) > 0 if len(stamps) else False
-        for phrase, count in (("a value is not finite", n - good.sum()), ("time does not increase", good.sum() - rising.sum())):
+        kept = rising(stamps_ns, good)
+        for phrase, count in (("a value is not finite", n - good.sum()), ("time does not increase", good.sum() - kept.sum())):
             if count:
                 self.account.refused[f"{topic}: {phrase}"] += int(count)
-        if rising.any():
-            self.series.append(Series(topic, stamps_ns[rising], {name: values[rising] for name, values in columns.items()}))
+        if kept.any():
+            self.series.append(Series(topic, stamps_ns[kept], {name: values[kept] for name, values in columns.items()}))
             self.account.origins[topic] = origin
 
     def add_attitude(self, stamps_ns: np.ndarray, origin: str, q_nb: np.ndarray, rate: np.ndarray | None, sigma: np.ndarray) -> None:

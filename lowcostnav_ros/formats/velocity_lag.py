@@ -7,6 +7,7 @@ regression over spans that do not overlap gives r and its sigma.
 
 import numpy as np
 
+from lowcostnav_ros.formats.log import rising
 from lowcostnav_ros.physics.earth import radii
 
 SPAN_S, HOLE_S = 5.0, 5.0
@@ -34,8 +35,7 @@ def velocity_lag(stamps_ns: np.ndarray, lat: np.ndarray, lon: np.ndarray, veloci
         (0, infinity) where the rows are too few, or nothing accelerates.
     """
     nothing = 0.0, np.inf
-    good = np.isfinite(lat) & np.isfinite(lon) & np.isfinite(velocity).all(axis=1)
-    good[good] = np.diff(np.maximum.accumulate(stamps_ns[good]), prepend=-1) > 0
+    good = rising(stamps_ns, np.isfinite(lat) & np.isfinite(lon) & np.isfinite(velocity).all(axis=1))
     if good.sum() < LEAST_SPANS:
         return nothing
     t, lat, lon, velocity = (stamps_ns[good] - stamps_ns[good][0]) * 1e-9, lat[good], lon[good], velocity[good]
@@ -63,8 +63,7 @@ def taken_back(stamps_ns: np.ndarray, lat: np.ndarray, lon: np.ndarray, velocity
     lag, sigma = velocity_lag(stamps_ns, lat, lon, velocity[:, :2])
     if not (LEAST_S <= lag <= LONGEST_S and lag > SIGMAS * sigma):
         return stamps_ns, velocity, ""
-    good = np.isfinite(velocity).all(axis=1)
-    good[good] = np.diff(np.maximum.accumulate(stamps_ns[good]), prepend=-1) > 0
+    good = rising(stamps_ns, np.isfinite(velocity).all(axis=1))
     at = stamps_ns + round(1e9 * lag)
     later = np.stack([np.interp(at, stamps_ns[good], column) for column in velocity[good].T], axis=1)
     later[~good] = np.nan  # counted as what they are
