@@ -305,15 +305,6 @@ def are_sound(pos, vel, att, wind, v0, v1, v2, v3, v4):
 
 
 @kernel
-def three_blocks(P, added, third, out):
-    """The first two, or three, blocks on the diagonal of P, each with that of ``added``, into ``out`` (3, 3, 3)."""
-    for b in range(3 if third else 2):
-        for i in range(3):
-            for j in range(3):
-                out[b, i, j] = P[3 * b + i, 3 * b + j] + added[3 * b + i, 3 * b + j]
-
-
-@kernel
 def guard_covariance(P, variance_floor, variance_ceiling):
     """Keep every variance inside its bounds and every correlation below one, in place; return how often it had to act.
 

@@ -17,7 +17,6 @@ from lowcostnav_ros.base.settings import SettingsError, setting
 from lowcostnav_ros.base.tally import Tally
 from lowcostnav_ros.calibration.imu_look import look_at
 from lowcostnav_ros.cores.imu_errors import AUTO, as_seen, times_the_profile
-from lowcostnav_ros.estimation import kalman
 from lowcostnav_ros.estimation.aiding import NO_CORRECTION, RECOVERED, Aid, AidStatus, CorrectionNotFinite, Reason, Sensor, unique
 from lowcostnav_ros.estimation.clocks import HELD
 from lowcostnav_ros.estimation.error_state import Block, Layout
@@ -213,9 +212,9 @@ class Navigator(ABC):
         self.frames: dict[str, tuple[str, ...]] = {}
         self.kinds: dict[str, str] = {}
         sources = {**self.inputs, **{source: False for source in self.own_inputs() if source not in self.inputs}}
+        usual = {s.name: s for s in self.sensors}
         for key in getattr(self.settings, "aids", ()):
             own = getattr(self.settings, key)
-            usual = {s.name: s for s in self.sensors}
             sensor = sensor_of(key, usual)
             aids = sensor.build(own, key, self.stations) if self.wants(key) else []
             if key not in usual and getattr(own, "topic", None) == "":
@@ -648,27 +647,6 @@ class Navigator(ABC):
         stamps = {f"stamps of {device}": offset.words() for device, offset in known.items()}
         seen = {"imu": self.imu_words} if self.imu_words else {}
         return seen | {aid.own(aid.name): aid.remark for aid in self.aids if aid.remark} | stamps
-
-    def _solution_at(
-        self, t_ns: int, nav: np.ndarray, P: np.ndarray, first: int, *, with_attitude: bool = False, **further: Any
-    ) -> NavSolution:
-        """Solution with position, velocity and the states from ``first`` on.
-
-        ``nav`` begins with lat, lon, height, velocity and ``P`` likewise; ``with_attitude``: attitude errors follow them in ``P``.
-        """
-        cov = np.empty((3, 3, 3))
-        kalman.three_blocks(P, self.doubt(t_ns), with_attitude, cov)
-        lat, lon, height = nav[:3].tolist()
-        return NavSolution(
-            *(int(t_ns), self.name, lat, lon, height, nav[3:6].copy()),
-            cov_pos=cov[0],
-            cov_vel=cov[1],
-            cov_att=cov[2] if with_attitude else None,
-            mode=self.mode,
-            states=self._states(P, first),
-            integrity=self._integrity(),
-            **further,
-        )
 
     def _states(self, P: np.ndarray, first: int, end: int | None = None) -> States:
         """Estimates of the states ``first`` to before ``end`` (None: the last) with their sigmas, by label."""

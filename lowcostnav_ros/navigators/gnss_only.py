@@ -114,7 +114,7 @@ class GnssOnly(Navigator):
                 return
         self._judge(item)
         if self._fused_ns == item.stamp_ns:
-            self.publish(self._solution_at(item.stamp_ns, self.core.nav, self.P, 6))
+            self.publish(self._solution(item.stamp_ns, self.core.nav, self.P))
 
     def doubt(self, stamp_ns: int) -> np.ndarray:
         """As every navigator; of satellites that contradict the state what they show."""
@@ -148,7 +148,20 @@ class GnssOnly(Navigator):
             return None
         newest = self.horizon.newest_ns or self.core.t_ns
         nav, P = self.core.ahead(newest)
-        return self._solution_at(max(newest, self.core.t_ns), nav, P, 6)
+        return self._solution(max(newest, self.core.t_ns), nav, P)
+
+    def _solution(self, t_ns: int, nav: np.ndarray, P: np.ndarray) -> NavSolution:
+        """The solution of a state ``nav`` (6,) with its covariance."""
+        lat, lon, height = nav[:3].tolist()
+        covariance = P[:6, :6] + self.doubt(t_ns)[:6, :6]
+        return NavSolution(
+            *(int(t_ns), self.name, lat, lon, height, nav[3:6].copy()),
+            cov_pos=covariance[:3, :3].copy(),
+            cov_vel=covariance[3:, 3:].copy(),
+            mode=self.mode,
+            states=self._states(P, 6),
+            integrity=self._integrity(),
+        )
 
     def _integrity(self) -> Integrity:
         return self.receiver.integrity.report(self.core.t_ns)

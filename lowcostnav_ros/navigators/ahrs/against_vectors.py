@@ -114,9 +114,9 @@ class AgainstVectors:
         self._followed = False  # what the compass says now says nothing of what it contradicted
 
     @property
-    def held(self) -> tuple[Contradiction | None, ...]:
-        """The contradictions of the gyros with two witnesses, and of the accelerometers with air data, while they last."""
-        return (self._latch.held,)
+    def held(self) -> Contradiction | None:
+        """The contradiction of the gyros with two witnesses, while it lasts."""
+        return self._latch.held
 
     def take(self, aid: Aid, measurement: Measurement) -> None:
         """Take what became of a measurement."""

@@ -161,7 +161,7 @@ class Ahrs(Navigator):
     def contradictions(self) -> tuple[Contradiction, ...]:
         """As every navigator; and of the IMU with gravity, of its gyros with what else shows the attitude."""
         watched = () if self.attitude_watch is None else self.attitude_watch.held
-        own = [held for held in (self.axes.held, self.silent.held, *self.against_vectors.held, *watched) if held is not None]
+        own = [held for held in (self.axes.held, self.silent.held, self.against_vectors.held, *watched) if held is not None]
         return (*super().contradictions(), *own)
 
     def doubt(self, stamp_ns: int) -> np.ndarray:
@@ -199,9 +199,9 @@ class Ahrs(Navigator):
         self.silent.clear()
         self._forget_doubts()
         self._imu_ns: int | None = None
-        self._far_since_ns: int | None
         self.filter.used_ns = {}
-        self._position_held_ns, self._far_since_ns = -(10**18), None
+        self._position_held_ns = -(10**18)
+        self._far_since_ns: int | None = None
         self._kept: tuple[np.ndarray, np.ndarray] | None = None
         self.restart_channels()
         self.core.rest()
