@@ -316,7 +316,7 @@ def encode_fix(stamp_ns: int, place: tuple[float, float, float]):
 
 
 def test_a_turned_unit_flies_live_by_tf_static(ros, monkeypatch, tmp_path):
-    """Over Fast DDS, recorded, and to the bit as with the numbers given: what came before the frame was known is not lost."""
+    """Over Fast DDS, recorded, on the settings that the numbers give; what came before the frame was known is not lost."""
     import sys
     import types
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lowcostnav_ros.base.documents import write_text
+from lowcostnav_ros.calibration.record import CalibrationError, regular_rate
 from lowcostnav_ros.catalogue.config_files import load_settings
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_reading, check_files, let_values_begin_with_minus, place_of
@@ -50,7 +51,6 @@ def calibrate(arguments: argparse.Namespace) -> int:
 
 
 def _temperature(arguments: argparse.Namespace) -> int:
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.calibration.temperature import fit_scale_factor
     from lowcostnav_ros.cli.calibrate_input import read_table
     from lowcostnav_ros.cli.calibrate_rest import split
@@ -71,7 +71,6 @@ def _temperature(arguments: argparse.Namespace) -> int:
 
 
 def _warm_up(arguments: argparse.Namespace) -> int:
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.calibration.temperature import fit_warm_up
     from lowcostnav_ros.cli.calibrate_input import read_table
     from lowcostnav_ros.cli.calibrate_rest import split
@@ -87,7 +86,6 @@ def _warm_up(arguments: argparse.Namespace) -> int:
 
 def _heading(arguments: argparse.Namespace) -> int:
     from lowcostnav_ros.calibration.heading_error import fit_heading_error
-    from lowcostnav_ros.calibration.record import regular_rate
 
     check_files(arguments.output)
     arguments.place = None if arguments.place is None else place_of(arguments.place, "--place")
@@ -108,7 +106,6 @@ def _heading(arguments: argparse.Namespace) -> int:
 
 def _residuals(arguments: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
     """Time, s, and measured minus true heading, rad."""
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.cli.calibrate_input import is_table, read_table
     from lowcostnav_ros.cli.calibrate_rest import split
     from lowcostnav_ros.cli.calibrate_swing import read_pairs

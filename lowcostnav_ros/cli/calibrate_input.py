@@ -15,6 +15,7 @@ import numpy as np
 
 from lowcostnav_ros.base.documents import cells_of, delimiter_of, foreign_text
 from lowcostnav_ros.base.settings import nearest
+from lowcostnav_ros.calibration.record import CalibrationError
 
 _HEADS, _ENDS = ("t", "time", "stamp", "timestamp"), {"": 0.0, "_s": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}
 TIME_NAMES = {head + end: unit for head in _HEADS for end, unit in _ENDS.items()} | {"t": 1.0, "time": 0.0, "seconds": 1.0}
@@ -109,8 +110,6 @@ def read_table(path: str, wanted: list[str] | None, unit: str = "") -> Columns:
     CalibrationError
         For a missing column or a cell that is not a number, with its line.
     """
-    from lowcostnav_ros.calibration.record import CalibrationError
-
     names, delimiter, rows_text = _split(path)
     lower = [name.lower() for name in names]
     time = next((k for k, name in enumerate(lower) if name.partition("[")[0].strip() in TIME_NAMES), None)
@@ -139,8 +138,6 @@ def read_table(path: str, wanted: list[str] | None, unit: str = "") -> Columns:
 
 def _time_unit(path: str, name: str, values: np.ndarray) -> float:
     """Seconds in one unit of a time column, by its name, or else by the size that a time since 1970 has."""
-    from lowcostnav_ros.calibration.record import CalibrationError
-
     plain, _, bracket = name.lower().partition("[")
     stated = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(bracket.strip(" ]"), TIME_NAMES[plain.strip()])
     if stated:
@@ -154,7 +151,6 @@ def _time_unit(path: str, name: str, values: np.ndarray) -> float:
 
 def _split(path: str) -> tuple[list[str], str, str]:
     """Names of the columns, what separates them, and the text of the rows."""
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.convert.table import is_number
 
     try:

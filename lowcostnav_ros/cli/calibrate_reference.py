@@ -9,6 +9,7 @@ from lowcostnav_ros.base.exit_codes import Exit
 from lowcostnav_ros.base.measurements import Attitude, GpsPosition
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.base.units import FOOT, STANDARD_GRAVITY
+from lowcostnav_ros.calibration.record import CalibrationError
 
 FEWEST = 30
 MOVED_M, MOVED_DEG = 100.0, 5.0
@@ -17,7 +18,6 @@ MOVED_M, MOVED_DEG = 100.0, 5.0
 
 def identified(arguments: argparse.Namespace) -> int | None:
     """Characterise fixes or attitudes of a bag's topic; None where the topic holds neither."""
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.messages.bag import BagReader
     from lowcostnav_ros.messages.decode import Decoder
     from lowcostnav_ros.messages.foreign import parse_maps
@@ -35,7 +35,6 @@ def identified(arguments: argparse.Namespace) -> int | None:
 
 def fixes(samples: list[GpsPosition]) -> int:
     """Variance of fixes about their mean, and what the receiver states."""
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.physics.earth import difference_n
     from lowcostnav_ros.report.terminal import print_report
 
@@ -55,7 +54,6 @@ def fixes(samples: list[GpsPosition]) -> int:
 
 def reference(samples: list[Attitude]) -> int:
     """Nine channels at rest, the sign of the accelerometers, and their biases once gravity is taken out."""
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.calibration.reference_rest import CHANNELS, reference_at_rest
     from lowcostnav_ros.cli.calibrate_rest import STILL_MG
     from lowcostnav_ros.physics.rotation import quats_to_euler

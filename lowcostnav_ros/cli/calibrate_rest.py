@@ -11,6 +11,7 @@ from lowcostnav_ros.base.measurements import ImuBlock
 from lowcostnav_ros.base.settings import nearest
 from lowcostnav_ros.base.tables import Table
 from lowcostnav_ros.base.units import DEGREE, DEGREE_PER_HOUR, MILLI_G
+from lowcostnav_ros.calibration.record import CalibrationError, checked_record, regular_rate
 from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli.options import add_reading, check_folder
 from lowcostnav_ros.physics.earth import STANDARD_GRAVITY
@@ -40,8 +41,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def inertial(arguments: argparse.Namespace) -> "tuple[Columns, float]":
     """Columns of a recording and their sampling rate, Hz."""
-    from lowcostnav_ros.calibration.record import CalibrationError, regular_rate
-
     check_folder(arguments.output)
     wanted = split(arguments.column) if arguments.column else None
     if not files.is_table(arguments.source):
@@ -58,9 +57,6 @@ def inertial(arguments: argparse.Namespace) -> "tuple[Columns, float]":
 
 
 def _chosen(columns: "Columns", wanted: list[str]) -> "Columns":
-
-    from lowcostnav_ros.calibration.record import CalibrationError
-
     for name in wanted:
         if name not in columns.values:
             raise CalibrationError(f"The topic has no axis '{name}'{nearest(name, columns.values)}.")
@@ -88,7 +84,6 @@ def require_rest(columns: "Columns", rate_hz: float) -> None:
     CalibrationError
     """
     from lowcostnav_ros.calibration.profile_text import GYRO_UNITS
-    from lowcostnav_ros.calibration.record import CalibrationError
 
     for name, values in columns.values.items():
         unit = columns.units[name]
@@ -116,8 +111,6 @@ def judge(misses: dict[str, tuple[float, float]]) -> tuple[bool, str]:
 
 def named(values: np.ndarray, rate_hz: float, name: str) -> np.ndarray:
     """Values of a column, checked to be usable."""
-    from lowcostnav_ros.calibration.record import checked_record
-
     return checked_record(values, rate_hz, f"'{name}'")
 
 

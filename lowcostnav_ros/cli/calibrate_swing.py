@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lowcostnav_ros.base.measurements import Attitude, MagneticField
+from lowcostnav_ros.calibration.record import CalibrationError
 
 if TYPE_CHECKING:  # what works is imported by those that work: the options show at once
     from lowcostnav_ros.cli.calibrate_input import Columns
@@ -39,7 +40,6 @@ def read_swing(arguments: argparse.Namespace) -> Swung:
     CalibrationError, BagError
         For missing columns, topics, place or date.
     """
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.cli.calibrate_input import is_table, read_table
     from lowcostnav_ros.cli.calibrate_rest import split
 
@@ -77,7 +77,6 @@ def read_pairs(arguments: argparse.Namespace, apply: Callable[[np.ndarray], np.n
     apply : callable
         Calibration of the fields.
     """
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.cli.calibrate_input import Columns
     from lowcostnav_ros.messages.bag import BagReader
     from lowcostnav_ros.messages.decode import Decoder
@@ -119,7 +118,6 @@ def read_pairs(arguments: argparse.Namespace, apply: Callable[[np.ndarray], np.n
 
 def _of_bag(arguments: argparse.Namespace) -> Swung:
     """Level headings of a bag, averaged by sector."""
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.physics.rotation import wrap
 
     pairs = read_pairs(arguments)

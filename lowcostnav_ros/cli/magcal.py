@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lowcostnav_ros.base.documents import write_text
+from lowcostnav_ros.calibration.record import CalibrationError
 from lowcostnav_ros.cli import calibrate_input as files
 from lowcostnav_ros.cli.jobs import job
 from lowcostnav_ros.cli.options import add_reading, check_files, let_values_begin_with_minus, place_of
@@ -49,7 +50,6 @@ def magcal(arguments: argparse.Namespace) -> int:
     """Fit, print how far to trust it, write the calibration."""
     from lowcostnav_ros.calibration import magnetometer_fit as fits
     from lowcostnav_ros.calibration.magnetometer_full import POOREST, weakness
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.cli import calibrate_charts as charts
     from lowcostnav_ros.cli.calibrate_rest import split
 
@@ -103,7 +103,6 @@ def _swing(arguments: argparse.Namespace) -> int:
 
 def _strength_ut(arguments: argparse.Namespace, columns: "Columns") -> float:
 
-    from lowcostnav_ros.calibration.record import CalibrationError
     from lowcostnav_ros.physics.geomagnetism import field_n
 
     if arguments.strength is not None:
